@@ -1,0 +1,167 @@
+//! One memory budget, passed down; whatever has weight is reserved from it before it is allocated.
+
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A limit in bytes and how much of it is promised already.
+#[derive(Debug)]
+pub struct Budget {
+    limit_bytes: u64,
+    reserved_bytes: AtomicU64,
+}
+
+/// A reservation that did not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BudgetExceeded {
+    /// What was asked for.
+    pub wanted_bytes: u64,
+    /// What was left.
+    pub left_bytes: u64,
+}
+
+impl Budget {
+    /// A budget with nothing reserved.
+    pub fn new(limit_bytes: u64) -> Self {
+        Self { limit_bytes, reserved_bytes: AtomicU64::new(0) }
+    }
+
+    /// The limit.
+    pub fn limit_bytes(&self) -> u64 {
+        self.limit_bytes
+    }
+
+    /// Bytes promised so far.
+    pub fn reserved_bytes(&self) -> u64 {
+        self.reserved_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Promises `wanted_bytes` until the reservation is dropped.
+    ///
+    /// # Errors
+    /// [`BudgetExceeded`] when less than that is left; nothing is reserved then.
+    pub fn reserve(&self, wanted_bytes: u64) -> Result<Reservation<'_>, BudgetExceeded> {
+        self.reserved_bytes
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |used| {
+                used.checked_add(wanted_bytes).filter(|sum| *sum <= self.limit_bytes)
+            })
+            .map(|_| Reservation { budget: self, bytes: wanted_bytes })
+            .map_err(|used| BudgetExceeded { wanted_bytes, left_bytes: self.limit_bytes - used })
+    }
+}
+
+/// Bytes held from a [`Budget`]; given back on drop.
+#[derive(Debug)]
+pub struct Reservation<'a> {
+    budget: &'a Budget,
+    bytes: u64,
+}
+
+impl Reservation<'_> {
+    /// Size of the reservation.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+}
+
+impl Drop for Reservation<'_> {
+    fn drop(&mut self) {
+        self.budget.reserved_bytes.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
+/// Parses `8MiB`, `64M`, `1GiB`, `4096`; K, M and G are binary with or without `iB`/`B`.
+///
+/// # Errors
+/// A sentence that says what is accepted.
+pub fn parse_size(text: &str) -> Result<u64, String> {
+    let trimmed = text.trim();
+    let split = trimmed.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(trimmed.len());
+    let (number, unit) = trimmed.split_at(split);
+    let shift = match unit.trim().to_ascii_lowercase().as_str() {
+        "" | "b" => 0,
+        "k" | "kb" | "kib" => 10,
+        "m" | "mb" | "mib" => 20,
+        "g" | "gb" | "gib" => 30,
+        "t" | "tb" | "tib" => 40,
+        _ => return Err(format!("'{text}' is not a size; write for example 8MiB, 64M or 1GiB")),
+    };
+    let value: f64 =
+        number.parse().map_err(|_| format!("'{text}' is not a size; write for example 8MiB, 64M or 1GiB"))?;
+    let bytes = value * f64::from(1_u32 << 10).powi(shift / 10);
+    if !(bytes >= 1.0 && bytes < 1e18) {
+        return Err(format!("'{text}' is out of range for a size"));
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in 1..1e18")]
+    Ok(bytes as u64)
+}
+
+/// A byte count for people: `8.0 MiB`.
+#[derive(Clone, Copy, Debug)]
+pub struct Bytes(
+    /// The count.
+    pub u64,
+);
+
+impl fmt::Display for Bytes {
+    #[expect(clippy::cast_precision_loss, reason = "two digits are shown")]
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut value = self.0 as f64;
+        let mut unit = "B";
+        for next in ["KiB", "MiB", "GiB", "TiB"] {
+            if value < 1024.0 {
+                break;
+            }
+            value /= 1024.0;
+            unit = next;
+        }
+        if unit == "B" { write!(f, "{} B", self.0) } else { write!(f, "{value:.2} {unit}") }
+    }
+}
+
+/// Peak resident set of this process in bytes, as the kernel accounts it (`VmHWM`); 0 where the
+/// system does not tell.
+pub fn peak_rss_bytes() -> u64 {
+    proc_status_bytes("VmHWM:")
+}
+
+/// Present resident set of this process in bytes (`VmRSS`); 0 where the system does not tell.
+pub fn current_rss_bytes() -> u64 {
+    proc_status_bytes("VmRSS:")
+}
+
+fn proc_status_bytes(key: &str) -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    status
+        .lines()
+        .find_map(|line| line.strip_prefix(key))
+        .and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
+        .map_or(0, |kib| kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_parse_in_binary_units() {
+        assert_eq!(parse_size("8MiB"), Ok(8 << 20));
+        assert_eq!(parse_size("64M"), Ok(64 << 20));
+        assert_eq!(parse_size("1GiB"), Ok(1 << 30));
+        assert_eq!(parse_size("1.5k"), Ok(1536));
+        assert_eq!(parse_size("4096"), Ok(4096));
+        for bad in ["", "MiB", "8 parsecs", "-1", "0", "1e400", "nan"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn reservations_are_given_back_and_never_exceed_the_limit() {
+        let budget = Budget::new(100);
+        let first = budget.reserve(60).unwrap();
+        assert_eq!(budget.reserve(41).unwrap_err(), BudgetExceeded { wanted_bytes: 41, left_bytes: 40 });
+        assert_eq!(budget.reserved_bytes(), first.bytes());
+        drop(first);
+        assert!(budget.reserve(100).is_ok());
+        assert!(budget.reserve(u64::MAX).is_err());
+    }
+}

@@ -1,0 +1,83 @@
+//! Why a build stops.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::budget::Bytes;
+use crate::error::ExitKind;
+use crate::format::FormatError;
+use crate::source::SourceError;
+
+/// A build that cannot be finished; the old target, if any, is untouched.
+#[non_exhaustive]
+#[derive(Debug, Error)]
+pub enum BuildError {
+    /// The volume cannot be read.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// The cap is too small even for one thread.
+    #[error("--memory {limit} is too small for this volume; the smallest that works is --memory {minimum}", limit = Bytes(*limit_bytes), minimum = Bytes(*minimum_bytes))]
+    BudgetTooSmall {
+        /// The cap.
+        limit_bytes: u64,
+        /// The smallest cap that works.
+        minimum_bytes: u64,
+    },
+    /// No voxel lies in the range.
+    #[error(
+        "{name}: no voxel lies in {range}; the values of this volume run from {min} to {max}: choose --iso or --range within them"
+    )]
+    EmptyResult {
+        /// The input.
+        name: String,
+        /// The range as text.
+        range: String,
+        /// Smallest value.
+        min: f64,
+        /// Largest value.
+        max: f64,
+    },
+    /// The options contradict each other.
+    #[error("{0}")]
+    Usage(String),
+    /// The scratch file cannot be written.
+    #[error("scratch file in {path}: {cause}; free some space or choose another folder with --scratch", path = path.display())]
+    Scratch {
+        /// The folder.
+        path: PathBuf,
+        /// The system's reason.
+        #[source]
+        cause: io::Error,
+    },
+    /// The output cannot be written.
+    #[error("{path}: cannot be written ({cause}); check the folder and its free space", path = path.display())]
+    Output {
+        /// The target.
+        path: PathBuf,
+        /// The system's reason.
+        #[source]
+        cause: io::Error,
+    },
+    /// The metadata cannot be encoded.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    /// Threads cannot be started.
+    #[error("worker threads cannot be started ({0}); try --threads 1")]
+    Threads(String),
+}
+
+impl BuildError {
+    /// Exit kind.
+    pub fn kind(&self) -> ExitKind {
+        match self {
+            Self::Source(e) => e.kind(),
+            Self::BudgetTooSmall { .. } => ExitKind::Budget,
+            Self::EmptyResult { .. } => ExitKind::Input,
+            Self::Usage(_) => ExitKind::Usage,
+            Self::Scratch { .. } | Self::Output { .. } | Self::Threads(_) => ExitKind::Io,
+            Self::Format(_) => ExitKind::Input,
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! The fixed header (SPEC 4.1).
+
+use super::error::FormatError;
+use crate::geom::Dims;
+
+/// First eight bytes of every file (SPEC 4.1).
+pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
+/// Major version written and read.
+pub const VERSION_MAJOR: u16 = 1;
+/// Minor version written.
+pub const VERSION_MINOR: u16 = 0;
+/// Size of the header.
+pub const HEADER_BYTES: usize = 64;
+
+const AT_MAJOR: usize = MAGIC.len();
+const AT_MINOR: usize = AT_MAJOR + 2;
+const AT_ENCODING: usize = AT_MINOR + 2;
+const AT_DEPTH: usize = AT_ENCODING + 1;
+const AT_SECTIONS: usize = AT_DEPTH + 1;
+const AT_FILE_BYTES: usize = AT_SECTIONS + 2;
+const AT_NODES: usize = AT_FILE_BYTES + 8;
+const AT_VOXELS: usize = AT_NODES + 8;
+const AT_DIMS: usize = AT_VOXELS + 8;
+const AT_RESERVED: usize = AT_DIMS + 12;
+const AT_TABLE_CRC: usize = AT_RESERVED + 4;
+const AT_HEADER_CRC: usize = AT_TABLE_CRC + 4;
+const _: () = assert!(AT_HEADER_CRC + 4 == HEADER_BYTES);
+
+/// How sections are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// Used in place.
+    Mapped,
+    /// Entropy coded, for archive and transport.
+    Packed,
+}
+
+impl Encoding {
+    /// Word used in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mapped => "mapped",
+            Self::Packed => "packed",
+        }
+    }
+}
+
+/// The header's fields.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// Minor version found or written.
+    pub minor: u16,
+    /// How sections are stored.
+    pub encoding: Encoding,
+    /// Number of sections.
+    pub sections: u16,
+    /// Length of the whole file.
+    pub file_bytes: u64,
+    /// Nodes N (infobytes).
+    pub nodes: u64,
+    /// Skin voxels V.
+    pub voxels: u64,
+    /// Size of the volume; the depth follows from it.
+    pub dims: Dims,
+    /// CRC of the section table.
+    pub table_crc: u32,
+}
+
+fn u16_at(b: &[u8; HEADER_BYTES], at: usize) -> u16 {
+    u16::from_le_bytes([b[at], b[at + 1]])
+}
+
+fn u32_at(b: &[u8; HEADER_BYTES], at: usize) -> u32 {
+    u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]])
+}
+
+fn u64_at(b: &[u8; HEADER_BYTES], at: usize) -> u64 {
+    u64::from(u32_at(b, at)) | u64::from(u32_at(b, at + 4)) << 32
+}
+
+impl Header {
+    /// The 64 bytes.
+    pub fn to_bytes(&self) -> [u8; HEADER_BYTES] {
+        let mut b = [0; HEADER_BYTES];
+        let mut put = |at: usize, bytes: &[u8]| b[at..at + bytes.len()].copy_from_slice(bytes);
+        put(0, &MAGIC);
+        put(AT_MAJOR, &VERSION_MAJOR.to_le_bytes());
+        put(AT_MINOR, &self.minor.to_le_bytes());
+        put(AT_ENCODING, &[u8::from(self.encoding == Encoding::Packed)]);
+        #[expect(clippy::cast_possible_truncation, reason = "depth is at most 16")]
+        put(AT_DEPTH, &[self.dims.depth() as u8]);
+        put(AT_SECTIONS, &self.sections.to_le_bytes());
+        put(AT_FILE_BYTES, &self.file_bytes.to_le_bytes());
+        put(AT_NODES, &self.nodes.to_le_bytes());
+        put(AT_VOXELS, &self.voxels.to_le_bytes());
+        for (axis, n) in self.dims.to_array().into_iter().enumerate() {
+            put(AT_DIMS + 4 * axis, &n.to_le_bytes());
+        }
+        put(AT_TABLE_CRC, &self.table_crc.to_le_bytes());
+        let crc = crc32c::crc32c(&b[..AT_HEADER_CRC]);
+        b[AT_HEADER_CRC..].copy_from_slice(&crc.to_le_bytes());
+        b
+    }
+
+    /// Reads and checks the header of a file of `file_len` bytes that starts with `bytes`.
+    ///
+    /// # Errors
+    /// Magic first (so that foreign files are called foreign), then version, checksum, each field.
+    pub fn parse(bytes: &[u8], file_len: u64) -> Result<Self, FormatError> {
+        let shown = bytes.len().min(MAGIC.len());
+        if bytes.is_empty() || bytes[..shown] != MAGIC[..shown] {
+            return Err(FormatError::BadMagic);
+        }
+        let Some(b) = bytes.first_chunk::<HEADER_BYTES>() else {
+            return Err(FormatError::Truncated { expected: HEADER_BYTES as u64, got: file_len });
+        };
+        let major = u16_at(b, AT_MAJOR);
+        if crc32c::crc32c(&b[..AT_HEADER_CRC]) != u32_at(b, AT_HEADER_CRC) {
+            return Err(FormatError::Checksum { what: "the header" });
+        }
+        if major != VERSION_MAJOR {
+            return Err(FormatError::UnsupportedVersion { major });
+        }
+        let encoding = match b[AT_ENCODING] {
+            0 => Encoding::Mapped,
+            1 => Encoding::Packed,
+            other => return Err(FormatError::invalid(format!("encoding {other} is unknown"))),
+        };
+        let dims = Dims::new(u32_at(b, AT_DIMS), u32_at(b, AT_DIMS + 4), u32_at(b, AT_DIMS + 8))
+            .ok_or_else(|| FormatError::invalid("dims are outside 1..=65536"))?;
+        if u32::from(b[AT_DEPTH]) != dims.depth() {
+            return Err(FormatError::invalid("the depth does not belong to the dims"));
+        }
+        let header = Self {
+            minor: u16_at(b, AT_MINOR),
+            encoding,
+            sections: u16_at(b, AT_SECTIONS),
+            file_bytes: u64_at(b, AT_FILE_BYTES),
+            nodes: u64_at(b, AT_NODES),
+            voxels: u64_at(b, AT_VOXELS),
+            dims,
+            table_crc: u32_at(b, AT_TABLE_CRC),
+        };
+        if u32_at(b, AT_RESERVED) != 0 {
+            return Err(FormatError::invalid("reserved header bytes are not zero"));
+        }
+        if file_len < header.file_bytes {
+            return Err(FormatError::Truncated { expected: header.file_bytes, got: file_len });
+        }
+        if file_len > header.file_bytes {
+            return Err(FormatError::TrailingBytes { extra: file_len - header.file_bytes });
+        }
+        if header.voxels == 0 || header.voxels > dims.voxels() {
+            return Err(FormatError::invalid("the number of skin voxels is impossible for the dims"));
+        }
+        // SPEC I5: every node has a child and every box but the root has one parent.
+        let most = header.voxels.saturating_mul(u64::from(dims.depth()));
+        if header.nodes > most || (dims.depth() > 0) != (header.nodes > 0) {
+            return Err(FormatError::invalid("the number of nodes is impossible for the skin voxels"));
+        }
+        Ok(header)
+    }
+}

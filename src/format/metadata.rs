@@ -1,0 +1,191 @@
+//! The metadata record (SPEC 4.4): the only module that knows how it is encoded.
+
+use serde::{Deserialize, Serialize};
+
+use super::error::FormatError;
+
+/// Longest metadata section.
+pub const METADATA_LIMIT: usize = 1 << 20;
+
+/// Where the voxels came from.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SourceMeta {
+    /// `raw`, `dicom`, `synthetic`, ...
+    pub format: String,
+    /// Base name of the input.
+    pub name: String,
+    /// Files read.
+    pub files: u64,
+    /// Bytes of voxel data.
+    pub bytes: u64,
+}
+
+/// How the range was chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SelectionKind {
+    /// `value >= lo`, given by the user.
+    Iso,
+    /// `lo <= value <= hi`, given by the user.
+    Range,
+    /// `value >= lo`, found by Otsu's method.
+    Otsu,
+}
+
+/// Which values are inside, in physical units: `lo <= value <= hi`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Selection {
+    /// How it was chosen.
+    pub kind: SelectionKind,
+    /// Lowest inside value.
+    pub lo: f64,
+    /// Highest inside value; infinite for iso and Otsu.
+    pub hi: f64,
+}
+
+/// Everything in a file that is not structure or channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Metadata {
+    /// Writer and version.
+    pub program: String,
+    /// Origin.
+    pub source: SourceMeta,
+    /// Size in voxels.
+    pub dims: [u32; 3],
+    /// Sample type code (SPEC 4.4).
+    pub scalar: u8,
+    /// Distance between neighbours in mm.
+    pub spacing_mm: [f64; 3],
+    /// Voxel index to LPS mm, three rows of four.
+    pub affine: [[f64; 4]; 3],
+    /// Slope and intercept.
+    pub rescale: [f64; 2],
+    /// What is inside.
+    pub selection: Selection,
+    /// 26 or 6.
+    pub connectivity: u8,
+    /// Estimator of the normals; empty without them.
+    pub gradient: String,
+    /// Scale and offset of stored values.
+    pub value_scale: [f64; 2],
+}
+
+/// The record field by field, as SPEC 4.4 lists it.
+#[derive(Serialize, Deserialize)]
+struct Wire {
+    program: String,
+    source: SourceMeta,
+    dims: [u32; 3],
+    scalar: u8,
+    spacing_mm: [f64; 3],
+    affine: [[f64; 4]; 3],
+    rescale: [f64; 2],
+    selection: (u8, f64, f64),
+    connectivity: u8,
+    gradient: String,
+    value_scale: [f64; 2],
+}
+
+impl Metadata {
+    /// The record's bytes.
+    ///
+    /// # Errors
+    /// Strings so long that the record passes [`METADATA_LIMIT`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>, FormatError> {
+        let wire = Wire {
+            program: self.program.clone(),
+            source: self.source.clone(),
+            dims: self.dims,
+            scalar: self.scalar,
+            spacing_mm: self.spacing_mm,
+            affine: self.affine,
+            rescale: self.rescale,
+            selection: (self.selection.kind as u8, self.selection.lo, self.selection.hi),
+            connectivity: self.connectivity,
+            gradient: self.gradient.clone(),
+            value_scale: self.value_scale,
+        };
+        let config = bincode::config::standard().with_little_endian().with_fixed_int_encoding();
+        let bytes = bincode::serde::encode_to_vec(wire, config)
+            .map_err(|e| FormatError::invalid(format!("metadata cannot be written ({e})")))?;
+        if bytes.len() > METADATA_LIMIT {
+            return Err(FormatError::invalid("metadata is longer than 1 MiB"));
+        }
+        Ok(bytes)
+    }
+
+    /// Reads a record that must fill `bytes` exactly.
+    ///
+    /// # Errors
+    /// Lengths that do not fit, unknown codes, values out of range, bytes left over.
+    pub fn parse(bytes: &[u8]) -> Result<Self, FormatError> {
+        let config = bincode::config::standard()
+            .with_little_endian()
+            .with_fixed_int_encoding()
+            .with_limit::<METADATA_LIMIT>();
+        let (wire, used): (Wire, usize) = bincode::serde::decode_from_slice(bytes, config)
+            .map_err(|_| FormatError::invalid("metadata cannot be read"))?;
+        if used != bytes.len() {
+            return Err(FormatError::invalid("metadata has bytes left over"));
+        }
+        let kind = match wire.selection.0 {
+            0 => SelectionKind::Iso,
+            1 => SelectionKind::Range,
+            2 => SelectionKind::Otsu,
+            other => return Err(FormatError::invalid(format!("selection kind {other} is unknown"))),
+        };
+        if wire.scalar > 7 || !matches!(wire.connectivity, 6 | 26) {
+            return Err(FormatError::invalid("metadata names an unknown sample type or connectivity"));
+        }
+        let finite =
+            wire.affine.iter().flatten().chain(&wire.spacing_mm).chain(&wire.rescale).all(|v| v.is_finite());
+        if !finite || wire.spacing_mm.iter().any(|s| *s <= 0.0) {
+            return Err(FormatError::invalid("metadata has a geometry that is not finite and positive"));
+        }
+        Ok(Self {
+            program: wire.program,
+            source: wire.source,
+            dims: wire.dims,
+            scalar: wire.scalar,
+            spacing_mm: wire.spacing_mm,
+            affine: wire.affine,
+            rescale: wire.rescale,
+            selection: Selection { kind, lo: wire.selection.1, hi: wire.selection.2 },
+            connectivity: wire.connectivity,
+            gradient: wire.gradient,
+            value_scale: wire.value_scale,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Metadata {
+        Metadata {
+            program: "infobyte 0".into(),
+            source: SourceMeta { format: "raw".into(), name: "a.raw".into(), files: 1, bytes: 8 },
+            dims: [2, 2, 2],
+            scalar: 2,
+            spacing_mm: [1.0, 1.0, 2.0],
+            affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]],
+            rescale: [1.0, -1024.0],
+            selection: Selection { kind: SelectionKind::Iso, lo: 500.0, hi: f64::INFINITY },
+            connectivity: 26,
+            gradient: "gauss5".into(),
+            value_scale: [0.0, 0.0],
+        }
+    }
+
+    #[test]
+    fn a_record_round_trips_and_refuses_every_cut_and_every_surplus() {
+        let bytes = sample().to_bytes().unwrap();
+        assert_eq!(Metadata::parse(&bytes).unwrap(), sample());
+        for len in 0..bytes.len() {
+            assert!(Metadata::parse(&bytes[..len]).is_err(), "cut at {len}");
+        }
+        let mut longer = bytes;
+        longer.push(0);
+        assert!(Metadata::parse(&longer).is_err());
+    }
+}

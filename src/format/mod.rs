@@ -1,0 +1,18 @@
+#![doc = include_str!("SPEC.md")]
+//!
+//! ---
+//! This module turns those bytes into values and back; it opens no file.
+
+mod error;
+mod header;
+mod metadata;
+pub mod normal;
+pub mod rank;
+mod section;
+
+pub use error::FormatError;
+pub use header::{Encoding, HEADER_BYTES, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
+pub use metadata::{METADATA_LIMIT, Metadata, Selection, SelectionKind, SourceMeta};
+pub use section::{
+    ENTRY_BYTES, MAX_SECTIONS, SECTION_ALIGN, SectionEntry, SectionKind, align_up, parse_table, table_bytes,
+};

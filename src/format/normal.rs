@@ -1,0 +1,115 @@
+//! Unit normals in 16 bits: the octahedral map with precise rounding (SPEC 4.6).
+//!
+//! Map and rounding: Cigolle et al. 2014, *A Survey of Efficient Representations for Independent Unit
+//! Vectors*. Mean error 0.31 degrees, worst 0.64 over the sphere. Every operation is IEEE single
+//! addition, multiplication, division or square root in a fixed order, so codes are the same on every
+//! machine.
+
+/// Largest component of a code.
+pub const SCALE: i32 = 127;
+
+/// The L1-127 integer vector of a code; also defined for the illegal component -128, which reads as -127.
+#[inline(always)]
+pub fn decode_l1(code: u16) -> [i32; 3] {
+    let [lo, hi] = code.to_le_bytes();
+    let (u, v) = (i32::from(lo as i8).max(-SCALE), i32::from(hi as i8).max(-SCALE));
+    let z = SCALE - u.abs() - v.abs();
+    let fold_u = if u < 0 { v.abs() - SCALE } else { SCALE - v.abs() };
+    let fold_v = if v < 0 { u.abs() - SCALE } else { SCALE - u.abs() };
+    if z < 0 { [fold_u, fold_v, z] } else { [u, v, z] }
+}
+
+/// The unit vector of a code.
+pub fn decode(code: u16) -> [f32; 3] {
+    let v = decode_l1(code).map(|c| c as f32);
+    let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+    v.map(|c| c / length)
+}
+
+/// Nearest code of a direction (any length, not zero, finite): of the four codes around the exact
+/// point, the one whose direction is closest.
+#[inline(always)]
+pub fn encode(direction: [f32; 3]) -> u16 {
+    let [x, y, z] = direction;
+    // Scaling by the largest component first keeps every later product in range.
+    let largest = x.abs().max(y.abs()).max(z.abs());
+    let (x, y, z) = (x / largest, y / largest, z / largest);
+    let l1 = x.abs() + y.abs() + z.abs();
+    let (px, py) = (x / l1, y / l1);
+    let folded_x = (1.0 - py.abs()).copysign(px);
+    let folded_y = (1.0 - px.abs()).copysign(py);
+    let (u, v) = if z < 0.0 { (folded_x, folded_y) } else { (px, py) };
+    let scale = SCALE as f32;
+    let (u, v) = ((u * scale).clamp(-scale, scale), (v * scale).clamp(-scale, scale));
+    let (u0, v0) = (u.floor(), v.floor());
+    let (u1, v1) = ((u0 + 1.0).min(scale), (v0 + 1.0).min(scale));
+    let mut best = (u0, v0, closeness([x, y, z], u0, v0));
+    for (cu, cv) in [(u1, v0), (u0, v1), (u1, v1)] {
+        let c = closeness([x, y, z], cu, cv);
+        best = if c > best.2 { (cu, cv, c) } else { best };
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "integers in -127..=127")]
+    let (qu, qv) = ((best.0 as i32) as u8, (best.1 as i32) as u8);
+    u16::from(qu) | u16::from(qv) << 8
+}
+
+/// Cosine (times the length of `d`) between `d` and the direction of the code `(u, v)`.
+#[inline(always)]
+fn closeness(d: [f32; 3], u: f32, v: f32) -> f32 {
+    let scale = SCALE as f32;
+    let z = scale - u.abs() - v.abs();
+    let fold_u = if u < 0.0 { v.abs() - scale } else { scale - v.abs() };
+    let fold_v = if v < 0.0 { u.abs() - scale } else { scale - u.abs() };
+    let (a, b) = if z < 0.0 { (fold_u, fold_v) } else { (u, v) };
+    (d[0] * a + d[1] * b + d[2] * z) / (a * a + b * b + z * z).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn angle_deg(a: [f32; 3], b: [f32; 3]) -> f64 {
+        let a = a.map(f64::from);
+        let b = b.map(f64::from);
+        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let sin = cross.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let cos: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum();
+        sin.atan2(cos).to_degrees()
+    }
+
+    #[test]
+    fn error_over_the_sphere_is_that_of_the_literature() {
+        let n = 200_000;
+        let (mut sum, mut worst) = (0.0, 0.0_f64);
+        for i in 0..n {
+            // Fibonacci sphere: even cover without a random generator.
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
+            let phi = f64::from(i) * 2.399_963_229_728_653;
+            let r = (1.0 - z * z).sqrt();
+            let d = [r * phi.cos(), r * phi.sin(), z].map(|c| c as f32);
+            let e = angle_deg(decode(encode(d)), d);
+            sum += e;
+            worst = worst.max(e);
+        }
+        let mean = sum / f64::from(n);
+        assert!(mean < 0.316 && worst < 0.64, "mean {mean} worst {worst}");
+    }
+
+    #[test]
+    fn every_code_is_a_fixed_point_of_decode_then_encode() {
+        for code in 0..=u16::MAX {
+            let d = decode(code);
+            let again = decode(encode(d));
+            assert!(angle_deg(d, again) < 1e-3, "{code:04x}: {d:?} {again:?}");
+            assert_eq!(decode_l1(code).map(i32::abs).iter().sum::<i32>(), SCALE);
+        }
+    }
+
+    #[test]
+    fn tiny_and_huge_gradients_keep_their_direction() {
+        for scale in [1e-38_f32, 1e-12, 1.0, 1e12, 1e37] {
+            let d = decode(encode([scale, -2.0 * scale, 2.0 * scale]));
+            assert!(angle_deg(d, [1.0 / 3.0, -2.0 / 3.0, 2.0 / 3.0]) < 0.64, "{scale}");
+        }
+    }
+}

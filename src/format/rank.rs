@@ -1,0 +1,117 @@
+//! The rank directory (SPEC 4.5): how a pointerless octree finds its children.
+
+/// Nodes per superblock.
+pub const SUPER_NODES: u64 = 8192;
+/// Nodes per block.
+pub const BLOCK_NODES: u64 = 32;
+
+/// Bytes of the superblocks, then of the whole directory, for `nodes` nodes.
+pub const fn directory_bytes(nodes: u64) -> (u64, u64) {
+    let supers = nodes.div_ceil(SUPER_NODES) * 8;
+    (supers, supers + nodes.div_ceil(BLOCK_NODES) * 2)
+}
+
+/// Builds the directory's two parts from infobytes fed in order; holds a few bytes of state.
+#[derive(Debug, Default)]
+pub struct RankBuilder {
+    nodes: u64,
+    ones: u64,
+    super_ones: u64,
+}
+
+impl RankBuilder {
+    /// Feeds the next infobytes, and calls `on_super` and `on_block` for every boundary passed.
+    pub fn feed(&mut self, infobytes: &[u8], mut on_super: impl FnMut(u64), mut on_block: impl FnMut(u16)) {
+        let mut rest = infobytes;
+        while !rest.is_empty() {
+            if self.nodes.is_multiple_of(SUPER_NODES) {
+                self.super_ones = self.ones;
+                on_super(self.ones);
+            }
+            if self.nodes.is_multiple_of(BLOCK_NODES) {
+                #[expect(clippy::cast_possible_truncation, reason = "at most 255 blocks of 256 bits")]
+                on_block((self.ones - self.super_ones) as u16);
+            }
+            let room = (BLOCK_NODES - self.nodes % BLOCK_NODES) as usize;
+            let (now, later) = rest.split_at(room.min(rest.len()));
+            self.ones += now.iter().map(|b| u64::from(b.count_ones())).sum::<u64>();
+            self.nodes += now.len() as u64;
+            rest = later;
+        }
+    }
+
+    /// Set bits so far: boxes below the root.
+    pub fn ones(&self) -> u64 {
+        self.ones
+    }
+}
+
+/// Set bits in `infobytes[..node]`, by the directory. Any bytes are safe: what lies outside counts 0.
+#[inline]
+pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
+    let (supers, _) = directory_bytes(infobytes.len() as u64);
+    let Ok(at) = usize::try_from(node) else { return 0 };
+    let super_at = at / SUPER_NODES as usize * 8;
+    let block_at = supers as usize + at / BLOCK_NODES as usize * 2;
+    let base = directory
+        .get(super_at..super_at + 8)
+        .map_or(0, |b| u64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
+    let block =
+        directory.get(block_at..block_at + 2).map_or(0, |b| u64::from(u16::from_le_bytes([b[0], b[1]])));
+    base.wrapping_add(block).wrapping_add(partial_block(infobytes, at))
+}
+
+/// Set bits in the infobytes of `at`'s block before `at`.
+#[inline]
+fn partial_block(infobytes: &[u8], at: usize) -> u64 {
+    let start = at & !(BLOCK_NODES as usize - 1);
+    let within = at - start;
+    if let Some(block) = infobytes.get(start..start + BLOCK_NODES as usize) {
+        let word = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| block[8 * i + k]));
+        let mut ones = 0;
+        for i in 0..4 {
+            // Bits of word i that lie before `within`: all, some or none, without a branch.
+            let bits = (8 * within).saturating_sub(64 * i).min(64);
+            let mask = if bits == 64 { u64::MAX } else { (1 << bits) - 1 };
+            ones += u64::from((word(i) & mask).count_ones());
+        }
+        return ones;
+    }
+    let end = at.min(infobytes.len());
+    infobytes.get(start..end).map_or(0, |b| b.iter().map(|x| u64::from(x.count_ones())).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rank_equals_counting_whatever_the_feed_sizes() {
+        let bytes: Vec<u8> = (0..20_011_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+        for feed in [1, 7, 32, 8192, 20_011] {
+            let (mut supers, mut blocks) = (Vec::new(), Vec::new());
+            let mut builder = RankBuilder::default();
+            for part in bytes.chunks(feed) {
+                builder.feed(part, |s| supers.extend(s.to_le_bytes()), |b| blocks.extend(b.to_le_bytes()));
+            }
+            let mut directory = supers;
+            directory.extend(blocks);
+            assert_eq!(directory.len() as u64, directory_bytes(bytes.len() as u64).1);
+            let mut ones = 0;
+            for (i, b) in bytes.iter().enumerate() {
+                assert_eq!(rank(&bytes, &directory, i as u64), ones);
+                ones += u64::from(b.count_ones());
+            }
+            assert_eq!(builder.ones(), ones);
+        }
+    }
+
+    #[test]
+    fn rank_of_a_full_superblock_fits_its_blocks() {
+        let bytes = vec![0xff; 8192 * 2];
+        let (mut supers, mut blocks) = (Vec::new(), Vec::new());
+        RankBuilder::default().feed(&bytes, |s| supers.push(s), |b| blocks.push(b));
+        assert_eq!(supers, [0, 65536]);
+        assert_eq!(blocks.iter().max(), Some(&65_280));
+    }
+}

@@ -1,0 +1,243 @@
+//! The section table (SPEC 3, 4.2, 4.3).
+
+use super::error::FormatError;
+use super::header::{HEADER_BYTES, Header};
+
+/// Sections start at multiples of this: a cache line.
+pub const SECTION_ALIGN: u64 = 64;
+/// Size of a table entry.
+pub const ENTRY_BYTES: usize = 48;
+/// Most sections a file may have.
+pub const MAX_SECTIONS: u16 = 64;
+
+/// The next multiple of [`SECTION_ALIGN`] at or after `offset` (saturating).
+pub const fn align_up(offset: u64) -> u64 {
+    match offset.checked_add(SECTION_ALIGN - 1) {
+        Some(sum) => sum / SECTION_ALIGN * SECTION_ALIGN,
+        None => u64::MAX,
+    }
+}
+
+/// Kind of a section, in the order in which sections stand in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum SectionKind {
+    /// Metadata.
+    Meta,
+    /// First node of every depth.
+    Levels,
+    /// Infobytes.
+    Nodes,
+    /// Rank directory.
+    Rank,
+    /// Mean normals of coarse nodes.
+    NormalLod,
+    /// Mean values of coarse nodes.
+    ValueLod,
+    /// Normals of voxels.
+    Normal,
+    /// Values of voxels.
+    Value,
+    /// Distance to the true surface.
+    Offset,
+    /// RGB8.
+    Color,
+    /// Material numbers.
+    Material,
+}
+
+impl SectionKind {
+    /// Every kind, in file order.
+    pub const ALL: [Self; 11] = [
+        Self::Meta,
+        Self::Levels,
+        Self::Nodes,
+        Self::Rank,
+        Self::NormalLod,
+        Self::ValueLod,
+        Self::Normal,
+        Self::Value,
+        Self::Offset,
+        Self::Color,
+        Self::Material,
+    ];
+
+    /// The four ASCII bytes.
+    pub fn tag(self) -> [u8; 4] {
+        *match self {
+            Self::Meta => b"META",
+            Self::Levels => b"LEVL",
+            Self::Nodes => b"NODE",
+            Self::Rank => b"RANK",
+            Self::NormalLod => b"NLOD",
+            Self::ValueLod => b"VLOD",
+            Self::Normal => b"NORM",
+            Self::Value => b"VALU",
+            Self::Offset => b"OFFS",
+            Self::Color => b"COLR",
+            Self::Material => b"MATL",
+        }
+    }
+
+    /// Name for messages and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Meta => "metadata",
+            Self::Levels => "levels",
+            Self::Nodes => "nodes",
+            Self::Rank => "rank",
+            Self::NormalLod => "normal_lod",
+            Self::ValueLod => "value_lod",
+            Self::Normal => "normal",
+            Self::Value => "value",
+            Self::Offset => "offset",
+            Self::Color => "color",
+            Self::Material => "material",
+        }
+    }
+
+    fn from_tag(tag: [u8; 4]) -> Option<Self> {
+        Self::ALL.into_iter().find(|k| k.tag() == tag)
+    }
+}
+
+/// One entry of the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SectionEntry {
+    /// What the section holds; `None` for a kind of a later minor version.
+    pub kind: Option<SectionKind>,
+    /// The four ASCII bytes as found.
+    pub tag: [u8; 4],
+    /// Codec of the stored bytes (SPEC 5); 0 is none.
+    pub codec: u8,
+    /// Bytes per item.
+    pub item_bytes: u8,
+    /// Where the stored bytes begin.
+    pub offset: u64,
+    /// Bytes in the file.
+    pub stored_bytes: u64,
+    /// Bytes after decoding.
+    pub content_bytes: u64,
+    /// Number of items.
+    pub items: u64,
+    /// CRC of the stored bytes.
+    pub stored_crc: u32,
+    /// CRC of the content.
+    pub content_crc: u32,
+}
+
+impl SectionEntry {
+    /// An uncompressed section; its CRC is filled in later.
+    pub fn plain(kind: SectionKind, item_bytes: u8, items: u64, offset: u64) -> Self {
+        let bytes = items.saturating_mul(u64::from(item_bytes));
+        Self {
+            kind: Some(kind),
+            tag: kind.tag(),
+            codec: 0,
+            item_bytes,
+            offset,
+            stored_bytes: bytes,
+            content_bytes: bytes,
+            items,
+            stored_crc: 0,
+            content_crc: 0,
+        }
+    }
+
+    /// First byte after the stored bytes.
+    pub fn end(&self) -> u64 {
+        self.offset.saturating_add(self.stored_bytes)
+    }
+
+    fn to_bytes(self) -> [u8; ENTRY_BYTES] {
+        let mut b = [0; ENTRY_BYTES];
+        b[0..4].copy_from_slice(&self.tag);
+        b[4] = self.codec;
+        b[5] = self.item_bytes;
+        b[8..16].copy_from_slice(&self.offset.to_le_bytes());
+        b[16..24].copy_from_slice(&self.stored_bytes.to_le_bytes());
+        b[24..32].copy_from_slice(&self.content_bytes.to_le_bytes());
+        b[32..40].copy_from_slice(&self.items.to_le_bytes());
+        b[40..44].copy_from_slice(&self.stored_crc.to_le_bytes());
+        b[44..48].copy_from_slice(&self.content_crc.to_le_bytes());
+        b
+    }
+
+    fn parse(b: &[u8; ENTRY_BYTES]) -> Result<Self, FormatError> {
+        let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| b[at + i]));
+        let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| b[at + i]));
+        let tag = [b[0], b[1], b[2], b[3]];
+        if b[6] != 0 || b[7] != 0 {
+            return Err(FormatError::invalid("reserved bytes of the section table are not zero"));
+        }
+        Ok(Self {
+            kind: SectionKind::from_tag(tag),
+            tag,
+            codec: b[4],
+            item_bytes: b[5],
+            offset: u64_at(8),
+            stored_bytes: u64_at(16),
+            content_bytes: u64_at(24),
+            items: u64_at(32),
+            stored_crc: u32_at(40),
+            content_crc: u32_at(44),
+        })
+    }
+}
+
+/// The table's bytes, without padding.
+pub fn table_bytes(entries: &[SectionEntry]) -> Vec<u8> {
+    entries.iter().flat_map(|e| e.to_bytes()).collect()
+}
+
+/// Reads and checks the section table that follows `header` in `bytes` (the file from its start, at
+/// least as far as the table's end).
+///
+/// Checks the table's CRC, that sections tile the file as SPEC 3 says, and that kinds are known at
+/// most once and in order. What each section must hold is checked by the loader.
+///
+/// # Errors
+/// The first rule that is broken.
+pub fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEntry>, FormatError> {
+    if header.sections == 0 || header.sections > MAX_SECTIONS {
+        return Err(FormatError::invalid("the number of sections is outside 1..=64"));
+    }
+    let len = usize::from(header.sections) * ENTRY_BYTES;
+    let Some(table) = bytes.get(HEADER_BYTES..HEADER_BYTES + len) else {
+        return Err(FormatError::Truncated {
+            expected: (HEADER_BYTES + len) as u64,
+            got: bytes.len() as u64,
+        });
+    };
+    if crc32c::crc32c(table) != header.table_crc {
+        return Err(FormatError::Checksum { what: "the section table" });
+    }
+    let mut entries: Vec<SectionEntry> = Vec::with_capacity(usize::from(header.sections));
+    let mut end = (HEADER_BYTES + len) as u64;
+    let mut last_kind = None;
+    for raw in table.as_chunks::<ENTRY_BYTES>().0 {
+        let entry = SectionEntry::parse(raw)?;
+        if entry.offset != align_up(end) {
+            return Err(FormatError::invalid("sections do not follow each other without gaps"));
+        }
+        if entry.items.checked_mul(u64::from(entry.item_bytes)) != Some(entry.content_bytes) {
+            return Err(FormatError::invalid("a section's size is not items times bytes per item"));
+        }
+        if entry.codec == 0
+            && (entry.stored_bytes != entry.content_bytes || entry.stored_crc != entry.content_crc)
+        {
+            return Err(FormatError::invalid("an uncompressed section differs from its content"));
+        }
+        if let Some(kind) = entry.kind {
+            if last_kind >= Some(kind) {
+                return Err(FormatError::invalid("sections are repeated or out of order"));
+            }
+            last_kind = Some(kind);
+        }
+        end = entry.offset.checked_add(entry.stored_bytes).unwrap_or(u64::MAX);
+        entries.push(entry);
+    }
+    if end != header.file_bytes {
+        return Err(FormatError::invalid("the last section does not end where the file ends"));
+    }
+    Ok(entries)
+}

@@ -1,0 +1,12 @@
+//! Integer boxes, Morton codes and affine transforms; knows no file and no voxel value.
+//!
+//! Axes: a voxel index is `(x, y, z)` with x fastest in memory; the affine takes an index (voxel
+//! *centres* at integer indices) to millimetres in DICOM's patient system, LPS: +x to the patient's
+//! left, +y to the back, +z to the head.
+
+mod affine;
+mod dims;
+pub mod morton;
+
+pub use affine::{Affine, Orientation};
+pub use dims::Dims;

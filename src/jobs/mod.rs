@@ -1,0 +1,1 @@
+//! What the commands do: one function each, from plain options to a report.

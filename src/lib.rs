@@ -1,0 +1,32 @@
+//! Surface octrees out of core: volumes in, one infobyte per node out, exact rays through them.
+//!
+//! The library revives M. Tsygankov's *Hierarchical Discrete Ray Tracing in Octrees*. A volume is
+//! classified into inside and outside, only its *skin* is kept, and the skin lives in an octree with
+//! one **infobyte** (child mask) per non-empty node. Data flows one way:
+//!
+//! ```text
+//! source --slabs--> build (classify, skin, gradient, swap, merge) --> .oct --> load --> render
+//! ```
+//!
+//! | module | what it owns |
+//! |---|---|
+//! | [`geom`] | dims, Morton codes, affine transforms |
+//! | [`budget`] | the memory budget that everything of weight is reserved from |
+//! | [`format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
+//! | [`source`] | where voxels come from: raw files, DICOM series, the synthetic head |
+//! | [`build`] | plan, classify, skin, gradient, swap, merge, atomic output |
+//! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
+//! | [`render`] | camera, the one traversal kernel, shading, images |
+//! | [`jobs`] | what the commands do, one function each |
+
+pub mod budget;
+pub mod build;
+pub mod error;
+pub mod format;
+pub mod geom;
+pub mod jobs;
+pub mod load;
+pub mod render;
+pub mod source;
+
+pub use error::{Error, ExitKind};

@@ -1,0 +1,93 @@
+//! Where voxels come from: one trait, one file per kind of source.
+//!
+//! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
+//! its budget allows and never sees a path. Sources are shared by the builder's threads.
+
+mod error;
+mod scalar;
+
+pub use error::SourceError;
+pub use scalar::{Endian, Scalar, ScalarType};
+
+use std::ops::Range;
+
+use crate::geom::{Affine, Dims};
+
+/// What is known of a volume before its voxels are read.
+#[derive(Clone, Debug)]
+pub struct VolumeInfo {
+    /// Size in voxels.
+    pub dims: Dims,
+    /// Type of the samples that [`VolumeSource::read_rows`] delivers (native byte order).
+    pub scalar: ScalarType,
+    /// `physical = slope * sample + intercept` for every sample (HU for CT). A source whose slices
+    /// differ delivers `F32` samples that are physical already.
+    pub rescale: Rescale,
+    /// Distance in mm between neighbours along each index axis.
+    pub spacing_mm: [f64; 3],
+    /// Voxel index to LPS mm.
+    pub affine: Affine,
+    /// What the input was, for the metadata; no folder names, no patient names.
+    pub description: SourceDescription,
+    /// Sentences for the user: what was guessed, skipped or odd.
+    pub warnings: Vec<String>,
+}
+
+/// Linear map from stored samples to physical values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rescale {
+    /// Factor; never 0, finite.
+    pub slope: f64,
+    /// Offset; finite.
+    pub intercept: f64,
+}
+
+impl Rescale {
+    /// Samples are physical values.
+    pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
+
+    /// Physical value of a sample.
+    pub fn apply(self, sample: f64) -> f64 {
+        self.slope * sample + self.intercept
+    }
+}
+
+/// Origin of a model as recorded in its metadata.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SourceDescription {
+    /// Kind of source: `raw`, `dicom`, `synthetic`, ...
+    pub format: String,
+    /// Base name of the file or folder.
+    pub name: String,
+    /// Number of files read.
+    pub files: u64,
+    /// Bytes of voxel data.
+    pub bytes: u64,
+}
+
+/// A volume that can deliver any rows of any slice.
+///
+/// Implementations keep little memory of their own (it is stated by [`VolumeSource::resident_bytes`])
+/// and read by position, so that threads do not disturb each other.
+pub trait VolumeSource: Sync {
+    /// Static facts.
+    fn info(&self) -> &VolumeInfo;
+
+    /// Fills `out` with columns `cols` of rows `rows` of slice `z`: x fastest, no padding, samples of
+    /// [`VolumeInfo::scalar`] in native byte order; `out` is exactly that long.
+    ///
+    /// # Errors
+    /// The file became unreadable or ended early.
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError>;
+
+    /// Bytes that the source may hold per reading thread beyond what it holds when opened.
+    fn resident_bytes(&self) -> u64 {
+        0
+    }
+}
