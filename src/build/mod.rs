@@ -23,6 +23,7 @@ mod column;
 mod error;
 mod gradient;
 mod histogram;
+mod lanes;
 mod layout;
 mod merge;
 mod parallel;
@@ -183,7 +184,7 @@ struct Job<'a> {
 
 impl Job<'_> {
     /// Types that can stand in the ring as they are, if the range has only a lower end.
-    fn run_direct<T: Ordered + gradient::RingSample>(&self) -> Result<BuildReport, BuildError> {
+    fn run_direct<T: Ordered + lanes::RingSample>(&self) -> Result<BuildReport, BuildError> {
         let (selection, range, histogram_s) = self.choose::<T>()?;
         if range.is_open_above() {
             self.run(Direct(range), selection, histogram_s)
@@ -223,7 +224,12 @@ impl Job<'_> {
         }
     }
 
-    fn run<F: Flavour>(&self, flavour: F, selection: Selection, histogram_s: f64) -> Result<BuildReport, BuildError> {
+    fn run<F: Flavour>(
+        &self,
+        flavour: F,
+        selection: Selection,
+        histogram_s: f64,
+    ) -> Result<BuildReport, BuildError> {
         let info = self.source.info();
         let plan = self.plan::<F>()?;
         let mut seconds = StageSeconds { histogram: histogram_s, ..StageSeconds::default() };
@@ -295,7 +301,12 @@ impl Job<'_> {
         })
     }
 
-    fn scan<F: Flavour>(&self, flavour: F, plan: &ColumnPlan, scratch: &Scratch) -> Result<ScanTotals, BuildError> {
+    fn scan<F: Flavour>(
+        &self,
+        flavour: F,
+        plan: &ColumnPlan,
+        scratch: &Scratch,
+    ) -> Result<ScanTotals, BuildError> {
         let rule = NormalRule::new(self.source.info().spacing_mm);
         let connectivity = self.options.connectivity;
         let shared = ScanContext { source: self.source, flavour, connectivity, rule: &rule, plan, scratch };
