@@ -5,9 +5,11 @@
 
 mod error;
 mod scalar;
+mod synthetic;
 
 pub use error::SourceError;
 pub use scalar::{Endian, Scalar, ScalarType};
+pub use synthetic::SyntheticHead;
 
 use std::ops::Range;
 
