@@ -19,6 +19,7 @@
 //! | [`render`] | camera, the one traversal kernel, shading, images |
 //! | [`jobs`] | what the commands do, one function each |
 
+mod atomic;
 pub mod budget;
 pub mod build;
 pub mod error;

@@ -3,6 +3,7 @@
 //! ---
 //! This module turns those bytes into values and back; it opens no file.
 
+pub mod assemble;
 mod error;
 mod header;
 mod metadata;

@@ -1,7 +1,27 @@
 //! A finished `.oct` mapped into memory, checked, and offered as a read-only view.
+//!
+//! | type | what it is |
+//! |---|---|
+//! | [`Frame`] | header, table, metadata and levels: what opening reads and checks |
+//! | [`Model`] | a mapped-encoding file, used in place |
+//! | [`ModelView`] | its structure and normals as slices: the [`NodeView`] for loops |
+//! | [`verify()`] | the full check of every invariant, in small memory |
+//! | [`ReadAt`], [`Cursor`] | reading by position, and in sequence |
 
 mod error;
+mod frame;
+mod map;
+mod model;
+mod stream;
+mod verify;
 mod view;
 
 pub use error::LoadError;
+pub use frame::Frame;
+pub use map::Mapping;
+pub(crate) use model::open_regular;
+pub use model::{Model, ModelView};
+pub use stream::{Cursor, Fault, ReadAt};
+pub(crate) use verify::check_storage;
+pub use verify::{mean_normal, verify};
 pub use view::NodeView;

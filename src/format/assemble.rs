@@ -1,0 +1,158 @@
+//! A whole mapped file from a list of voxels, in memory: the slow and simple twin of the builder.
+//!
+//! Written for clarity, from SPEC.md alone; tests compare faster code with it.
+
+use super::error::FormatError;
+use super::header::{Encoding, HEADER_BYTES, Header, VERSION_MINOR};
+use super::metadata::Metadata;
+use super::section::{ENTRY_BYTES, SectionEntry, SectionKind, align_up, table_bytes};
+use super::{normal, rank};
+use crate::geom::{Dims, morton};
+
+/// One skin voxel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AssembledVoxel {
+    /// Index (x, y, z).
+    pub cell: [u32; 3],
+    /// Normal code (SPEC 4.6); not used in a model without normals.
+    pub normal: u16,
+    /// Stored value (SPEC 4.7); not used in a model without values.
+    pub value: u16,
+}
+
+/// Which optional sections an assembled file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channels {
+    /// `NORM`.
+    pub normal: bool,
+    /// `VALU` with this many bytes per item (1 or 2), or none with 0.
+    pub value_bytes: u8,
+    /// `NLOD` and `VLOD` of the channels that are there.
+    pub lod: bool,
+}
+
+/// Places sections one after the other and writes header, table and padding (SPEC 3).
+///
+/// Each section comes with its entry, of which kind, codec, item size, items, content size and
+/// content CRC must be set; offset, stored size and stored CRC are filled in here.
+pub fn join_sections(
+    encoding: Encoding,
+    dims: Dims,
+    nodes: u64,
+    voxels: u64,
+    sections: &[(SectionEntry, Vec<u8>)],
+) -> Vec<u8> {
+    let table_end = (HEADER_BYTES + ENTRY_BYTES * sections.len()) as u64;
+    let mut file = vec![0; HEADER_BYTES + ENTRY_BYTES * sections.len()];
+    let mut end = table_end;
+    let mut entries = Vec::new();
+    for (entry, stored) in sections {
+        let mut entry = *entry;
+        entry.offset = align_up(end);
+        entry.stored_bytes = stored.len() as u64;
+        entry.stored_crc = crc32c::crc32c(stored);
+        file.resize(usize::try_from(entry.offset).unwrap_or(usize::MAX), 0);
+        file.extend_from_slice(stored);
+        end = entry.end();
+        entries.push(entry);
+    }
+    let table = table_bytes(&entries);
+    let header = Header {
+        minor: VERSION_MINOR,
+        encoding,
+        sections: u16::try_from(sections.len()).unwrap_or(u16::MAX),
+        file_bytes: file.len() as u64,
+        nodes,
+        voxels,
+        dims,
+        table_crc: crc32c::crc32c(&table),
+    };
+    file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
+    file[HEADER_BYTES..HEADER_BYTES + table.len()].copy_from_slice(&table);
+    file
+}
+
+/// Assembles a mapped file of `voxels` (any order, no cell twice); dims come from the metadata.
+///
+/// # Errors
+/// No voxel, a cell twice or outside the dims, impossible dims, or metadata that is too long.
+pub fn assemble(
+    metadata: &Metadata,
+    voxels: &[AssembledVoxel],
+    channels: Channels,
+) -> Result<Vec<u8>, FormatError> {
+    let [nx, ny, nz] = metadata.dims;
+    let dims = Dims::new(nx, ny, nz).ok_or_else(|| FormatError::invalid("dims are outside 1..=65536"))?;
+    let depth = dims.depth();
+    let mut sorted: Vec<(u64, AssembledVoxel)> =
+        voxels.iter().map(|v| (morton::encode(v.cell[0], v.cell[1], v.cell[2]), *v)).collect();
+    sorted.sort_by_key(|v| v.0);
+    let outside = voxels.iter().any(|v| !dims.contains(v.cell[0], v.cell[1], v.cell[2]));
+    if sorted.is_empty() || outside || sorted.windows(2).any(|w| w[0].0 == w[1].0) {
+        return Err(FormatError::invalid("the voxels are none, repeated, or outside the dims"));
+    }
+
+    // A depth's nodes are the distinct prefixes of the voxels' Morton codes.
+    let (mut levels, mut nodes) = (vec![0_u64], Vec::new());
+    let (mut normal_lod, mut value_lod) = (Vec::new(), Vec::new());
+    for d in 0..depth {
+        let below = 3 * (depth - d - 1);
+        for box_voxels in sorted.chunk_by(|a, b| a.0 >> (below + 3) == b.0 >> (below + 3)) {
+            nodes.push(box_voxels.iter().fold(0_u8, |mask, v| mask | 1 << (v.0 >> below & 7)));
+            if d + 2 <= depth {
+                normal_lod.extend(mean_normal(box_voxels).to_le_bytes());
+                let sum: u64 = box_voxels.iter().map(|v| u64::from(v.1.value)).sum();
+                let count = box_voxels.len() as u64;
+                let mean = ((2 * sum + count) / (2 * count)).to_le_bytes();
+                value_lod.extend_from_slice(&mean[..usize::from(channels.value_bytes)]);
+            }
+        }
+        levels.push(nodes.len() as u64);
+    }
+
+    let (mut supers, mut blocks) = (Vec::new(), Vec::new());
+    rank::RankBuilder::default().feed(
+        &nodes,
+        |s| supers.extend(s.to_le_bytes()),
+        |b| blocks.extend(b.to_le_bytes()),
+    );
+    supers.extend(blocks);
+
+    let n = nodes.len() as u64;
+    let mut sections = Vec::new();
+    let mut push = |kind, item: u8, bytes: Vec<u8>| {
+        let mut entry = SectionEntry::plain(kind, item, bytes.len() as u64 / u64::from(item), 0);
+        entry.content_crc = crc32c::crc32c(&bytes);
+        sections.push((entry, bytes));
+    };
+    push(SectionKind::Meta, 1, metadata.to_bytes()?);
+    push(SectionKind::Levels, 8, levels.iter().flat_map(|l| l.to_le_bytes()).collect());
+    push(SectionKind::Nodes, 1, nodes);
+    push(SectionKind::Rank, 1, supers);
+    if channels.normal && channels.lod {
+        push(SectionKind::NormalLod, 2, normal_lod);
+    }
+    if channels.value_bytes > 0 && channels.lod {
+        push(SectionKind::ValueLod, channels.value_bytes, value_lod);
+    }
+    if channels.normal {
+        push(SectionKind::Normal, 2, sorted.iter().flat_map(|v| v.1.normal.to_le_bytes()).collect());
+    }
+    if channels.value_bytes > 0 {
+        let item = usize::from(channels.value_bytes);
+        let values = sorted.iter().flat_map(|v| v.1.value.to_le_bytes().into_iter().take(item)).collect();
+        push(SectionKind::Value, channels.value_bytes, values);
+    }
+    Ok(join_sections(Encoding::Mapped, dims, n, sorted.len() as u64, &sections))
+}
+
+#[expect(clippy::cast_precision_loss, reason = "SPEC 4.6 rounds the sums to single precision")]
+fn mean_normal(voxels: &[(u64, AssembledVoxel)]) -> u16 {
+    let mut sum = [0_i64; 3];
+    for (_, v) in voxels {
+        for (s, c) in sum.iter_mut().zip(normal::decode_l1(v.normal)) {
+            *s += i64::from(c);
+        }
+    }
+    if sum == [0; 3] { voxels[0].1.normal } else { normal::encode(sum.map(|s| s as f32)) }
+}

@@ -1,0 +1,285 @@
+//! A finished `.oct` opened for use: checked cheaply, then read in place.
+
+use std::fs::File;
+use std::io;
+use std::ops::Range;
+use std::path::Path;
+
+use crate::format::{Encoding, FormatError, Header, Metadata, SectionEntry, SectionKind, rank};
+use crate::geom::{Affine, Dims};
+
+use super::frame::Frame;
+use super::map::Mapping;
+use super::stream::{Fault, ReadAt};
+use super::{LoadError, NodeView};
+
+/// A mapped-encoding file over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
+///
+/// Opening reads the header, the section table, the metadata and the level table (SPEC I1 to I7) and
+/// nothing else, so its cost does not depend on the size of the model. The contents of the large
+/// sections are not trusted: every accessor is safe on any bytes. [`super::verify()`] checks them all.
+#[derive(Debug)]
+pub struct Model<D = Mapping> {
+    data: D,
+    frame: Frame,
+    nodes: Range<usize>,
+    rank: Range<usize>,
+    normals: Option<Range<usize>>,
+    node_normals: Option<Range<usize>>,
+    values: Option<(Range<usize>, u8)>,
+}
+
+impl Model<Mapping> {
+    /// Opens and maps a file.
+    ///
+    /// # Errors
+    /// [`LoadError`] with the path: unreadable, foreign, damaged, newer, or packed.
+    pub fn open(path: &Path) -> Result<Self, LoadError> {
+        let open = || -> Result<Self, Fault> {
+            let file = open_regular(path)?;
+            // Through ordinary reads, so that a file that is no model is never mapped.
+            let frame = Frame::read(&file)?;
+            refuse_packed(&frame)?;
+            Self::assemble(Mapping::of(&file)?, frame).map_err(Fault::from)
+        };
+        open().map_err(|fault| fault.at(path))
+    }
+}
+
+/// Opens a file for reading and refuses folders and devices, which cannot be models.
+pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
+    let file = File::open(path)?;
+    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other("it is not a regular file")) }
+}
+
+fn refuse_packed(frame: &Frame) -> Result<(), FormatError> {
+    match frame.header.encoding {
+        Encoding::Mapped => Ok(()),
+        Encoding::Packed => Err(FormatError::Packed),
+    }
+}
+
+impl<D: AsRef<[u8]>> Model<D> {
+    /// Opens a model that is in memory.
+    ///
+    /// # Errors
+    /// The first rule that is broken.
+    pub fn from_bytes(data: D) -> Result<Self, FormatError> {
+        let frame = match Frame::read(data.as_ref()) {
+            Ok(frame) => frame,
+            Err(Fault::Format(cause)) => return Err(cause),
+            // Memory ends early only if a length was not checked.
+            Err(Fault::Io(_)) => return Err(FormatError::invalid("it ends early")),
+        };
+        refuse_packed(&frame)?;
+        Self::assemble(data, frame)
+    }
+
+    fn assemble(data: D, frame: Frame) -> Result<Self, FormatError> {
+        let len = data.as_ref().len();
+        // The mapping may be shorter than the frame said if the file was cut in between.
+        if len as u64 != frame.header.file_bytes {
+            return Err(FormatError::Truncated { expected: frame.header.file_bytes, got: len as u64 });
+        }
+        let range = |kind| {
+            frame.section(kind).and_then(|e| {
+                let (start, end) = (usize::try_from(e.offset).ok()?, usize::try_from(e.end()).ok()?);
+                (start <= end && end <= len).then_some(start..end)
+            })
+        };
+        let missing = || FormatError::invalid("the nodes section is missing (SPEC I4)");
+        Ok(Self {
+            nodes: range(SectionKind::Nodes).ok_or_else(missing)?,
+            rank: range(SectionKind::Rank).ok_or_else(missing)?,
+            normals: range(SectionKind::Normal),
+            node_normals: range(SectionKind::NormalLod),
+            values: frame
+                .section(SectionKind::Value)
+                .and_then(|e| Some((range(SectionKind::Value)?, e.item_bytes))),
+            data,
+            frame,
+        })
+    }
+
+    /// The header.
+    pub fn header(&self) -> &Header {
+        &self.frame.header
+    }
+
+    /// Header, table, metadata and levels together.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// The metadata.
+    pub fn metadata(&self) -> &Metadata {
+        &self.frame.metadata
+    }
+
+    /// Size of the volume in voxels.
+    pub fn dims(&self) -> Dims {
+        self.frame.header.dims
+    }
+
+    /// Voxel index to LPS mm.
+    pub fn affine(&self) -> Affine {
+        Affine { rows: self.frame.metadata.affine }
+    }
+
+    /// The section table.
+    pub fn sections(&self) -> &[SectionEntry] {
+        &self.frame.sections
+    }
+
+    /// The whole file.
+    pub fn bytes(&self) -> &[u8] {
+        self.data.as_ref()
+    }
+
+    /// The bytes of a section, if the file has it.
+    pub fn section_bytes(&self, kind: SectionKind) -> Option<&[u8]> {
+        let e = self.frame.section(kind)?;
+        self.bytes().get(usize::try_from(e.offset).ok()?..usize::try_from(e.end()).ok()?)
+    }
+
+    /// First node of every depth 0..L, then N.
+    pub fn levels(&self) -> &[u64] {
+        &self.frame.levels
+    }
+
+    /// Stored value of a voxel (SPEC 4.7), if the model has values and the voxel exists.
+    pub fn value(&self, voxel: u64) -> Option<u16> {
+        let (range, item) = self.values.clone()?;
+        let values = self.bytes().get(range)?;
+        let at = usize::try_from(voxel).ok()?;
+        match item {
+            1 => values.get(at).map(|v| u16::from(*v)),
+            _ => values.as_chunks::<2>().0.get(at).map(|v| u16::from_le_bytes(*v)),
+        }
+    }
+
+    /// The borrowed view that loops should use: its slices are resolved once.
+    pub fn view(&self) -> ModelView<'_> {
+        let bytes = self.bytes();
+        let codes = |range: &Option<Range<usize>>| {
+            range.clone().and_then(|r| bytes.get(r)).map(|b| b.as_chunks::<2>().0)
+        };
+        ModelView {
+            depth: self.frame.header.dims.depth(),
+            boxes: self.frame.header.nodes + self.frame.header.voxels,
+            voxels: self.frame.header.voxels,
+            nodes: bytes.get(self.nodes.clone()).unwrap_or(&[]),
+            rank: bytes.get(self.rank.clone()).unwrap_or(&[]),
+            normals: codes(&self.normals),
+            node_normals: codes(&self.node_normals),
+        }
+    }
+}
+
+/// A [`Model`]'s structure and normals as plain slices.
+#[derive(Clone, Copy, Debug)]
+pub struct ModelView<'a> {
+    depth: u32,
+    boxes: u64,
+    voxels: u64,
+    nodes: &'a [u8],
+    rank: &'a [u8],
+    normals: Option<&'a [[u8; 2]]>,
+    node_normals: Option<&'a [[u8; 2]]>,
+}
+
+impl<'a> ModelView<'a> {
+    /// Infobytes by breadth-first number.
+    pub fn nodes(&self) -> &'a [u8] {
+        self.nodes
+    }
+
+    /// The rank directory.
+    pub fn rank_directory(&self) -> &'a [u8] {
+        self.rank
+    }
+}
+
+#[inline]
+fn code(codes: Option<&[[u8; 2]]>, at: u64) -> Option<u16> {
+    codes?.get(usize::try_from(at).ok()?).map(|c| u16::from_le_bytes(*c))
+}
+
+impl NodeView for ModelView<'_> {
+    fn depth(&self) -> u32 {
+        self.depth
+    }
+
+    fn node_count(&self) -> u64 {
+        self.nodes.len() as u64
+    }
+
+    fn voxel_count(&self) -> u64 {
+        self.voxels
+    }
+
+    #[inline]
+    fn infobyte(&self, node: u64) -> u8 {
+        usize::try_from(node).ok().and_then(|at| self.nodes.get(at)).copied().unwrap_or(0)
+    }
+
+    #[inline]
+    fn first_child(&self, node: u64) -> u64 {
+        // A directory of wrong bytes may say anything; held to the boxes there are, sums cannot overflow.
+        rank::rank(self.nodes, self.rank, node).min(self.boxes) + 1
+    }
+
+    #[inline]
+    fn voxel_normal(&self, voxel: u64) -> Option<u16> {
+        code(self.normals, voxel)
+    }
+
+    #[inline]
+    fn node_normal(&self, node: u64) -> Option<u16> {
+        code(self.node_normals, node)
+    }
+}
+
+impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
+    fn depth(&self) -> u32 {
+        self.frame.header.dims.depth()
+    }
+
+    fn node_count(&self) -> u64 {
+        self.frame.header.nodes
+    }
+
+    fn voxel_count(&self) -> u64 {
+        self.frame.header.voxels
+    }
+
+    #[inline]
+    fn infobyte(&self, node: u64) -> u8 {
+        self.view().infobyte(node)
+    }
+
+    #[inline]
+    fn first_child(&self, node: u64) -> u64 {
+        self.view().first_child(node)
+    }
+
+    #[inline]
+    fn voxel_normal(&self, voxel: u64) -> Option<u16> {
+        self.view().voxel_normal(voxel)
+    }
+
+    #[inline]
+    fn node_normal(&self, node: u64) -> Option<u16> {
+        self.view().node_normal(node)
+    }
+}
+
+impl<D: AsRef<[u8]> + Sync> ReadAt for Model<D> {
+    fn byte_len(&self) -> io::Result<u64> {
+        Ok(self.bytes().len() as u64)
+    }
+
+    fn read_at(&self, out: &mut [u8], offset: u64) -> io::Result<()> {
+        self.bytes().read_at(out, offset)
+    }
+}

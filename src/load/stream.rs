@@ -1,0 +1,171 @@
+//! Reading by position, and sequential cursors over parts of a file, in small fixed memory.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+
+use crate::format::FormatError;
+
+use super::LoadError;
+
+/// Bytes that can be read at any position without a shared file pointer: a file, or memory in tests.
+pub trait ReadAt: Sync {
+    /// Length in bytes.
+    ///
+    /// # Errors
+    /// The operating system refused.
+    fn byte_len(&self) -> io::Result<u64>;
+
+    /// Fills `out` from `offset` on.
+    ///
+    /// # Errors
+    /// The bytes end early or the operating system refused.
+    fn read_at(&self, out: &mut [u8], offset: u64) -> io::Result<()>;
+}
+
+impl ReadAt for File {
+    fn byte_len(&self) -> io::Result<u64> {
+        Ok(self.metadata()?.len())
+    }
+
+    fn read_at(&self, out: &mut [u8], offset: u64) -> io::Result<()> {
+        self.read_exact_at(out, offset)
+    }
+}
+
+impl ReadAt for [u8] {
+    fn byte_len(&self) -> io::Result<u64> {
+        Ok(self.len() as u64)
+    }
+
+    fn read_at(&self, out: &mut [u8], offset: u64) -> io::Result<()> {
+        let part = usize::try_from(offset)
+            .ok()
+            .and_then(|start| self.get(start..start.checked_add(out.len())?))
+            .ok_or(io::ErrorKind::UnexpectedEof)?;
+        out.copy_from_slice(part);
+        Ok(())
+    }
+}
+
+/// What stops a reader that does not know the file's name.
+#[derive(Debug)]
+pub enum Fault {
+    /// The system refused.
+    Io(io::Error),
+    /// The bytes are wrong.
+    Format(FormatError),
+}
+
+impl From<io::Error> for Fault {
+    fn from(cause: io::Error) -> Self {
+        Self::Io(cause)
+    }
+}
+
+impl From<FormatError> for Fault {
+    fn from(cause: FormatError) -> Self {
+        Self::Format(cause)
+    }
+}
+
+impl Fault {
+    /// The same with the file's name.
+    pub fn at(self, path: &std::path::Path) -> LoadError {
+        let path = path.to_path_buf();
+        match self {
+            Self::Io(cause) => LoadError::Unreadable { path, cause },
+            Self::Format(cause) => LoadError::Format { path, cause },
+        }
+    }
+}
+
+/// Sequential reader of one byte range; holds one buffer.
+#[derive(Debug)]
+pub struct Cursor<'a, R: ?Sized> {
+    source: &'a R,
+    /// Next byte to fetch into the buffer.
+    at: u64,
+    end: u64,
+    buffer: Vec<u8>,
+    used: usize,
+    capacity: usize,
+}
+
+impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
+    /// A cursor over `start..end` with a buffer of at most `capacity` bytes (allocated as needed).
+    pub fn new(source: &'a R, start: u64, end: u64, capacity: usize) -> Self {
+        Self { source, at: start, end, buffer: Vec::new(), used: 0, capacity: capacity.max(16) }
+    }
+
+    /// Bytes not yet taken.
+    pub fn left(&self) -> u64 {
+        self.end.saturating_sub(self.at) + (self.buffer.len() - self.used) as u64
+    }
+
+    /// The next part, as long as the buffer at most; empty at the end.
+    ///
+    /// # Errors
+    /// Reading failed.
+    pub fn next_part(&mut self) -> Result<&[u8], Fault> {
+        if self.used == self.buffer.len() {
+            self.refill()?;
+        }
+        let from = self.used;
+        self.used = self.buffer.len();
+        Ok(&self.buffer[from..])
+    }
+
+    /// The next `K` bytes, or `None` when fewer are left.
+    ///
+    /// # Errors
+    /// Reading failed.
+    #[inline]
+    pub fn take<const K: usize>(&mut self) -> Result<Option<[u8; K]>, Fault> {
+        if self.buffer.len() - self.used < K {
+            if self.left() < K as u64 {
+                return Ok(None);
+            }
+            self.refill()?;
+        }
+        let Some(bytes) = self.buffer.get(self.used..).and_then(|b| b.first_chunk::<K>()) else {
+            return Ok(None);
+        };
+        self.used += K;
+        Ok(Some(*bytes))
+    }
+
+    /// Moves what is left to the front and fills the rest of the buffer.
+    fn refill(&mut self) -> Result<(), Fault> {
+        self.buffer.drain(..self.used);
+        self.used = 0;
+        let kept = self.buffer.len();
+        let room = (self.capacity - kept) as u64;
+        let fetch = room.min(self.end.saturating_sub(self.at));
+        self.buffer.resize(kept + usize::try_from(fetch).unwrap_or(0), 0);
+        self.source.read_at(&mut self.buffer[kept..], self.at)?;
+        self.at += fetch;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cursor_gives_every_byte_once_whatever_its_buffer() {
+        let bytes: Vec<u8> = (0..=255).collect();
+        for capacity in [1, 16, 17, 64, 1000] {
+            let mut cursor = Cursor::new(bytes.as_slice(), 3, 250, capacity);
+            let mut got = Vec::new();
+            while let Some([a, b]) = cursor.take::<2>().unwrap() {
+                got.extend([a, b]);
+            }
+            assert_eq!(cursor.left(), 1);
+            got.extend(cursor.take::<1>().unwrap().unwrap());
+            assert_eq!(got, bytes[3..250]);
+            assert!(cursor.next_part().unwrap().is_empty());
+        }
+    }
+}

@@ -1,0 +1,462 @@
+//! The full check of a mapped file: every invariant of SPEC 6, in one small fixed amount of memory.
+//!
+//! Boxes of one depth stand in Morton order, so a depth-first walk meets the nodes of every depth in
+//! the order in which they are stored: one sequential cursor per depth and channel is all that is
+//! needed, and no rank is ever used.
+
+use crate::format::{Encoding, FormatError, SectionEntry, SectionKind, SelectionKind, normal, rank};
+
+use super::frame::Frame;
+use super::stream::{Cursor, Fault, ReadAt};
+
+/// Bytes of one cursor's buffer; a walk holds at most 3 per depth and 2 for the voxels.
+const CURSOR_BYTES: usize = 16 << 10;
+
+/// Checks every invariant of a mapped file (SPEC I1 to I17).
+///
+/// Memory: under 2 MiB whatever the file. Cost: three passes over the nodes, two over the rest.
+///
+/// # Errors
+/// The first rule that is broken, or a failure to read; [`FormatError::Packed`] for a packed file.
+pub fn verify<R: ReadAt + ?Sized>(source: &R) -> Result<Frame, Fault> {
+    let frame = Frame::read(source)?;
+    if frame.header.encoding == Encoding::Packed {
+        return Err(FormatError::Packed.into());
+    }
+    check_storage(source, &frame)?;
+    check_metadata(&frame)?;
+    check_rank(source, &frame)?;
+    walk(source, &frame)?;
+    Ok(frame)
+}
+
+fn invalid<T>(what: impl Into<String>) -> Result<T, Fault> {
+    Err(FormatError::invalid(what).into())
+}
+
+/// SPEC I8 and I9: checksums of the stored bytes, and zeros between the sections.
+///
+/// # Errors
+/// The first that is wrong, or a failure to read.
+pub(crate) fn check_storage<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
+    let table = crate::format::HEADER_BYTES + frame.sections.len() * crate::format::ENTRY_BYTES;
+    let mut end = table as u64;
+    for entry in &frame.sections {
+        let mut padding = Cursor::new(source, end, entry.offset, CURSOR_BYTES);
+        if padding.next_part()?.iter().any(|b| *b != 0) {
+            return invalid("bytes between sections are not zero (SPEC I9)");
+        }
+        let mut cursor = Cursor::new(source, entry.offset, entry.end(), 64 << 10);
+        let mut crc = 0;
+        while cursor.left() > 0 {
+            crc = crc32c::crc32c_append(crc, cursor.next_part()?);
+        }
+        if crc != entry.stored_crc {
+            let what = entry.kind.map_or("a section of unknown kind", SectionKind::name);
+            return Err(FormatError::Checksum { what }.into());
+        }
+        end = entry.end();
+    }
+    Ok(())
+}
+
+/// SPEC I17: metadata that agrees with the sections and with itself.
+fn check_metadata(frame: &Frame) -> Result<(), Fault> {
+    let m = &frame.metadata;
+    if m.gradient.is_empty() == frame.section(SectionKind::Normal).is_some() {
+        return invalid("metadata and sections disagree about normals (SPEC I17)");
+    }
+    if (m.value_scale == [0.0, 0.0]) == frame.section(SectionKind::Value).is_some() {
+        return invalid("metadata and sections disagree about values (SPEC I17)");
+    }
+    let s = &m.selection;
+    let open = s.kind != SelectionKind::Range;
+    if s.lo.is_nan() || s.hi.is_nan() || s.lo > s.hi || (open && s.hi != f64::INFINITY) {
+        return invalid("metadata has an impossible range of values (SPEC I17)");
+    }
+    Ok(())
+}
+
+/// SPEC I13: the directory is the one that the infobytes give.
+fn check_rank<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
+    let (Some(nodes), Some(directory)) =
+        (frame.section(SectionKind::Nodes), frame.section(SectionKind::Rank))
+    else {
+        return Ok(());
+    };
+    let supers_end = directory.offset.saturating_add(rank::directory_bytes(frame.header.nodes).0);
+    let mut supers = Cursor::new(source, directory.offset, supers_end, CURSOR_BYTES);
+    let mut blocks = Cursor::new(source, supers_end, directory.end(), CURSOR_BYTES);
+    let mut infobytes = Cursor::new(source, nodes.offset, nodes.end(), CURSOR_BYTES);
+    let mut builder = rank::RankBuilder::default();
+    let (mut due_supers, mut due_blocks) = (Vec::new(), Vec::new());
+    while infobytes.left() > 0 {
+        builder.feed(infobytes.next_part()?, |s| due_supers.push(s), |b| due_blocks.push(b));
+        for due in due_supers.drain(..) {
+            if supers.take::<8>()? != Some(due.to_le_bytes()) {
+                return invalid("the rank directory does not belong to the nodes (SPEC I13)");
+            }
+        }
+        for due in due_blocks.drain(..) {
+            if blocks.take::<2>()? != Some(due.to_le_bytes()) {
+                return invalid("the rank directory does not belong to the nodes (SPEC I13)");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What a node gathers from the voxels below it.
+#[derive(Clone, Copy, Default)]
+struct Gather {
+    normal_sum: [i64; 3],
+    first_normal: Option<u16>,
+    value_sum: u64,
+    voxels: u64,
+}
+
+impl Gather {
+    fn add(&mut self, other: &Self) {
+        for (sum, more) in self.normal_sum.iter_mut().zip(other.normal_sum) {
+            *sum += more;
+        }
+        self.first_normal = self.first_normal.or(other.first_normal);
+        self.value_sum += other.value_sum;
+        self.voxels += other.voxels;
+    }
+
+    /// SPEC 4.6: mean normal code.
+    fn normal(&self) -> u16 {
+        mean_normal(self.normal_sum, self.first_normal.unwrap_or(0))
+    }
+
+    /// SPEC 4.7: mean value, rounded half up.
+    fn value(&self) -> u128 {
+        let voxels = u128::from(self.voxels.max(1));
+        (2 * u128::from(self.value_sum) + voxels) / (2 * voxels)
+    }
+}
+
+/// Code of a node's mean normal: the sum of its voxels' L1-127 vectors, or the first voxel's code
+/// when that is zero (SPEC 4.6).
+#[expect(clippy::cast_precision_loss, reason = "the specification rounds the sums to single precision")]
+pub fn mean_normal(sum: [i64; 3], first: u16) -> u16 {
+    if sum == [0; 3] { first } else { normal::encode(sum.map(|c| c as f32)) }
+}
+
+/// A node on the path from the root to the present box.
+#[derive(Clone, Copy, Default)]
+struct Open {
+    /// Octants still to visit.
+    rest: u8,
+    corner: [u32; 3],
+    gather: Gather,
+}
+
+/// Per-voxel and per-node readers of a walk.
+struct Readers<'a, R: ReadAt + ?Sized> {
+    nodes: Vec<Cursor<'a, R>>,
+    normal_lod: Vec<Cursor<'a, R>>,
+    value_lod: Vec<Cursor<'a, R>>,
+    normals: Option<Cursor<'a, R>>,
+    values: Option<(Cursor<'a, R>, u8)>,
+}
+
+fn per_depth<'a, R: ReadAt + ?Sized>(
+    source: &'a R,
+    frame: &Frame,
+    entry: Option<&SectionEntry>,
+    depths: u32,
+) -> Vec<Cursor<'a, R>> {
+    let Some(entry) = entry else { return Vec::new() };
+    let item = u64::from(entry.item_bytes);
+    (0..depths)
+        .map(|d| {
+            let level = frame.level(d);
+            let at = |node: u64| entry.offset.saturating_add(node.saturating_mul(item));
+            Cursor::new(source, at(level.start), at(level.end), CURSOR_BYTES)
+        })
+        .collect()
+}
+
+impl<'a, R: ReadAt + ?Sized> Readers<'a, R> {
+    fn new(source: &'a R, frame: &Frame) -> Self {
+        let depth = frame.dims().depth();
+        let coarse = depth.saturating_sub(1);
+        let whole = |e: &SectionEntry| Cursor::new(source, e.offset, e.end(), CURSOR_BYTES);
+        Self {
+            nodes: per_depth(source, frame, frame.section(SectionKind::Nodes), depth),
+            normal_lod: per_depth(source, frame, frame.section(SectionKind::NormalLod), coarse),
+            value_lod: per_depth(source, frame, frame.section(SectionKind::ValueLod), coarse),
+            normals: frame.section(SectionKind::Normal).map(whole),
+            values: frame.section(SectionKind::Value).map(|e| (whole(e), e.item_bytes)),
+        }
+    }
+
+    fn voxel(&mut self) -> Result<Gather, Fault> {
+        let mut g = Gather { voxels: 1, ..Gather::default() };
+        if let Some(cursor) = &mut self.normals {
+            let Some(bytes) = cursor.take::<2>()? else {
+                return invalid("there are more voxels than normals (SPEC I11)");
+            };
+            if bytes.contains(&0x80) {
+                return invalid("a normal has the illegal component -128 (SPEC I14)");
+            }
+            let code = u16::from_le_bytes(bytes);
+            g.first_normal = Some(code);
+            g.normal_sum = normal::decode_l1(code).map(i64::from);
+        }
+        if let Some((cursor, item)) = &mut self.values {
+            g.value_sum = take_value(cursor, *item)?;
+        }
+        Ok(g)
+    }
+
+    /// SPEC I14 to I16: the coarse means of a finished node.
+    fn check_means(&mut self, depth: usize, g: &Gather) -> Result<(), Fault> {
+        if let Some(cursor) = self.normal_lod.get_mut(depth)
+            && cursor.take::<2>()?.map(u16::from_le_bytes) != Some(g.normal())
+        {
+            return invalid(format!("a mean normal at depth {depth} is not that of its voxels (SPEC I15)"));
+        }
+        if let Some(cursor) = self.value_lod.get_mut(depth) {
+            let item = self.values.as_ref().map_or(1, |v| v.1);
+            if u128::from(take_value(cursor, item)?) != g.value() {
+                return invalid(format!(
+                    "a mean value at depth {depth} is not that of its voxels (SPEC I16)"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn take_value<R: ReadAt + ?Sized>(cursor: &mut Cursor<'_, R>, item: u8) -> Result<u64, Fault> {
+    let value = match item {
+        1 => cursor.take::<1>()?.map(|b| u64::from(b[0])),
+        _ => cursor.take::<2>()?.map(|b| u64::from(u16::from_le_bytes(b))),
+    };
+    match value {
+        Some(value) => Ok(value),
+        None => invalid("there are more voxels than values (SPEC I11)"),
+    }
+}
+
+/// SPEC I10 to I12 and I14 to I16: one depth-first walk over everything.
+fn walk<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
+    let depth = frame.dims().depth() as usize;
+    let dims = frame.dims().to_array();
+    let mut readers = Readers::new(source, frame);
+    let mut path = [Open::default(); 17];
+    let mut at = 0;
+    let mut voxels = 0_u64;
+    // Enters the box at depth `d`; a voxel is gathered at once, a node is opened.
+    let mut enter = |readers: &mut Readers<'_, R>, d: usize, corner: [u32; 3], slot: &mut Open| {
+        if corner.iter().zip(dims).any(|(c, n)| *c >= n) {
+            return invalid(format!("a box at depth {d} lies outside the volume (SPEC I12)"));
+        }
+        if d == depth {
+            voxels += 1;
+            *slot = Open { rest: 0, corner, gather: readers.voxel()? };
+            return Ok(());
+        }
+        let Some([rest]) = readers.nodes.get_mut(d).map_or(Ok(None), Cursor::take::<1>)? else {
+            return invalid(format!("depth {d} has fewer nodes than their parents have children (SPEC I11)"));
+        };
+        if rest == 0 {
+            return invalid(format!("a node at depth {d} has no children (SPEC I10)"));
+        }
+        *slot = Open { rest, corner, gather: Gather::default() };
+        Ok(())
+    };
+    enter(&mut readers, 0, [0; 3], &mut path[0])?;
+    loop {
+        if path[at].rest == 0 {
+            if at < depth {
+                let gather = path[at].gather;
+                readers.check_means(at, &gather)?;
+            }
+            if at == 0 {
+                break;
+            }
+            let gather = path[at].gather;
+            at -= 1;
+            path[at].gather.add(&gather);
+            continue;
+        }
+        let octant = path[at].rest.trailing_zeros();
+        path[at].rest &= path[at].rest - 1;
+        let half = 1_u32 << (depth - at - 1);
+        let mut corner = path[at].corner;
+        for (axis, c) in corner.iter_mut().enumerate() {
+            *c += half * (octant >> axis & 1);
+        }
+        at += 1;
+        enter(&mut readers, at, corner, &mut path[at])?;
+    }
+    if voxels != frame.header.voxels || readers.nodes.iter().any(|c| c.left() > 0) {
+        return invalid("a depth has more boxes than their parents have children (SPEC I11)");
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::assemble::{AssembledVoxel, Channels, assemble};
+    use crate::format::{HEADER_BYTES, Metadata, Selection, SourceMeta, table_bytes};
+    use crate::load::{Model, NodeView};
+
+    fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
+        Metadata {
+            program: "test".into(),
+            source: SourceMeta::default(),
+            dims,
+            scalar: 2,
+            spacing_mm: [1.0; 3],
+            affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            rescale: [1.0, 0.0],
+            selection: Selection { kind: SelectionKind::Iso, lo: 1.0, hi: f64::INFINITY },
+            connectivity: 26,
+            gradient: if channels.normal { "test".into() } else { String::new() },
+            value_scale: if channels.value_bytes > 0 { [1.0, 0.0] } else { [0.0, 0.0] },
+        }
+    }
+
+    fn ball(side: u32, channels: Channels) -> Vec<u8> {
+        let (c, r) = (f64::from(side) / 2.0 - 0.5, f64::from(side) / 2.0 - 1.0);
+        let mut voxels = Vec::new();
+        for (z, y, x) in
+            (0..side).flat_map(|z| (0..side).flat_map(move |y| (0..side).map(move |x| (z, y, x))))
+        {
+            let d = [f64::from(x) - c, f64::from(y) - c, f64::from(z) - c];
+            let len = d.iter().map(|v| v * v).sum::<f64>().sqrt();
+            if (len - r).abs() < 0.7 {
+                #[expect(clippy::cast_possible_truncation, reason = "test directions")]
+                let normal = normal::encode(d.map(|v| v as f32));
+                voxels.push(AssembledVoxel { cell: [x, y, z], normal, value: u16::try_from(x + y).unwrap() });
+            }
+        }
+        assemble(&metadata([side; 3], channels), &voxels, channels).unwrap()
+    }
+
+    const FULL: Channels = Channels { normal: true, value_bytes: 1, lod: true };
+
+    /// Changes bytes of one section and makes every checksum right again.
+    fn forge(file: &[u8], kind: SectionKind, change: impl FnOnce(&mut [u8])) -> Vec<u8> {
+        let mut file = file.to_vec();
+        let frame = Frame::read(file.as_slice()).unwrap();
+        let mut sections = frame.sections.clone();
+        let entry = sections.iter_mut().find(|e| e.kind == Some(kind)).unwrap();
+        let range = usize::try_from(entry.offset).unwrap()..usize::try_from(entry.end()).unwrap();
+        change(&mut file[range.clone()]);
+        entry.stored_crc = crc32c::crc32c(&file[range]);
+        entry.content_crc = entry.stored_crc;
+        let table = table_bytes(&sections);
+        let mut header = frame.header;
+        header.table_crc = crc32c::crc32c(&table);
+        file[HEADER_BYTES..HEADER_BYTES + table.len()].copy_from_slice(&table);
+        file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
+        file
+    }
+
+    fn broken_rule(file: &[u8]) -> String {
+        match verify(file).unwrap_err() {
+            Fault::Format(e) => e.to_string(),
+            Fault::Io(e) => panic!("{e}"),
+        }
+    }
+
+    #[test]
+    fn sound_files_of_every_shape_pass_and_walk_back_to_their_voxels() {
+        for side in [1, 2, 3, 5, 16, 21, 40] {
+            for channels in [
+                FULL,
+                Channels { normal: false, value_bytes: 0, lod: true },
+                Channels { normal: true, value_bytes: 2, lod: false },
+            ] {
+                let voxels: Vec<AssembledVoxel> = (0..side)
+                    .map(|i| AssembledVoxel {
+                        cell: [i, side - 1 - i, i / 2],
+                        normal: normal::encode([1.0, 2.0, f32::from(u16::try_from(i).unwrap()) - 9.0]),
+                        value: u16::try_from(i).unwrap(),
+                    })
+                    .collect();
+                let file = assemble(&metadata([side; 3], channels), &voxels, channels).unwrap();
+                verify(file.as_slice()).unwrap();
+                let model = Model::from_bytes(file).unwrap();
+                let mut found = Vec::new();
+                walk_view(&model, 0, [0; 3], model.depth(), &mut found);
+                let mut due: Vec<_> =
+                    voxels.iter().map(|v| (v.cell, channels.normal.then_some(v.normal))).collect();
+                due.sort();
+                found.sort();
+                assert_eq!(found, due, "side {side}");
+                if channels.value_bytes > 0 {
+                    assert!((0..model.voxel_count()).all(|v| model.value(v).is_some()));
+                }
+                assert_eq!(model.value(model.voxel_count()), None);
+            }
+        }
+    }
+
+    fn walk_view(
+        m: &impl NodeView,
+        b: u64,
+        corner: [u32; 3],
+        left: u32,
+        out: &mut Vec<([u32; 3], Option<u16>)>,
+    ) {
+        if left == 0 {
+            out.push((corner, m.voxel_normal(b - m.node_count())));
+            return;
+        }
+        for octant in 0..8 {
+            if let Some(child) = m.child(b, octant) {
+                let half = 1 << (left - 1);
+                let at = std::array::from_fn(|a| corner[a] + half * (octant >> a & 1));
+                walk_view(m, child, at, left - 1, out);
+            }
+        }
+    }
+
+    #[test]
+    fn every_invariant_beyond_opening_has_a_file_that_breaks_it() {
+        let file = ball(20, FULL);
+        verify(file.as_slice()).unwrap();
+        let rule = |kind, change: fn(&mut [u8])| broken_rule(&forge(&file, kind, change));
+        assert!(rule(SectionKind::Nodes, |b| b[9] = 0).contains("I13"), "the directory notices first");
+        assert!(rule(SectionKind::Rank, |b| b[0] = 1).contains("I13"));
+        assert!(rule(SectionKind::Normal, |b| b[4] = 0x80).contains("I14"));
+        assert!(rule(SectionKind::Normal, |b| b[4] ^= 0x40).contains("I15"));
+        assert!(rule(SectionKind::NormalLod, |b| b[0] ^= 1).contains("I15"));
+        assert!(rule(SectionKind::Value, |b| b[0] = 255).contains("I16"));
+        assert!(rule(SectionKind::ValueLod, |b| b[0] ^= 1).contains("I16"));
+        // The same number of bits elsewhere leaves ranks right and moves a box out of the volume.
+        let moved = broken_rule(&forge(&file, SectionKind::Nodes, |b| {
+            let last = b.len() - 1;
+            b[last] = b[last].rotate_left(1);
+            let low = b.iter().position(|m| m.count_ones() == 4).unwrap();
+            b[low] = 0xf0;
+        }));
+        assert!(moved.contains("I12") || moved.contains("I15"), "{moved}");
+        let mut padded = file.clone();
+        let gap = Frame::read(file.as_slice()).unwrap().sections[0].end();
+        padded[usize::try_from(gap).unwrap()] = 1;
+        assert!(broken_rule(&padded).contains("I9"));
+    }
+
+    #[test]
+    fn zero_infobytes_wrong_counts_and_outside_boxes_are_told_apart() {
+        // One voxel in 3x1x1: two nodes, root 0b10 and its child; the directory cannot see the rest.
+        let plain = Channels { normal: false, value_bytes: 0, lod: false };
+        let voxel = AssembledVoxel { cell: [2, 0, 0], normal: 0, value: 0 };
+        let file = assemble(&metadata([3, 1, 1], plain), &[voxel], plain).unwrap();
+        let rule = |change: fn(&mut [u8])| broken_rule(&forge(&file, SectionKind::Nodes, change));
+        assert!(rule(|b| b[1] = 0).contains("I10"));
+        assert!(rule(|b| b[1] = 0b10).contains("I12"), "x = 3 is outside");
+        assert!(rule(|b| b[1] = 0b100).contains("I12"), "y = 1 is outside");
+        assert!(rule(|b| b[1] = 0b11).contains("I1"));
+        assert!(rule(|b| b[0] = 0b10_0000).contains("I12"));
+    }
+}
