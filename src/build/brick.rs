@@ -77,7 +77,8 @@ pub(super) struct BrickReader {
 
 impl BrickReader {
     /// All buffers at their fullest: fragments, scan and Morton order of two channels, bits and sums.
-    pub(super) const BYTES: u64 = 2 * (140 << 10) + 8 * VOXELS as u64 + 16 * WORDS as u64 + 4096 + 64 * WORDS as u64;
+    pub(super) const BYTES: u64 =
+        2 * (140 << 10) + 8 * VOXELS as u64 + 16 * WORDS as u64 + 4096 + 64 * WORDS as u64;
 
     pub(super) fn new() -> Self {
         Self {
@@ -259,9 +260,13 @@ pub(super) fn infobytes(words: &[u64; WORDS], out: &mut [Vec<u8>; BRICK_LEVELS a
     let mut below: &[u8] = finest;
     for level in coarser {
         level.clear();
-        level.extend(below.as_chunks::<8>().0.iter().map(|eight| {
-            eight.iter().enumerate().fold(0, |mask, (i, b)| mask | u8::from(*b != 0) << i)
-        }));
+        level.extend(
+            below
+                .as_chunks::<8>()
+                .0
+                .iter()
+                .map(|eight| eight.iter().enumerate().fold(0, |mask, (i, b)| mask | u8::from(*b != 0) << i)),
+        );
         below = level;
     }
 }

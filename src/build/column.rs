@@ -14,7 +14,8 @@ use std::ops::Range;
 use super::classify::classify;
 use super::error::BuildError;
 use super::gradient::{
-    Gradients, NormalRule, OVERREAD, REACH, RingSample, SLICE_VOXELS, SliceWindow, gradient_of_depths, gradients,
+    Gradients, NormalRule, OVERREAD, REACH, RingSample, SLICE_VOXELS, SliceWindow, gradient_of_depths,
+    gradients,
 };
 use super::plan::{BRICK, ColumnPlan};
 use super::pool::{Chain, ChunkPool};
@@ -356,9 +357,11 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
                     std::array::from_fn(|i| {
                         let (px, py) = (cx + i as i64 - 2, cy + j as i64 - 2);
                         let pz = i64::from(z) + k as i64 - 2;
-                        let (qx, qy) = (px.clamp(0, i64::from(dims[0]) - 1), py.clamp(0, i64::from(dims[1]) - 1));
+                        let (qx, qy) =
+                            (px.clamp(0, i64::from(dims[0]) - 1), py.clamp(0, i64::from(dims[1]) - 1));
                         let qz = pz.clamp(0, i64::from(dims[2]) - 1);
-                        let at = (qy as usize - f.rows.start as usize) * f.stride + (qx as usize - f.cols.start as usize);
+                        let at = (qy as usize - f.rows.start as usize) * f.stride
+                            + (qx as usize - f.cols.start as usize);
                         let depth = flavour.depth(window.planes[(qz - i64::from(z) + 2) as usize][at]);
                         // Beyond the border the volume is as far outside as it is inside before it.
                         if (px, py, pz) == (qx, qy, qz) { depth } else { -depth.abs() - unit }
@@ -590,7 +593,13 @@ mod tests {
             let mut state = seed.wrapping_mul(747_796_405) + 1;
             for (i, row) in rows.iter_mut().enumerate() {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                *row = if seed == 19 { u32::MAX } else if i as u32 % (seed + 1) == 0 { state & (state >> 7) } else { 0 };
+                *row = if seed == 19 {
+                    u32::MAX
+                } else if i as u32 % (seed + 1) == 0 {
+                    state & (state >> 7)
+                } else {
+                    0
+                };
             }
             let set = |x: usize, y: usize, z: usize| rows[32 * z + y] >> x & 1 == 1;
             let mut want = [0; 4];

@@ -138,8 +138,10 @@ fn lanes<R: RingSample, const N: usize>(w: &SliceWindow<'_, R>, at: usize) -> [[
     let mut out = [[0.0; N]; 3];
     for i in 0..N - 4 {
         out[0][i] = d1 * (along_x[i + 3] - along_x[i + 1]) + d2 * (along_x[i + 4] - along_x[i]);
-        out[1][i] = s0 * along_y[i + 2] + s1 * (along_y[i + 1] + along_y[i + 3]) + s2 * (along_y[i] + along_y[i + 4]);
-        out[2][i] = s0 * along_z[i + 2] + s1 * (along_z[i + 1] + along_z[i + 3]) + s2 * (along_z[i] + along_z[i + 4]);
+        out[1][i] =
+            s0 * along_y[i + 2] + s1 * (along_y[i + 1] + along_y[i + 3]) + s2 * (along_y[i] + along_y[i + 4]);
+        out[2][i] =
+            s0 * along_z[i + 2] + s1 * (along_z[i + 1] + along_z[i + 3]) + s2 * (along_z[i] + along_z[i + 4]);
     }
     out
 }
@@ -225,7 +227,8 @@ impl NormalRule {
                 bits &= bits - 1;
                 let open = |face: usize| (faces[face] >> x & 1) as i32;
                 let e = [open(1) - open(0), open(3) - open(2), open(5) - open(4)].map(|v| v as f32);
-                let outward = |g: [f32; 3]| -> [f32; 3] { std::array::from_fn(|a| -g[a] * self.per_spacing[a]) };
+                let outward =
+                    |g: [f32; 3]| -> [f32; 3] { std::array::from_fn(|a| -g[a] * self.per_spacing[a]) };
                 let dot = |n: [f32; 3]| n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
                 let raw = std::array::from_fn(|a| g.axes[a][at & (SLICE_VOXELS - 1)]);
                 let finite = |g: [f32; 3]| (g[0] + g[1] + g[2]).is_finite();

@@ -16,19 +16,28 @@ const READ_BYTES: usize = 256 << 10;
 pub(super) const WORKER_BYTES: u64 = (READ_BYTES + 4 * BINS) as u64;
 
 /// Smallest and largest sample that is a finite number, or `None` if there is none.
-pub(super) fn extremes<T: Ordered>(source: &dyn VolumeSource, threads: usize) -> Result<Option<(f64, f64)>, BuildError> {
+pub(super) fn extremes<T: Ordered>(
+    source: &dyn VolumeSource,
+    threads: usize,
+) -> Result<Option<(f64, f64)>, BuildError> {
     let total = Mutex::new((f64::INFINITY, f64::NEG_INFINITY));
-    for_each_part::<T, _>(source, threads, &|| (f64::INFINITY, f64::NEG_INFINITY), &|seen, samples| {
-        for sample in samples {
-            let v = sample.to_f64();
-            if v.is_finite() {
-                *seen = (seen.0.min(v), seen.1.max(v));
+    for_each_part::<T, _>(
+        source,
+        threads,
+        &|| (f64::INFINITY, f64::NEG_INFINITY),
+        &|seen, samples| {
+            for sample in samples {
+                let v = sample.to_f64();
+                if v.is_finite() {
+                    *seen = (seen.0.min(v), seen.1.max(v));
+                }
             }
-        }
-    }, &|seen| {
-        let mut t = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        *t = (t.0.min(seen.0), t.1.max(seen.1));
-    })?;
+        },
+        &|seen| {
+            let mut t = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            *t = (t.0.min(seen.0), t.1.max(seen.1));
+        },
+    )?;
     let (min, max) = total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     Ok((min <= max).then_some((min, max)))
 }
@@ -56,21 +65,31 @@ pub(super) fn otsu<T: Ordered>(source: &dyn VolumeSource, threads: usize) -> Res
             sum.fetch_add(u64::from(std::mem::take(n)), Ordering::Relaxed);
         }
     };
-    for_each_part::<T, _>(source, threads, &|| (vec![0_u32; BINS], 0_u64), &|(local, seen), samples| {
-        *seen += samples.len() as u64;
-        if *seen > u64::from(u32::MAX) {
-            spill(local);
-            *seen = samples.len() as u64;
-        }
-        for sample in samples {
-            let v = sample.to_f64();
-            if v.is_finite() {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped below")]
-                let bin = ((v - low) / width) as usize;
-                local[bin.min(BINS - 1)] += 1;
+    for_each_part::<T, _>(
+        source,
+        threads,
+        &|| (vec![0_u32; BINS], 0_u64),
+        &|(local, seen), samples| {
+            *seen += samples.len() as u64;
+            if *seen > u64::from(u32::MAX) {
+                spill(local);
+                *seen = samples.len() as u64;
             }
-        }
-    }, &|(mut local, _)| spill(&mut local))?;
+            for sample in samples {
+                let v = sample.to_f64();
+                if v.is_finite() {
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "clamped below"
+                    )]
+                    let bin = ((v - low) / width) as usize;
+                    local[bin.min(BINS - 1)] += 1;
+                }
+            }
+        },
+        &|(mut local, _)| spill(&mut local),
+    )?;
     let counts: Vec<u64> = counts.into_iter().map(AtomicU64::into_inner).collect();
     Ok(best_split(&counts).map(|bin| low + bin as f64 * width))
 }

@@ -24,7 +24,8 @@ const RUN_BYTES: usize = 32 << 10;
 /// Runs of one worker at most: five levels of infobytes, four of means twice, two channels.
 const RUNS: u64 = 15;
 /// Memory of one worker.
-pub(super) const WORKER_BYTES: u64 = BrickReader::BYTES + RUNS * (RUN_BYTES as u64 + (64 << 10)) / 4 + (64 << 10);
+pub(super) const WORKER_BYTES: u64 =
+    BrickReader::BYTES + RUNS * (RUN_BYTES as u64 + (64 << 10)) / 4 + (64 << 10);
 /// Bytes of a brick's summary in the scratch file.
 const SUMMARY_BYTES: usize = 56;
 
@@ -117,8 +118,9 @@ impl<'a> Merge<'a> {
         census: &'a Census,
         scale: Option<ValueScale>,
     ) -> Result<Self, BuildError> {
-        let summaries_len = usize::try_from(census.bricks * SUMMARY_BYTES as u64)
-            .map_err(|_| scratch.error(std::io::Error::other("the model has too many bricks for this machine")))?;
+        let summaries_len = usize::try_from(census.bricks * SUMMARY_BYTES as u64).map_err(|_| {
+            scratch.error(std::io::Error::other("the model has too many bricks for this machine"))
+        })?;
         let mut node = [0; BRICK_LEVELS as usize + 1];
         for e in 1..=census.depth.min(BRICK_LEVELS) {
             node[e as usize] = census.first_node(e);
@@ -221,7 +223,8 @@ impl MergeWorker {
             self.nodes[e - 1].restart(target.place(SectionKind::Nodes, node, 1));
             let coarse = e >= 2;
             self.normal_lod[e - 1].restart(target.place(SectionKind::NormalLod, node, 2).filter(|_| coarse));
-            self.value_lod[e - 1].restart(target.place(SectionKind::ValueLod, node, value_bytes).filter(|_| coarse));
+            self.value_lod[e - 1]
+                .restart(target.place(SectionKind::ValueLod, node, value_bytes).filter(|_| coarse));
         }
         self.normals.restart(target.place(SectionKind::Normal, group.voxel, 2));
         self.values.restart(target.place(SectionKind::Value, group.voxel, value_bytes));
@@ -328,7 +331,11 @@ impl<'a> MergeQueue<'a> {
                 sums: Sums::default(),
                 nodes: Run::new(target.place(SectionKind::Nodes, first, 1)),
                 normals: Run::new(target.place(SectionKind::NormalLod, first, 2)),
-                values: Run::new(target.place(SectionKind::ValueLod, first, u64::from(target.choice.value_bytes))),
+                values: Run::new(target.place(
+                    SectionKind::ValueLod,
+                    first,
+                    u64::from(target.choice.value_bytes),
+                )),
             }
         });
         Self { target, levels: levels.collect() }

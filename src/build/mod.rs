@@ -223,7 +223,12 @@ impl Job<'_> {
         }
     }
 
-    fn run<F: Flavour>(&self, flavour: F, selection: Selection, histogram_s: f64) -> Result<BuildReport, BuildError> {
+    fn run<F: Flavour>(
+        &self,
+        flavour: F,
+        selection: Selection,
+        histogram_s: f64,
+    ) -> Result<BuildReport, BuildError> {
         let info = self.source.info();
         let plan = self.plan::<F>()?;
         let mut seconds = StageSeconds { histogram: histogram_s, ..StageSeconds::default() };
@@ -295,7 +300,12 @@ impl Job<'_> {
         })
     }
 
-    fn scan<F: Flavour>(&self, flavour: F, plan: &ColumnPlan, scratch: &Scratch) -> Result<ScanTotals, BuildError> {
+    fn scan<F: Flavour>(
+        &self,
+        flavour: F,
+        plan: &ColumnPlan,
+        scratch: &Scratch,
+    ) -> Result<ScanTotals, BuildError> {
         let rule = NormalRule::new(self.source.info().spacing_mm);
         let connectivity = self.options.connectivity;
         let shared = ScanContext { source: self.source, flavour, connectivity, rule: &rule, plan, scratch };

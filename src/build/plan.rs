@@ -103,7 +103,9 @@ impl ColumnPlan {
             sample_bytes: (request.file_sample_bytes, request.ring_sample_bytes),
             total_bytes: 0,
         };
-        let worker = plan.worker_bytes(request.direct).max(super::merge::WORKER_BYTES) + WORKER_OVERHEAD + request.source_bytes;
+        let worker = plan.worker_bytes(request.direct).max(super::merge::WORKER_BYTES)
+            + WORKER_OVERHEAD
+            + request.source_bytes;
         plan.total_bytes = request.base_bytes + PROCESS_GROWTH + worker * threads as u64;
         plan
     }
@@ -222,7 +224,8 @@ mod tests {
         assert_eq!((wide.tile, wide.threads), (65_536, 4));
         let tight = ColumnPlan::new(&request(65_536, 8, 4)).unwrap();
         assert!(tight.tile < 65_536 && tight.total_bytes <= 8 << 20);
-        let Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) = ColumnPlan::new(&request(65_536, 2, 4)) else {
+        let Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) = ColumnPlan::new(&request(65_536, 2, 4))
+        else {
             panic!("2 MiB cannot be enough");
         };
         let mut again = request(65_536, 0, 4);

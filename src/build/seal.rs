@@ -14,7 +14,12 @@ const STEP: usize = 128 << 10;
 
 /// Writes the small sections, builds the rank directory, reads every section back for its CRC, and
 /// writes table and header last.
-pub(super) fn seal(target: &Target<'_>, dims: Dims, census: &Census, metadata: &[u8]) -> Result<u64, BuildError> {
+pub(super) fn seal(
+    target: &Target<'_>,
+    dims: Dims,
+    census: &Census,
+    metadata: &[u8],
+) -> Result<u64, BuildError> {
     let layout = target.layout;
     let file_bytes = layout.file_bytes();
     // The space between sections reads as zeros, which is what it must be.

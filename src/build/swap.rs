@@ -120,7 +120,12 @@ impl Scratch {
     }
 
     /// Writes the entries of neighbouring bricks along x.
-    pub(super) fn put_entries(&self, first: [u64; 3], entries: &[BrickEntry], bytes: &mut Vec<u8>) -> Result<(), BuildError> {
+    pub(super) fn put_entries(
+        &self,
+        first: [u64; 3],
+        entries: &[BrickEntry],
+        bytes: &mut Vec<u8>,
+    ) -> Result<(), BuildError> {
         if entries.iter().all(|e| e.skin == 0) {
             return Ok(());
         }

@@ -32,7 +32,11 @@ impl BrickWalk {
 
     /// Fills `found` with the bricks of the next group that have skin, in Morton order; `false` at the
     /// end. A group without any gives an empty list.
-    pub(super) fn next_group(&mut self, scratch: &Scratch, found: &mut Vec<Found>) -> Result<bool, BuildError> {
+    pub(super) fn next_group(
+        &mut self,
+        scratch: &Scratch,
+        found: &mut Vec<Found>,
+    ) -> Result<bool, BuildError> {
         found.clear();
         while self.next < self.end {
             let code = self.next;
@@ -48,7 +52,13 @@ impl BrickWalk {
         Ok(false)
     }
 
-    fn read_group(&self, scratch: &Scratch, code: u64, at: [u32; 3], found: &mut Vec<Found>) -> Result<(), BuildError> {
+    fn read_group(
+        &self,
+        scratch: &Scratch,
+        code: u64,
+        at: [u32; 3],
+        found: &mut Vec<Found>,
+    ) -> Result<(), BuildError> {
         let mut entries = [BrickEntry::default(); GROUP_BRICKS];
         let first = at.map(|g| u64::from(g * GROUP));
         for z in 0..GROUP {
