@@ -9,12 +9,14 @@ mod natural;
 mod open;
 mod raw;
 mod scalar;
+mod synthetic;
 
 pub use error::SourceError;
 pub use natural::natural_cmp;
 pub use open::open;
 pub use raw::{RawOptions, RawVolume};
 pub use scalar::{Endian, Scalar, ScalarType};
+pub use synthetic::SyntheticHead;
 
 use std::ops::Range;
 
