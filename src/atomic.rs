@@ -1,0 +1,195 @@
+//! Output files that appear whole or not at all.
+//!
+//! The bytes go to a file beside the target that has no name yet; it is synced, given the target's
+//! name in one step, and the folder is synced. A process that is killed leaves the old target, or
+//! none, and no rubbish.
+
+use std::fs::{self, File};
+use std::io;
+use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{AtFlags, CWD, Mode, OFlags};
+
+/// A file being written that will become `target` on [`AtomicFile::commit`]; dropped before that, it
+/// leaves nothing.
+#[derive(Debug)]
+pub struct AtomicFile {
+    target: PathBuf,
+    folder: PathBuf,
+    storage: Storage,
+}
+
+#[derive(Debug)]
+enum Storage {
+    /// `O_TMPFILE`: gone with its last descriptor, even when the process is killed.
+    Nameless(File),
+    /// Where the file system has no such files.
+    Named(tempfile::NamedTempFile),
+}
+
+impl AtomicFile {
+    /// Starts a file that will replace `target`. Its folder must exist and be writable; a target that
+    /// is a link is followed.
+    ///
+    /// # Errors
+    /// The folder is missing or read-only, or the target is a folder or a device.
+    pub fn create(target: &Path) -> io::Result<Self> {
+        let target = match fs::canonicalize(target) {
+            Ok(real) => real,
+            Err(_) => target.to_path_buf(),
+        };
+        if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
+            return Err(io::Error::other("it exists and is not a regular file"));
+        }
+        if target.file_name().is_none() {
+            return Err(io::Error::other("it is not a file name"));
+        }
+        let folder = match target.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        let mode = Mode::from_raw_mode(0o666);
+        let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+        let storage = match rustix::fs::openat(CWD, &folder, flags, mode) {
+            Ok(descriptor) => Storage::Nameless(File::from(descriptor)),
+            Err(e) => match e.into() {
+                // A clear refusal; anything else may be a file system without nameless files.
+                cause @ io::Error { .. } if is_final(&cause) => return Err(cause),
+                _ => Storage::Named(named(&folder)?),
+            },
+        };
+        Ok(Self { target, folder, storage })
+    }
+
+    /// The file, open for reading and writing.
+    pub fn file(&self) -> &File {
+        match &self.storage {
+            Storage::Nameless(file) => file,
+            Storage::Named(file) => file.as_file(),
+        }
+    }
+
+    /// Syncs the bytes and puts the file in the target's place.
+    ///
+    /// # Errors
+    /// The disk or the folder failed; the old target is untouched then.
+    pub fn commit(self) -> io::Result<()> {
+        self.file().sync_all()?;
+        match self.storage {
+            Storage::Named(file) => {
+                file.persist(&self.target).map_err(|e| e.error)?;
+            }
+            Storage::Nameless(file) => link(&file, &self.folder, &self.target)?,
+        }
+        // Some file systems cannot sync a folder; the file itself is safe by now.
+        if let Ok(folder) = File::open(&self.folder) {
+            let _ = folder.sync_all();
+        }
+        Ok(())
+    }
+}
+
+/// Errors that a named file would meet as well.
+fn is_final(cause: &io::Error) -> bool {
+    use io::ErrorKind as Kind;
+    matches!(
+        cause.kind(),
+        Kind::NotFound
+            | Kind::PermissionDenied
+            | Kind::ReadOnlyFilesystem
+            | Kind::NotADirectory
+            | Kind::StorageFull
+    )
+}
+
+fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    use std::os::unix::fs::PermissionsExt;
+    tempfile::Builder::new()
+        .prefix(".oct-")
+        .permissions(fs::Permissions::from_mode(0o666))
+        .tempfile_in(folder)
+}
+
+/// Gives a nameless file the target's name. A free name is taken directly; an existing target is
+/// replaced by way of a second name, because a link cannot replace.
+fn link(file: &File, folder: &Path, target: &Path) -> io::Result<()> {
+    let source = format!("/proc/self/fd/{}", file.as_raw_fd());
+    let link_to = |name: &Path| {
+        rustix::fs::linkat(CWD, source.as_str(), CWD, name, AtFlags::SYMLINK_FOLLOW).map_err(io::Error::from)
+    };
+    match link_to(target) {
+        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+        other => return other,
+    }
+    for attempt in 0..1000_u32 {
+        let name = folder.join(format!(".oct-{}-{attempt}", std::process::id()));
+        match link_to(&name) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(e),
+            Ok(()) => {
+                return fs::rename(&name, target).inspect_err(|_| {
+                    let _ = fs::remove_file(&name);
+                });
+            }
+        }
+    }
+    Err(io::Error::other("no free temporary name in the folder"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_committed_file_appears_and_replaces_and_a_dropped_one_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("a.oct");
+        for text in ["first", "second"] {
+            let file = AtomicFile::create(&target).unwrap();
+            file.file().write_all(text.as_bytes()).unwrap();
+            file.commit().unwrap();
+            assert_eq!(fs::read_to_string(&target).unwrap(), text);
+        }
+        let dropped = AtomicFile::create(&target).unwrap();
+        dropped.file().write_all(b"third").unwrap();
+        drop(dropped);
+        assert_eq!(fs::read_to_string(&target).unwrap(), "second");
+        assert_eq!(names(folder.path()), ["a.oct"]);
+    }
+
+    #[test]
+    fn the_named_way_behaves_alike() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("b.oct");
+        for text in ["first", "second"] {
+            let storage = Storage::Named(named(folder.path()).unwrap());
+            let file = AtomicFile { target: target.clone(), folder: folder.path().to_path_buf(), storage };
+            file.file().write_all(text.as_bytes()).unwrap();
+            file.commit().unwrap();
+            assert_eq!(fs::read_to_string(&target).unwrap(), text);
+        }
+        assert_eq!(names(folder.path()), ["b.oct"]);
+    }
+
+    #[test]
+    fn impossible_targets_are_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(
+            AtomicFile::create(&folder.path().join("none/a.oct")).unwrap_err().kind(),
+            io::ErrorKind::NotFound
+        );
+        assert!(AtomicFile::create(folder.path()).is_err());
+        assert!(AtomicFile::create(Path::new("/dev/null")).is_err());
+        assert!(AtomicFile::create(Path::new("")).is_err());
+    }
+}
