@@ -66,7 +66,9 @@ pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
 fn partial_block(infobytes: &[u8], at: usize) -> u64 {
     let start = at & !(BLOCK_NODES as usize - 1);
     let within = at - start;
-    if let Some(block) = infobytes.get(start..start + BLOCK_NODES as usize) {
+    if let Some(block) =
+        infobytes.get(start..).and_then(|rest| rest.first_chunk::<{ BLOCK_NODES as usize }>())
+    {
         let word = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| block[8 * i + k]));
         let mut ones = 0;
         for i in 0..4 {
@@ -103,6 +105,13 @@ mod tests {
                 ones += u64::from(b.count_ones());
             }
             assert_eq!(builder.ones(), ones);
+        }
+    }
+
+    #[test]
+    fn ranks_out_of_range_are_safe() {
+        for node in [3, 40, 1 << 40, u64::MAX - 31, u64::MAX] {
+            assert_eq!(rank(&[1, 2, 3], &[], node), if node == 3 { 4 } else { 0 });
         }
     }
 
