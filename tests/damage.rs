@@ -1,6 +1,8 @@
 //! Bytes from a file never cause a panic, a hang or a large allocation, and `verify` notices every
 //! damage. If this fails, a broken download can crash a file manager, or pass for a sound model.
 
+#![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
+
 mod support;
 
 use std::fs;

@@ -75,3 +75,24 @@ fn the_header_of_the_example_reads_as_the_table_says() {
     assert_eq!(u32_at(56), crc(&b[64..64 + 6 * 48]));
     assert_eq!(u32_at(60), crc(&b[..60]));
 }
+
+/// The independent reader in `scripts/` and the program say the same of a file.
+#[test]
+fn the_script_reads_what_the_program_reads() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let file = root.join("fixtures/v1.0-mapped.oct");
+    let output =
+        match std::process::Command::new("python3").arg(root.join("scripts/read_oct.py")).arg(&file).output()
+        {
+            Ok(output) => output,
+            Err(e) => return println!("skipped: python3 cannot be run ({e})"),
+        };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let script: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let program = infobyte::jobs::info::info(&file).unwrap().json();
+    let keys = script.as_object().unwrap();
+    assert!(keys.len() >= 20);
+    for (key, value) in keys {
+        assert_eq!(&program[key], value, "{key}");
+    }
+}

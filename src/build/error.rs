@@ -39,6 +39,12 @@ pub enum BuildError {
         /// Largest value.
         max: f64,
     },
+    /// Every sample is NaN or infinite.
+    #[error("{name}: holds no finite value; check --dtype")]
+    NoNumbers {
+        /// The input.
+        name: String,
+    },
     /// The options contradict each other.
     #[error("{0}")]
     Usage(String),
@@ -74,7 +80,7 @@ impl BuildError {
         match self {
             Self::Source(e) => e.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
-            Self::EmptyResult { .. } => ExitKind::Input,
+            Self::EmptyResult { .. } | Self::NoNumbers { .. } => ExitKind::Input,
             Self::Usage(_) => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads(_) => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,

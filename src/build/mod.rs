@@ -1,5 +1,403 @@
 //! The out-of-core builder: a volume in, an `.oct` out, in a fixed amount of memory.
+//!
+//! ```text
+//! source --rows--> column (classify, skin, gradient) --records--> swap (scratch file, lz4)
+//!                                                                    |
+//!        .oct <--seal (rank, CRC)-- merge (Morton order, levels) <---+-- census (sizes, places)
+//! ```
+//!
+//! | stage | passes over | memory | order |
+//! |---|---|---|---|
+//! | [`histogram`] (Otsu only) | the volume, once (wide types: twice) | 0.5 MiB + 0.5 MiB a worker | any |
+//! | [`column`] | the volume once, 12 % of rows twice | [`plan`] | any |
+//! | [`layout`] census | the index | 2 KiB | Morton |
+//! | [`merge`] | the scratch file | about 1 MiB a worker | groups in Morton order |
+//! | [`seal`] | the output | 128 KiB | sequential |
+//!
+//! The result does not depend on the budget, the number of threads or the shape of columns: records are
+//! functions of voxels alone, and their places follow from the census.
 
+mod brick;
+mod classify;
+mod column;
 mod error;
+mod gradient;
+mod histogram;
+mod layout;
+mod merge;
+mod parallel;
+mod plan;
+mod pool;
+mod range;
+mod seal;
+mod simd;
+mod skin;
+mod swap;
+mod value;
+mod walk;
 
 pub use error::BuildError;
+pub use gradient::ESTIMATOR;
+pub use skin::Connectivity;
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use crate::atomic::AtomicFile;
+use crate::budget::current_rss_bytes;
+use crate::format::{Metadata, Selection, SelectionKind, SourceMeta};
+use crate::source::{ScalarType, VolumeInfo, VolumeSource};
+use column::{ColumnWorker, Depths, Direct, Flavour, ScanContext, ScanTotals};
+use gradient::NormalRule;
+use layout::{Census, Layout, SectionChoice};
+use merge::{Merge, Target};
+use plan::{ColumnPlan, PlanRequest};
+use range::{Ordered, SampleRange};
+use swap::Scratch;
+use value::ValueScale;
+
+/// How to choose what is inside; values are physical (after rescale).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Threshold {
+    /// `value >= iso`.
+    Iso(f64),
+    /// `lo <= value <= hi`.
+    Range(f64, f64),
+    /// Otsu's threshold of the volume's histogram.
+    Otsu,
+}
+
+/// What to build, and within which means.
+#[derive(Clone, Debug)]
+pub struct BuildOptions {
+    /// What is inside.
+    pub threshold: Threshold,
+    /// Which neighbours make a voxel skin.
+    pub connectivity: Connectivity,
+    /// Store normals?
+    pub normals: bool,
+    /// Store values?
+    pub values: bool,
+    /// Store means of coarse nodes for level of detail?
+    pub lod: bool,
+    /// Cap on the resident memory of the whole process.
+    pub memory_bytes: u64,
+    /// Most worker threads; fewer are used when the cap is small.
+    pub threads: usize,
+    /// Folder of the scratch file; beside the output if not given.
+    pub scratch: Option<PathBuf>,
+}
+
+/// Told how far a build is; called from several threads.
+pub trait Progress: Sync {
+    /// A stage begins that has `total` steps.
+    fn stage(&self, name: &'static str, total: u64);
+    /// Some steps are done.
+    fn advance(&self, steps: u64);
+}
+
+/// Tells nobody.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn stage(&self, _: &'static str, _: u64) {}
+    fn advance(&self, _: u64) {}
+}
+
+/// What was built and what it took.
+#[derive(Clone, Debug)]
+pub struct BuildReport {
+    /// What is inside, with the threshold that was found.
+    pub selection: Selection,
+    /// Skin voxels.
+    pub skin_voxels: u64,
+    /// Infobytes.
+    pub nodes: u64,
+    /// Length of the file.
+    pub file_bytes: u64,
+    /// Bytes of every section, by name.
+    pub section_bytes: Vec<(&'static str, u64)>,
+    /// What the plan promised to stay within.
+    pub plan_bytes: u64,
+    /// Bytes written to the scratch file.
+    pub scratch_bytes: u64,
+    /// Workers used.
+    pub threads: usize,
+    /// Columns (x) of a tile.
+    pub tile: u32,
+    /// Seconds: choosing the threshold, scanning the volume, merging, sealing, syncing and renaming.
+    pub seconds: StageSeconds,
+}
+
+/// Wall time of the stages.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StageSeconds {
+    /// Histogram passes of Otsu's method.
+    pub histogram: f64,
+    /// Reading, range test, skin, gradients, swapping out.
+    pub scan: f64,
+    /// Census and merge.
+    pub merge: f64,
+    /// Rank directory and checksums.
+    pub seal: f64,
+    /// Sync and rename.
+    pub commit: f64,
+}
+
+/// Builds the skin octree of `source` into `output`.
+///
+/// Memory: [`BuildOptions::memory_bytes`] bounds the process as the operating system accounts it, on the
+/// premise that nothing else of weight runs in it. Temporary disk: about the size of the result, in one
+/// nameless file.
+///
+/// # Errors
+/// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
+pub fn build(
+    source: &dyn VolumeSource,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<BuildReport, BuildError> {
+    let job = Job { source, options, output, progress };
+    match source.info().scalar {
+        ScalarType::U8 => job.run_direct::<u8>(),
+        ScalarType::I8 => job.run_direct::<i8>(),
+        ScalarType::U16 => job.run_direct::<u16>(),
+        ScalarType::I16 => job.run_direct::<i16>(),
+        ScalarType::F32 => job.run_direct::<f32>(),
+        ScalarType::U32 => job.run_depths::<u32>(),
+        ScalarType::I32 => job.run_depths::<i32>(),
+        ScalarType::F64 => job.run_depths::<f64>(),
+    }
+}
+
+struct Job<'a> {
+    source: &'a dyn VolumeSource,
+    options: &'a BuildOptions,
+    output: &'a Path,
+    progress: &'a dyn Progress,
+}
+
+impl Job<'_> {
+    /// Types that can stand in the ring as they are, if the range has only a lower end.
+    fn run_direct<T: Ordered + gradient::RingSample>(&self) -> Result<BuildReport, BuildError> {
+        let (selection, range, histogram_s) = self.choose::<T>()?;
+        if range.is_open_above() {
+            self.run(Direct(range), selection, histogram_s)
+        } else {
+            self.run(Depths(range), selection, histogram_s)
+        }
+    }
+
+    fn run_depths<T: Ordered>(&self) -> Result<BuildReport, BuildError> {
+        let (selection, range, histogram_s) = self.choose::<T>()?;
+        self.run(Depths(range), selection, histogram_s)
+    }
+
+    /// The selection in physical units and in samples.
+    fn choose<T: Ordered>(&self) -> Result<(Selection, SampleRange<T>, f64), BuildError> {
+        let started = Instant::now();
+        let rescale = self.source.info().rescale;
+        let open = f64::INFINITY;
+        let selection = match self.options.threshold {
+            Threshold::Iso(lo) => Selection { kind: SelectionKind::Iso, lo, hi: open },
+            Threshold::Range(lo, hi) => Selection { kind: SelectionKind::Range, lo, hi },
+            Threshold::Otsu => {
+                self.progress.stage("histogram", 1);
+                let Some(split) = histogram::otsu::<T>(self.source, self.options.threads)? else {
+                    return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
+                };
+                // On a falling scale the samples below the split are the high values.
+                Selection { kind: SelectionKind::Otsu, lo: rescale.apply(split), hi: open }
+            }
+        };
+        if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
+            return Err(BuildError::Usage("the range is empty: write it as LO..HI with LO <= HI".into()));
+        }
+        match SampleRange::of_selection(&selection, rescale) {
+            Some(range) => Ok((selection, range, started.elapsed().as_secs_f64())),
+            None => Err(self.empty::<T>(&describe(&selection))),
+        }
+    }
+
+    fn run<F: Flavour>(
+        &self,
+        flavour: F,
+        selection: Selection,
+        histogram_s: f64,
+    ) -> Result<BuildReport, BuildError> {
+        let info = self.source.info();
+        let plan = self.plan::<F>()?;
+        let mut seconds = StageSeconds { histogram: histogram_s, ..StageSeconds::default() };
+        // Opened first, so that a folder that cannot be written is found before the work.
+        let atomic = AtomicFile::create(self.output).map_err(|e| self.output_error(e))?;
+        let folder = self.scratch_folder();
+        let bricks = info.dims.to_array().map(|n| u64::from(n.div_ceil(plan::BRICK)));
+        let scratch = Scratch::create(&folder, bricks)?;
+
+        let started = Instant::now();
+        let totals = self.scan(flavour, &plan, &scratch)?;
+        seconds.scan = started.elapsed().as_secs_f64();
+        if totals.skin == 0 {
+            return Err(self.empty::<F::File>(&describe(&selection)));
+        }
+
+        let started = Instant::now();
+        let census = Census::take(info.dims, &scratch)?;
+        let scale = self.options.values.then(|| ValueScale::new(info.scalar, totals.values));
+        let metadata = self.metadata(selection, scale).to_bytes()?;
+        let choice = SectionChoice {
+            normals: self.options.normals,
+            lod: self.options.lod,
+            #[expect(clippy::cast_possible_truncation, reason = "1 or 2")]
+            value_bytes: scale.map_or(0, |s| s.stored_bytes() as u8),
+        };
+        let layout = Layout::new(&census, metadata.len() as u64, choice);
+        let target = Target { file: atomic.file(), path: self.output, layout: &layout, choice };
+        self.merge(&target, &census, &scratch, scale, plan.threads)?;
+        seconds.merge = started.elapsed().as_secs_f64();
+
+        let started = Instant::now();
+        let file_bytes = seal::seal(&target, info.dims, &census, &metadata)?;
+        seconds.seal = started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        atomic.commit().map_err(|e| self.output_error(e))?;
+        seconds.commit = started.elapsed().as_secs_f64();
+        Ok(BuildReport {
+            selection,
+            skin_voxels: census.voxels,
+            nodes: census.nodes(),
+            file_bytes,
+            section_bytes: layout
+                .entries
+                .iter()
+                .filter_map(|e| e.kind.map(|k| (k.name(), e.stored_bytes)))
+                .collect(),
+            plan_bytes: plan.total_bytes,
+            scratch_bytes: scratch.written_bytes(),
+            threads: plan.threads,
+            tile: plan.tile,
+            seconds,
+        })
+    }
+
+    fn plan<F: Flavour>(&self) -> Result<ColumnPlan, BuildError> {
+        let info = self.source.info();
+        ColumnPlan::new(&PlanRequest {
+            dims: info.dims,
+            file_sample_bytes: size_of::<F::File>(),
+            ring_sample_bytes: size_of::<F::Ring>(),
+            direct: F::DIRECT,
+            normals: self.options.normals,
+            swapped_value_bytes: if self.options.values { value::swapped_bytes(info.scalar) } else { 0 },
+            threads: self.options.threads,
+            limit_bytes: self.options.memory_bytes,
+            base_bytes: current_rss_bytes(),
+            source_bytes: self.source.resident_bytes(),
+        })
+    }
+
+    fn scan<F: Flavour>(
+        &self,
+        flavour: F,
+        plan: &ColumnPlan,
+        scratch: &Scratch,
+    ) -> Result<ScanTotals, BuildError> {
+        let rule = NormalRule::new(self.source.info().spacing_mm);
+        let connectivity = self.options.connectivity;
+        let shared = ScanContext { source: self.source, flavour, connectivity, rule: &rule, plan, scratch };
+        let count = plan.column_count();
+        self.progress.stage("scan", count);
+        let next = AtomicU64::new(0);
+        let totals = Mutex::new(ScanTotals::NONE);
+        parallel::run_workers(plan.threads, &|stop| {
+            let mut worker = ColumnWorker::new(&shared);
+            while !stop() {
+                let at = next.fetch_add(1, Ordering::Relaxed);
+                if at >= count {
+                    break;
+                }
+                worker.scan(&plan.column(at))?;
+                self.progress.advance(1);
+            }
+            let own = worker.finish()?;
+            let mut all = totals.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            *all = all.join(own);
+            Ok(())
+        })?;
+        Ok(totals.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
+
+    fn merge(
+        &self,
+        target: &Target<'_>,
+        census: &Census,
+        scratch: &Scratch,
+        scale: Option<ValueScale>,
+        threads: usize,
+    ) -> Result<(), BuildError> {
+        self.progress.stage("merge", census.bricks);
+        let merge = Merge::new(self.source.info().dims, scratch, target, census, scale)?;
+        parallel::run_workers(threads, &|stop| merge.work(stop, &|bricks| self.progress.advance(bricks)))?;
+        merge.crown()
+    }
+
+    fn metadata(&self, selection: Selection, scale: Option<ValueScale>) -> Metadata {
+        let VolumeInfo { dims, scalar, rescale, spacing_mm, affine, description, .. } = self.source.info();
+        Metadata {
+            program: concat!("infobyte ", env!("CARGO_PKG_VERSION")).into(),
+            source: SourceMeta {
+                format: description.format.clone(),
+                name: description.name.clone(),
+                files: description.files,
+                bytes: description.bytes,
+            },
+            dims: dims.to_array(),
+            scalar: scalar.code(),
+            spacing_mm: *spacing_mm,
+            affine: affine.rows,
+            rescale: [rescale.slope, rescale.intercept],
+            selection,
+            connectivity: self.options.connectivity.code(),
+            gradient: if self.options.normals { ESTIMATOR.into() } else { String::new() },
+            value_scale: scale.map_or([0.0; 2], |s| s.to_physical(*rescale)),
+        }
+    }
+
+    fn scratch_folder(&self) -> PathBuf {
+        let beside = || match self.output.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        self.options.scratch.clone().unwrap_or_else(beside)
+    }
+
+    fn output_error(&self, cause: std::io::Error) -> BuildError {
+        BuildError::Output { path: self.output.to_path_buf(), cause }
+    }
+
+    /// The error for a range without voxels: says which values there are, at the price of one more pass.
+    fn empty<T: Ordered>(&self, range: &str) -> BuildError {
+        let info = self.source.info();
+        let name = info.description.name.clone();
+        match histogram::extremes::<T>(self.source, self.options.threads) {
+            Err(e) => e,
+            Ok(None) => BuildError::NoNumbers { name },
+            Ok(Some((a, b))) => {
+                let (a, b) = (info.rescale.apply(a), info.rescale.apply(b));
+                BuildError::EmptyResult { name, range: range.into(), min: a.min(b), max: a.max(b) }
+            }
+        }
+    }
+}
+
+fn describe(selection: &Selection) -> String {
+    if selection.hi.is_infinite() {
+        format!("the range from {} up", selection.lo)
+    } else {
+        format!("the range {}..{}", selection.lo, selection.hi)
+    }
+}

@@ -4,9 +4,16 @@
 //! its budget allows and never sees a path. Sources are shared by the builder's threads.
 
 mod error;
+mod files;
+mod natural;
+mod open;
+mod raw;
 mod scalar;
 
 pub use error::SourceError;
+pub use natural::natural_cmp;
+pub use open::open;
+pub use raw::{RawOptions, RawVolume};
 pub use scalar::{Endian, Scalar, ScalarType};
 
 use std::ops::Range;

@@ -1,17 +1,18 @@
 //! Small models in memory, shared by the tests of files.
+#![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use infobyte::format::assemble::{AssembledVoxel, Channels, assemble};
 use infobyte::format::{Metadata, Selection, SelectionKind, SourceMeta, normal};
 
 /// Normals and coarse means, no values.
-pub const NORMALS: Channels = Channels { normal: true, value_bytes: 0, lod: true };
+pub(crate) const NORMALS: Channels = Channels { normal: true, value_bytes: 0, lod: true };
 
 /// Everything that an assembled file can have.
-pub const FULL: Channels = Channels { normal: true, value_bytes: 2, lod: true };
+pub(crate) const FULL: Channels = Channels { normal: true, value_bytes: 2, lod: true };
 
 /// Metadata of a volume with unit spacing, inside from 1 on.
-pub fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
+pub(crate) fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
     Metadata {
         program: "example".into(),
         source: SourceMeta { format: "raw".into(), name: "e.raw".into(), files: 1, bytes: 6 },
@@ -28,11 +29,11 @@ pub fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
 }
 
 /// Numbers from a seed, the same on every machine (xorshift).
-pub struct Random(pub u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
     /// The next number below `n`.
-    pub fn below(&mut self, n: u64) -> u64 {
+    pub(crate) fn below(&mut self, n: u64) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
@@ -41,10 +42,10 @@ impl Random {
 }
 
 /// A shell of a ball with rough normals, in a box of `dims`.
-pub fn shell(dims: [u32; 3], channels: Channels, seed: u64) -> Vec<u8> {
+pub(crate) fn shell(dims: [u32; 3], channels: Channels, seed: u64) -> Vec<u8> {
     let mut random = Random(seed | 1);
     let center = dims.map(|n| f64::from(n) / 2.0 - 0.5);
-    let radius = dims.map(|n| f64::from(n)).into_iter().fold(f64::INFINITY, f64::min) / 2.0 - 1.0;
+    let radius = dims.map(f64::from).into_iter().fold(f64::INFINITY, f64::min) / 2.0 - 1.0;
     let mut voxels = Vec::new();
     for z in 0..dims[2] {
         for y in 0..dims[1] {
@@ -56,7 +57,7 @@ pub fn shell(dims: [u32; 3], channels: Channels, seed: u64) -> Vec<u8> {
                     voxels.push(AssembledVoxel {
                         cell: [x, y, z],
                         normal: normal::encode(rough),
-                        value: random.below(65536) as u16,
+                        value: random.below(1 << (8 * channels.value_bytes)) as u16,
                     });
                 }
             }
@@ -66,7 +67,7 @@ pub fn shell(dims: [u32; 3], channels: Channels, seed: u64) -> Vec<u8> {
 }
 
 /// The two opposite corners of a small box, or its only voxel.
-pub fn corner(dims: [u32; 3], channels: Channels) -> Vec<u8> {
+pub(crate) fn corner(dims: [u32; 3], channels: Channels) -> Vec<u8> {
     let voxel = |cell, direction, value| AssembledVoxel { cell, normal: normal::encode(direction), value };
     let mut voxels = vec![voxel([0; 3], [-1.0, 0.0, 0.0], 3)];
     if dims != [1, 1, 1] {

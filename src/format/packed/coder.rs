@@ -92,7 +92,6 @@ impl BitCoder for Encoder {
         }
         context.learn(bit);
         while (self.low ^ self.high) >> 24 == 0 {
-            #[expect(clippy::cast_possible_truncation, reason = "the top byte")]
             self.out.push((self.high >> 24) as u8);
             self.low <<= 8;
             self.high = self.high << 8 | 0xff;

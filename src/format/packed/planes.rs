@@ -4,6 +4,8 @@ use crate::format::FormatError;
 
 /// Content bytes of a block, rounded down to whole items.
 pub const BLOCK_BYTES: usize = 1 << 16;
+/// Longest stored block that is read: zstd adds a few bytes to what it cannot shrink.
+pub const STORED_LIMIT: u32 = 1 << 17;
 /// Compression level: the highest whose state stays near one MiB for such blocks.
 const LEVEL: i32 = 9;
 
@@ -58,7 +60,7 @@ mod tests {
     #[test]
     fn blocks_come_back_and_wrong_ones_are_errors() {
         for item in 1..=3_u8 {
-            let content: Vec<u8> = (0..3000_u32).map(|i| (i * i / 700) as u8).collect();
+            let content: Vec<u8> = (0..3000_u32).map(|i| (i * i / 700).to_le_bytes()[0]).collect();
             let stored = encode(&content, item).unwrap();
             assert_eq!(decode(&stored, item, content.len()).unwrap(), content);
             assert!(decode(&stored, item, content.len() - usize::from(item)).is_err());

@@ -157,7 +157,7 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
         while !writer.is_full() {
             let len = usize::try_from(writer.room()).unwrap_or(usize::MAX).min(planes::block_bytes(item));
             let stored_len = self.number()?;
-            let stored = self.bytes(stored_len, 2 * planes::BLOCK_BYTES as u32)?;
+            let stored = self.bytes(stored_len, planes::STORED_LIMIT)?;
             writer.write(&planes::decode(&stored, item, len)?).map_err(Stop::Output)?;
         }
         writer.flush().map_err(Stop::Output)

@@ -1,0 +1,621 @@
+//! One column of the volume: a tile of 32 rows walked along z, from samples to swapped skin records.
+//!
+//! ```text
+//!   slice z+2  --read-->  ring of 5 slices  --classify-->  ring of inside bits
+//!   slice z               skin = bit logic on z-1, z, z+1; gradient on z-2 ..= z+2 at skin voxels
+//!                         records of bricks of 32^3  --every 32 slices-->  scratch file
+//! ```
+//!
+//! A column reads 2 rows and 2 columns beyond its tile on every side. Memory is that of
+//! [`ColumnPlan::worker_bytes`], whatever the volume holds.
+
+use std::ops::Range;
+
+use super::classify::classify;
+use super::error::BuildError;
+use super::gradient::{
+    Gradients, NormalRule, OVERREAD, REACH, RingSample, SLICE_VOXELS, SliceWindow, gradient_of_depths,
+    gradients,
+};
+use super::plan::{BRICK, ColumnPlan};
+use super::pool::{Chain, ChunkPool};
+use super::range::{Ordered, SampleRange};
+use super::simd::{Kernel, dispatch};
+use super::skin::{Connectivity, Exposed, Rows, exposed, skin_row};
+use super::swap::{BrickEntry, FragmentWriter, Scratch};
+use crate::source::{SourceError, VolumeSource};
+
+const BRICK_ROWS: usize = BRICK as usize;
+const RING: usize = 2 * REACH as usize + 1;
+/// Slices of inside bits held: z-1 ..= z+2.
+const BIT_RING: usize = 4;
+/// Rows of inside bits: the tile's and one on either side.
+const BIT_ROWS: usize = BRICK_ROWS + 2;
+
+/// Part of the volume that one worker takes at a time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Column {
+    pub(super) x: Range<u32>,
+    pub(super) y: Range<u32>,
+    pub(super) z: Range<u32>,
+}
+
+/// How samples of the file's type stand in the ring.
+pub(super) trait Flavour: Sync + Copy {
+    /// Type in the file.
+    type File: Ordered;
+    /// Type in the ring.
+    type Ring: RingSample;
+    /// Are they the same, so that slices are read straight into the ring?
+    const DIRECT: bool;
+    /// The range test.
+    fn range(&self) -> SampleRange<Self::File>;
+    /// File sample to ring sample (unused when direct).
+    fn convert(&self, sample: Self::File) -> Self::Ring;
+    /// Depth inside the range of a ring sample.
+    fn depth(&self, sample: Self::Ring) -> f32;
+}
+
+/// Samples stay as they are: one lower bound, and a type whose values a single holds exactly.
+#[derive(Clone, Copy)]
+pub(super) struct Direct<T>(pub(super) SampleRange<T>);
+
+impl<T: Ordered + RingSample> Flavour for Direct<T> {
+    type File = T;
+    type Ring = T;
+    const DIRECT: bool = true;
+    fn range(&self) -> SampleRange<T> {
+        self.0
+    }
+    #[inline(always)]
+    fn convert(&self, sample: T) -> T {
+        sample
+    }
+    #[inline(always)]
+    fn depth(&self, sample: T) -> f32 {
+        self.0.depth(sample)
+    }
+}
+
+/// The ring holds depths inside the range: wide types, two-sided ranges, falling scales.
+#[derive(Clone, Copy)]
+pub(super) struct Depths<T>(pub(super) SampleRange<T>);
+
+impl<T: Ordered> Flavour for Depths<T> {
+    type File = T;
+    type Ring = f32;
+    const DIRECT: bool = false;
+    fn range(&self) -> SampleRange<T> {
+        self.0
+    }
+    #[inline(always)]
+    fn convert(&self, sample: T) -> f32 {
+        self.0.depth(sample)
+    }
+    #[inline(always)]
+    fn depth(&self, sample: f32) -> f32 {
+        sample
+    }
+}
+
+/// What all workers share.
+pub(super) struct ScanContext<'a, F> {
+    pub(super) source: &'a dyn VolumeSource,
+    pub(super) flavour: F,
+    pub(super) connectivity: Connectivity,
+    pub(super) rule: &'a NormalRule,
+    pub(super) plan: &'a ColumnPlan,
+    pub(super) scratch: &'a Scratch,
+}
+
+/// Figures that a worker brings home.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ScanTotals {
+    pub(super) skin: u64,
+    /// Smallest and largest value of a skin voxel, for the scale of wide values.
+    pub(super) values: (f32, f32),
+}
+
+impl ScanTotals {
+    pub(super) const NONE: Self = Self { skin: 0, values: (f32::INFINITY, f32::NEG_INFINITY) };
+
+    pub(super) fn join(self, other: Self) -> Self {
+        Self {
+            skin: self.skin + other.skin,
+            values: (self.values.0.min(other.values.0), self.values.1.max(other.values.1)),
+        }
+    }
+}
+
+/// Skin records of one brick that wait for the scratch file.
+#[derive(Clone, Debug)]
+struct Brick {
+    /// Skin bits, `rows[32 z + y]`.
+    rows: Box<[u32; BRICK_ROWS * BRICK_ROWS]>,
+    normals: Chain,
+    values: Chain,
+    /// Slices swapped out already, and slices done.
+    swapped: u8,
+    done: u8,
+    last_fragment: u64,
+}
+
+impl Brick {
+    fn new() -> Self {
+        Self {
+            rows: Box::new([0; BRICK_ROWS * BRICK_ROWS]),
+            normals: Chain::EMPTY,
+            values: Chain::EMPTY,
+            swapped: 0,
+            done: 0,
+            last_fragment: 0,
+        }
+    }
+}
+
+/// One worker: buffers for one column at a time, reused for the next.
+pub(super) struct ColumnWorker<'a, F: Flavour> {
+    shared: &'a ScanContext<'a, F>,
+    dims: [u32; 3],
+    ring: Vec<F::Ring>,
+    plane_len: usize,
+    staging: Vec<F::File>,
+    bits: Vec<u64>,
+    no_bits: Vec<u64>,
+    skin: Vec<u64>,
+    bricks: Vec<Brick>,
+    pool: ChunkPool,
+    gradients: Box<Gradients>,
+    codes: Box<[u16; SLICE_VOXELS]>,
+    values: Vec<u8>,
+    payload: Vec<u8>,
+    entries: Vec<BrickEntry>,
+    entry_bytes: Vec<u8>,
+    writer: FragmentWriter<'a>,
+    totals: ScanTotals,
+}
+
+/// The column at hand: its place and the layout of its buffers.
+#[derive(Clone, Debug)]
+struct Frame {
+    column: Column,
+    /// Rows and columns read: the tile and its halo, within the volume.
+    rows: Range<u32>,
+    cols: Range<u32>,
+    /// Samples per row and per slice in the ring.
+    stride: usize,
+    samples: usize,
+    /// Words per row of skin bits.
+    words: usize,
+}
+
+impl<'a, F: Flavour> ColumnWorker<'a, F> {
+    pub(super) fn new(shared: &'a ScanContext<'a, F>) -> Self {
+        let plan = shared.plan;
+        let plane_len = plan.plane_samples();
+        let words = plan.tile_words();
+        let staging = plan.staging_slices(F::DIRECT) * plane_len;
+        Self {
+            shared,
+            dims: shared.source.info().dims.to_array(),
+            ring: vec![bytemuck::Zeroable::zeroed(); RING * plane_len + OVERREAD],
+            plane_len,
+            staging: vec![bytemuck::Zeroable::zeroed(); staging],
+            bits: vec![0; BIT_RING * BIT_ROWS * (words + 2)],
+            no_bits: vec![0; words + 2],
+            skin: vec![0; BRICK_ROWS * words],
+            bricks: vec![Brick::new(); plan.tile_bricks()],
+            pool: ChunkPool::new(plan.pool_bytes),
+            gradients: Gradients::new(),
+            codes: Box::new([0; SLICE_VOXELS]),
+            values: Vec::with_capacity(SLICE_VOXELS * plan.swapped_value_bytes),
+            payload: Vec::with_capacity(plan.payload_bytes()),
+            entries: Vec::with_capacity(plan.tile_bricks()),
+            entry_bytes: Vec::with_capacity(plan.tile_bricks() * super::swap::ENTRY_BYTES),
+            writer: FragmentWriter::new(shared.scratch),
+            totals: ScanTotals::NONE,
+        }
+    }
+
+    /// Scans one column and swaps its skin records out.
+    pub(super) fn scan(&mut self, column: &Column) -> Result<(), BuildError> {
+        let frame = self.frame(column);
+        let reach = i64::from(REACH);
+        let (z0, z1) = (i64::from(column.z.start), i64::from(column.z.end));
+        for ahead in z0 - reach..z1 + reach {
+            if let Some(slice) = self.slice_in_volume(ahead) {
+                self.load(&frame, slice)?;
+            }
+            let z = ahead - reach;
+            if z >= z0 {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "z0 <= z < z1")]
+                self.scan_slice(&frame, z as u32)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes what is still gathered and returns the worker's figures.
+    pub(super) fn finish(mut self) -> Result<ScanTotals, BuildError> {
+        self.writer.flush()?;
+        Ok(self.totals)
+    }
+
+    fn slice_in_volume(&self, z: i64) -> Option<u32> {
+        u32::try_from(z).ok().filter(|z| *z < self.dims[2])
+    }
+
+    fn frame(&self, column: &Column) -> Frame {
+        let widen = |r: &Range<u32>, n: u32| r.start.saturating_sub(REACH)..(r.end + REACH).min(n);
+        let (rows, cols) = (widen(&column.y, self.dims[1]), widen(&column.x, self.dims[0]));
+        let stride = cols.len();
+        Frame {
+            column: column.clone(),
+            samples: stride * rows.len(),
+            stride,
+            words: column.x.len().div_ceil(64),
+            rows,
+            cols,
+        }
+    }
+
+    /// Reads a slice of the column into its place in the ring and classifies it.
+    fn load(&mut self, f: &Frame, z: u32) -> Result<(), SourceError> {
+        let at = z as usize % RING * self.plane_len;
+        let shared = self.shared;
+        let mut read = |out: &mut [u8]| shared.source.read_rows(z, f.rows.clone(), f.cols.clone(), out);
+        let words = self.no_bits.len();
+        let bits = &mut self.bits[z as usize % BIT_RING * BIT_ROWS * words..][..BIT_ROWS * words];
+        if F::DIRECT {
+            let plane = &mut self.ring[at..at + f.samples];
+            read(bytemuck::cast_slice_mut(plane))?;
+            classify_rows(f, self.dims, bytemuck::cast_slice(plane), shared.flavour.range(), bits, words);
+        } else {
+            let slots = self.staging.len() / self.plane_len;
+            let staged = &mut self.staging[z as usize % slots * self.plane_len..][..f.samples];
+            read(bytemuck::cast_slice_mut(staged))?;
+            classify_rows(f, self.dims, staged, shared.flavour.range(), bits, words);
+            let plane = &mut self.ring[at..at + f.samples];
+            dispatch(ConvertKernel { flavour: &shared.flavour, from: staged, to: plane });
+        }
+        Ok(())
+    }
+
+    /// Finds the skin of slice `z`, computes its records, and swaps a full slab out.
+    fn scan_slice(&mut self, f: &Frame, z: u32) -> Result<(), BuildError> {
+        self.find_skin(f, z);
+        for brick in 0..f.column.x.len().div_ceil(BRICK_ROWS) {
+            self.scan_brick_slice(f, z, brick)?;
+        }
+        if (z + 1).is_multiple_of(BRICK) || z + 1 == f.column.z.end {
+            self.end_slab(f, z / BRICK)?;
+        }
+        Ok(())
+    }
+
+    fn find_skin(&mut self, f: &Frame, z: u32) {
+        let bits = BitRows { bits: &self.bits, none: &self.no_bits, words: f.words, z, nz: self.dims[2] };
+        dispatch(SkinKernel {
+            bits: &bits,
+            rows: f.column.y.len(),
+            connectivity: self.shared.connectivity,
+            skin: &mut self.skin[..f.words * BRICK_ROWS],
+        });
+    }
+
+    fn scan_brick_slice(&mut self, f: &Frame, z: u32, brick: usize) -> Result<(), BuildError> {
+        let skin = brick_rows(&self.skin, f.words, brick);
+        let count: usize = skin.iter().map(|r| r.count_ones() as usize).sum();
+        let slice = (z % BRICK) as usize;
+        if count == 0 {
+            return Ok(());
+        }
+        let value_bytes = self.shared.plan.swapped_value_bytes;
+        let normal_bytes = if self.shared.plan.normals { 2 } else { 0 };
+        // One more chunk each: the last chunk of a chain may be full or shared with none.
+        if !self.pool.has_room(count * (value_bytes + normal_bytes) + 2 * super::pool::CHUNK_BYTES) {
+            self.swap_out()?;
+        }
+        if normal_bytes > 0 {
+            self.normals(f, z, brick, &skin);
+            let codes = bytemuck::cast_slice(&self.codes[..count]);
+            self.pool.append(&mut self.bricks[brick].normals, codes);
+        }
+        if value_bytes > 0 {
+            self.gather_values(f, z, brick, &skin);
+            self.pool.append(&mut self.bricks[brick].values, &self.values);
+        }
+        let b = &mut self.bricks[brick];
+        b.rows[slice * BRICK_ROWS..][..BRICK_ROWS].copy_from_slice(&skin);
+        b.done = slice as u8 + 1;
+        self.totals.skin += count as u64;
+        Ok(())
+    }
+
+    /// Fills `codes` with the normals of a brick's skin voxels in slice `z`.
+    fn normals(&mut self, f: &Frame, z: u32, brick: usize, skin: &[u32; BRICK_ROWS]) {
+        let x0 = f.column.x.start + brick as u32 * BRICK;
+        let interior = self.interior(f, z, x0, skin);
+        let row0 = (f.column.y.start - f.rows.start) as usize;
+        let planes: [&[F::Ring]; RING] = std::array::from_fn(|k| {
+            let slice = (z as usize + k + RING - REACH as usize) % RING;
+            &self.ring[slice * self.plane_len..][..self.plane_len + OVERREAD]
+        });
+        let origin = row0 * f.stride + (x0 - f.cols.start) as usize;
+        let window = SliceWindow { planes, stride: f.stride, origin, skin, interior: &interior };
+        gradients(&window, &mut self.gradients);
+        let bits = BitRows { bits: &self.bits, none: &self.no_bits, words: f.words, z, nz: self.dims[2] };
+        let faces: [Exposed; BRICK_ROWS] = std::array::from_fn(|y| {
+            if skin[y] == 0 { Exposed::default() } else { exposed(&bits.around(y), brick) }
+        });
+        let (dims, flavour) = (self.dims, self.shared.flavour);
+        let unit = border_unit::<F>();
+        self.shared.rule.codes(&window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
+            let (cx, cy) = (i64::from(x0 + x), i64::from(f.column.y.start) + y as i64);
+            let depths = std::array::from_fn(|k| {
+                std::array::from_fn(|j| {
+                    std::array::from_fn(|i| {
+                        let (px, py) = (cx + i as i64 - 2, cy + j as i64 - 2);
+                        let pz = i64::from(z) + k as i64 - 2;
+                        let (qx, qy) =
+                            (px.clamp(0, i64::from(dims[0]) - 1), py.clamp(0, i64::from(dims[1]) - 1));
+                        let qz = pz.clamp(0, i64::from(dims[2]) - 1);
+                        let at = (qy as usize - f.rows.start as usize) * f.stride
+                            + (qx as usize - f.cols.start as usize);
+                        let depth = flavour.depth(window.planes[(qz - i64::from(z) + 2) as usize][at]);
+                        // Beyond the border the volume is as far outside as it is inside before it.
+                        if (px, py, pz) == (qx, qy, qz) { depth } else { -depth.abs() - unit }
+                    })
+                })
+            });
+            gradient_of_depths(&depths)
+        });
+    }
+
+    /// Skin voxels whose 5x5x5 neighbourhood lies in the volume.
+    fn interior(&self, f: &Frame, z: u32, x0: u32, skin: &[u32; BRICK_ROWS]) -> [u32; BRICK_ROWS] {
+        let inside = |p: u32, n: u32| p >= REACH && p + REACH < n;
+        if !inside(z, self.dims[2]) {
+            return [0; BRICK_ROWS];
+        }
+        let mut columns = u32::MAX;
+        if x0 < REACH || x0 + BRICK + REACH > self.dims[0] {
+            columns = (0..BRICK).filter(|x| inside(x0 + x, self.dims[0])).fold(0, |m, x| m | 1 << x);
+        }
+        std::array::from_fn(|y| {
+            let here = f.column.y.start + y as u32;
+            if inside(here, self.dims[1]) { skin[y] & columns } else { 0 }
+        })
+    }
+
+    /// Fills `values` with the swapped values of a brick's skin voxels in slice `z`.
+    fn gather_values(&mut self, f: &Frame, z: u32, brick: usize, skin: &[u32; BRICK_ROWS]) {
+        let slots = (self.staging.len() / self.plane_len).max(1);
+        let plane: &[F::File] = if F::DIRECT {
+            bytemuck::cast_slice(&self.ring[z as usize % RING * self.plane_len..][..self.plane_len])
+        } else {
+            &self.staging[z as usize % slots * self.plane_len..][..self.plane_len]
+        };
+        let x0 = (f.column.x.start - f.cols.start) as usize + brick * BRICK_ROWS;
+        let y0 = (f.column.y.start - f.rows.start) as usize;
+        self.values.clear();
+        for (y, row) in skin.iter().enumerate() {
+            let mut bits = *row;
+            while bits != 0 {
+                let x = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                let value = plane[(y0 + y) * f.stride + x0 + x];
+                super::value::push_swapped(value, &mut self.values, &mut self.totals.values);
+            }
+        }
+    }
+
+    /// Swaps out what every brick of the tile has gathered.
+    fn swap_out(&mut self) -> Result<(), BuildError> {
+        for brick in &mut self.bricks {
+            if brick.swapped < brick.done {
+                self.payload.clear();
+                let slices = usize::from(brick.swapped)..usize::from(brick.done);
+                self.payload.extend([brick.swapped, brick.done]);
+                for rows in brick.rows.as_chunks::<BRICK_ROWS>().0[slices].iter() {
+                    let filled = rows.iter().enumerate().fold(0_u32, |m, (y, r)| m | u32::from(*r != 0) << y);
+                    self.payload.extend(filled.to_le_bytes());
+                    for row in rows.iter().filter(|r| **r != 0) {
+                        self.payload.extend(row.to_le_bytes());
+                    }
+                }
+                self.pool.copy_to(&brick.normals, &mut self.payload);
+                self.pool.copy_to(&brick.values, &mut self.payload);
+                brick.last_fragment = self.writer.append(brick.last_fragment, &self.payload)?;
+                brick.swapped = brick.done;
+            }
+            (brick.normals, brick.values) = (Chain::EMPTY, Chain::EMPTY);
+        }
+        self.pool.clear();
+        Ok(())
+    }
+
+    /// Swaps out a finished row of bricks and writes its index entries.
+    fn end_slab(&mut self, f: &Frame, slab: u32) -> Result<(), BuildError> {
+        self.swap_out()?;
+        self.entries.clear();
+        for brick in &mut self.bricks[..f.column.x.len().div_ceil(BRICK_ROWS)] {
+            let mut entry = BrickEntry::default();
+            if brick.last_fragment != 0 {
+                (entry.skin, entry.boxes) = count_boxes(&brick.rows);
+                entry.last_fragment = brick.last_fragment;
+                brick.rows.fill(0);
+                brick.last_fragment = 0;
+            }
+            (brick.swapped, brick.done) = (0, 0);
+            self.entries.push(entry);
+        }
+        let first = [f.column.x.start / BRICK, f.column.y.start / BRICK, slab].map(u64::from);
+        self.shared.scratch.put_entries(first, &self.entries, &mut self.entry_bytes)
+    }
+}
+
+/// Step beyond the border: one unit for integers, so that a sample just at the bound still falls.
+fn border_unit<F: Flavour>() -> f32 {
+    use crate::source::{Scalar, ScalarType};
+    if matches!(<F::File as Scalar>::TYPE, ScalarType::F32 | ScalarType::F64) { 0.0 } else { 1.0 }
+}
+
+/// Skin voxels of a brick, and its non-empty boxes with an edge of 2, 4, 8 and 16.
+fn count_boxes(rows: &[u32; BRICK_ROWS * BRICK_ROWS]) -> (u32, [u16; 4]) {
+    let skin = rows.iter().map(|r| r.count_ones()).sum();
+    let mut level = *rows;
+    let mut edge = BRICK_ROWS;
+    let mut boxes = [0; 4];
+    let keep = [0x5555_5555_u32, 0x1111_1111, 0x0101_0101, 0x0001_0001];
+    for (step, count) in boxes.iter_mut().enumerate() {
+        let half = edge / 2;
+        let mut sum = 0;
+        for z in 0..half {
+            for y in 0..half {
+                let at = |dz: usize, dy: usize| level[(2 * z + dz) * edge + 2 * y + dy];
+                let row = at(0, 0) | at(0, 1) | at(1, 0) | at(1, 1);
+                let folded = (row | row >> (1 << step)) & keep[step];
+                sum += folded.count_ones();
+                // Rows move to the front; the place written lies before every place still to be read.
+                level[z * half + y] = folded;
+            }
+        }
+        *count = sum as u16;
+        edge = half;
+    }
+    (skin, boxes)
+}
+
+/// The 32 rows of one brick out of the tile's skin words.
+#[inline]
+fn brick_rows(skin: &[u64], words: usize, brick: usize) -> [u32; BRICK_ROWS] {
+    let shift = brick % 2 * 32;
+    std::array::from_fn(|y| (skin[y * words + brick / 2] >> shift) as u32)
+}
+
+/// Rows of inside bits of the slices around z; rows and slices outside the volume are empty.
+struct BitRows<'a> {
+    bits: &'a [u64],
+    none: &'a [u64],
+    words: usize,
+    z: u32,
+    nz: u32,
+}
+
+impl BitRows<'_> {
+    /// The 3 x 3 rows around row `y` of the tile.
+    #[inline(always)]
+    fn around(&self, y: usize) -> Rows<'_> {
+        std::array::from_fn(|dz| {
+            let slice = self.z.wrapping_add(dz as u32).wrapping_sub(1);
+            std::array::from_fn(|dy| {
+                if slice >= self.nz {
+                    return &self.none[..self.words + 2];
+                }
+                let row = slice as usize % BIT_RING * BIT_ROWS + y + dy;
+                &self.bits[row * self.none.len()..][..self.words + 2]
+            })
+        })
+    }
+}
+
+struct SkinKernel<'a, 'b> {
+    bits: &'a BitRows<'b>,
+    rows: usize,
+    connectivity: Connectivity,
+    skin: &'a mut [u64],
+}
+
+impl Kernel for SkinKernel<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const AVX2: bool>(self) {
+        let (filled, rest) = self.skin.split_at_mut(self.rows * self.bits.words);
+        for (y, out) in filled.chunks_exact_mut(self.bits.words).enumerate() {
+            skin_row(&self.bits.around(y), self.connectivity, out);
+        }
+        rest.fill(0);
+    }
+}
+
+struct ConvertKernel<'a, F: Flavour> {
+    flavour: &'a F,
+    from: &'a [F::File],
+    to: &'a mut [F::Ring],
+}
+
+impl<F: Flavour> Kernel for ConvertKernel<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const AVX2: bool>(self) {
+        for (to, from) in self.to.iter_mut().zip(self.from) {
+            *to = self.flavour.convert(*from);
+        }
+    }
+}
+
+/// Inside bits of one slice of the column: the tile's rows and one more on either side, each with the
+/// neighbours at x0 - 1 and x1 in the words before and after. Rows outside the volume are cleared.
+fn classify_rows<T: Ordered>(
+    f: &Frame,
+    dims: [u32; 3],
+    plane: &[T],
+    range: SampleRange<T>,
+    bits: &mut [u64],
+    row_words: usize,
+) {
+    let x0 = (f.column.x.start - f.cols.start) as usize;
+    let width = f.column.x.len();
+    for (at, row) in bits.chunks_exact_mut(row_words).enumerate() {
+        let y = f.column.y.start.wrapping_add(at as u32).wrapping_sub(1);
+        if y >= dims[1] || !f.rows.contains(&y) {
+            row.fill(0);
+            continue;
+        }
+        let samples = &plane[(y - f.rows.start) as usize * f.stride..][..f.stride];
+        classify(&samples[x0..x0 + width], range, &mut row[1..=f.words]);
+        row[0] = if x0 > 0 { u64::from(range.contains(samples[x0 - 1])) << 63 } else { 0 };
+        row[f.words + 1] = samples.get(x0 + width).map_or(0, |v| u64::from(range.contains(*v)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_are_counted_as_by_brute_force() {
+        for seed in 0..20_u32 {
+            let mut rows = [0_u32; 1024];
+            let mut state = seed.wrapping_mul(747_796_405) + 1;
+            for (i, row) in rows.iter_mut().enumerate() {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                *row = if seed == 19 {
+                    u32::MAX
+                } else if i as u32 % (seed + 1) == 0 {
+                    state & (state >> 7)
+                } else {
+                    0
+                };
+            }
+            let set = |x: usize, y: usize, z: usize| rows[32 * z + y] >> x & 1 == 1;
+            let mut want = [0; 4];
+            for (k, count) in want.iter_mut().enumerate() {
+                let edge = 2 << k;
+                let mut seen = std::collections::HashSet::new();
+                for z in 0..32 {
+                    for y in 0..32 {
+                        for x in (0..32).filter(|x| set(*x, y, z)) {
+                            seen.insert((x / edge, y / edge, z / edge));
+                        }
+                    }
+                }
+                *count = u16::try_from(seen.len()).unwrap();
+            }
+            assert_eq!(count_boxes(&rows).1, want, "seed {seed}");
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Where everything stands in the output: counted from the index before a byte is written.
+
+use super::error::BuildError;
+use super::swap::{BrickEntry, Scratch};
+use super::walk::BrickWalk;
+use crate::format::{ENTRY_BYTES, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank};
+use crate::geom::Dims;
+
+/// Levels inside a brick: edges 2, 4, 8, 16, 32.
+pub(super) const BRICK_LEVELS: u32 = 5;
+
+/// Non-empty boxes with an edge of `2^e` voxels in one brick with skin, e in 1..=5.
+pub(super) fn boxes_in_brick(entry: &BrickEntry, e: u32) -> u64 {
+    entry.boxes.get(e as usize - 1).map_or(1, |n| u64::from(*n))
+}
+
+/// Numbers of boxes and voxels of the whole model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Census {
+    pub(super) depth: u32,
+    pub(super) voxels: u64,
+    /// Bricks with skin.
+    pub(super) bricks: u64,
+    /// Nodes with an edge of `2^e`, by e; index 0 is unused.
+    by_edge: [u64; 17],
+}
+
+impl Census {
+    /// One sequential pass over the index.
+    pub(super) fn take(dims: Dims, scratch: &Scratch) -> Result<Self, BuildError> {
+        let depth = dims.depth();
+        let mut census = Self { depth, voxels: 0, bricks: 0, by_edge: [0; 17] };
+        let (mut walk, mut found) = (BrickWalk::new(dims), Vec::new());
+        let mut previous = None;
+        while walk.next_group(scratch, &mut found)? {
+            for (code, entry) in &found {
+                census.voxels += u64::from(entry.skin);
+                census.bricks += 1;
+                for e in 1..=depth.min(BRICK_LEVELS) {
+                    census.by_edge[e as usize] += boxes_in_brick(entry, e);
+                }
+                // Codes rise, so a box above the bricks is new whenever its own code changes.
+                for e in BRICK_LEVELS + 1..=depth {
+                    let of = |c: u64| c >> (3 * (e - BRICK_LEVELS));
+                    census.by_edge[e as usize] += u64::from(previous.map(of) != Some(of(*code)));
+                }
+                previous = Some(*code);
+            }
+        }
+        Ok(census)
+    }
+
+    /// Number of the first node with an edge of `2^e` (nodes of longer edges come first).
+    pub(super) fn first_node(&self, e: u32) -> u64 {
+        (e + 1..=self.depth).map(|longer| self.by_edge[longer as usize]).sum()
+    }
+
+    /// All nodes.
+    pub(super) fn nodes(&self) -> u64 {
+        self.first_node(0)
+    }
+
+    /// Nodes that carry means: an edge of 4 or more.
+    pub(super) fn lod_nodes(&self) -> u64 {
+        self.first_node(1)
+    }
+
+    /// Content of the `LEVL` section.
+    pub(super) fn levels(&self) -> Vec<u8> {
+        let starts = (0..=self.depth).map(|d| self.first_node(self.depth - d));
+        starts.flat_map(u64::to_le_bytes).collect()
+    }
+}
+
+/// Which optional sections are written, and how wide a stored value is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SectionChoice {
+    pub(super) normals: bool,
+    pub(super) lod: bool,
+    /// 0 without the channel.
+    pub(super) value_bytes: u8,
+}
+
+/// The section table of the output, with offsets, before any CRC.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    pub(super) entries: Vec<SectionEntry>,
+}
+
+impl Layout {
+    pub(super) fn new(census: &Census, metadata_bytes: u64, choice: SectionChoice) -> Self {
+        let (nodes, voxels) = (census.nodes(), census.voxels);
+        let lod = if choice.lod { census.lod_nodes() } else { 0 };
+        let values = u64::from(choice.value_bytes.min(1));
+        let normals = u64::from(choice.normals);
+        // Kind, bytes per item, items, present.
+        let wanted = [
+            (SectionKind::Meta, 1, metadata_bytes, true),
+            (SectionKind::Levels, 8, u64::from(census.depth) + 1, true),
+            (SectionKind::Nodes, 1, nodes, true),
+            (SectionKind::Rank, 1, rank::directory_bytes(nodes).1, true),
+            (SectionKind::NormalLod, 2, lod * normals, lod * normals > 0),
+            (SectionKind::ValueLod, choice.value_bytes, lod * values, lod * values > 0),
+            (SectionKind::Normal, 2, voxels, choice.normals),
+            (SectionKind::Value, choice.value_bytes, voxels, values > 0),
+        ];
+        let count = wanted.iter().filter(|w| w.3).count();
+        let mut end = (HEADER_BYTES + count * ENTRY_BYTES) as u64;
+        let mut entries = Vec::with_capacity(count);
+        for (kind, item_bytes, items, _) in wanted.into_iter().filter(|w| w.3) {
+            let entry = SectionEntry::plain(kind, item_bytes, items, align_up(end));
+            end = entry.end();
+            entries.push(entry);
+        }
+        Self { entries }
+    }
+
+    /// Offset of a section, if it is written.
+    pub(super) fn offset(&self, kind: SectionKind) -> Option<u64> {
+        self.entries.iter().find(|e| e.kind == Some(kind)).map(|e| e.offset)
+    }
+
+    /// Length of the file.
+    pub(super) fn file_bytes(&self) -> u64 {
+        self.entries.last().map_or(0, SectionEntry::end)
+    }
+}

@@ -1,0 +1,36 @@
+//! Workers on a private pool: fixed stacks, first error wins, nobody goes on after it.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::error::BuildError;
+
+/// Stack of a worker; only what is touched becomes resident.
+const STACK_BYTES: usize = 512 << 10;
+
+/// Runs `work` once on each of `threads` workers and waits for all. `work` asks its argument between
+/// steps whether another worker has failed.
+pub(super) fn run_workers(
+    threads: usize,
+    work: &(dyn Fn(&dyn Fn() -> bool) -> Result<(), BuildError> + Sync),
+) -> Result<(), BuildError> {
+    let failed = AtomicBool::new(false);
+    let first = Mutex::new(None);
+    let guarded = || {
+        if let Err(e) = work(&|| failed.load(Ordering::Relaxed)) {
+            failed.store(true, Ordering::Relaxed);
+            first.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(e);
+        }
+    };
+    if threads <= 1 {
+        guarded();
+    } else {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .stack_size(STACK_BYTES)
+            .build()
+            .map_err(|e| BuildError::Threads(e.to_string()))?;
+        pool.broadcast(|_| guarded());
+    }
+    first.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).map_or(Ok(()), Err)
+}

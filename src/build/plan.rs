@@ -1,0 +1,237 @@
+//! The plan: how a volume is cut into columns so that a build fits its budget.
+//!
+//! The plan changes speed and memory only; the bytes of the result do not depend on it.
+
+use std::ops::Range;
+
+use super::column::Column;
+use super::error::BuildError;
+use super::gradient::{OVERREAD, REACH, SLICE_VOXELS};
+use super::swap::{ENTRY_BYTES, EXTENT_BYTES};
+use crate::geom::Dims;
+
+/// Edge of a brick, the unit of swapping: a column is one brick high.
+pub(super) const BRICK: u32 = 32;
+/// Slices of one column, so that a few columns of a flat volume still occupy every thread.
+const SEGMENT: u32 = 256;
+/// Tiles are narrowed down to this before threads are given up: narrower ones read short rows.
+const COMFORTABLE_TILE: u32 = 1024;
+/// Narrowest tile.
+const NARROWEST_TILE: u32 = 64;
+/// Chunks for the records of one row of bricks; at least what one brick slice can need.
+const POOL_BYTES: usize = 128 << 10;
+/// A worker's stack as far as it is touched, its allocator arena and small change.
+const WORKER_OVERHEAD: u64 = 192 << 10;
+/// Code and data of the process that are not resident yet when the plan is made.
+const PROCESS_GROWTH: u64 = 1 << 20;
+
+/// Sizes of one worker's buffers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct ColumnPlan {
+    dims: Dims,
+    /// Columns (x) of a tile: the whole width, or a multiple of 64.
+    pub(super) tile: u32,
+    /// Worker threads.
+    pub(super) threads: usize,
+    /// Are normals computed?
+    pub(super) normals: bool,
+    /// Bytes of a swapped value; 0 without the channel.
+    pub(super) swapped_value_bytes: usize,
+    /// Size of the chunk pool.
+    pub(super) pool_bytes: usize,
+    /// Bytes of a sample in the file, and in the ring.
+    sample_bytes: (usize, usize),
+    /// What the plan promises to stay within, everything included.
+    pub(super) total_bytes: u64,
+}
+
+/// What a plan is made for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlanRequest {
+    pub(super) dims: Dims,
+    /// Bytes of a sample in the file and in the ring; equal means that slices are read in place.
+    pub(super) file_sample_bytes: usize,
+    pub(super) ring_sample_bytes: usize,
+    pub(super) direct: bool,
+    pub(super) normals: bool,
+    pub(super) swapped_value_bytes: usize,
+    pub(super) threads: usize,
+    pub(super) limit_bytes: u64,
+    /// Resident already, before any buffer of the build.
+    pub(super) base_bytes: u64,
+    /// What the source may hold per reading thread.
+    pub(super) source_bytes: u64,
+}
+
+impl ColumnPlan {
+    /// The widest tiles and most threads that fit the limit.
+    ///
+    /// # Errors
+    /// [`BuildError::BudgetTooSmall`] with the smallest limit that would do.
+    pub(super) fn new(request: &PlanRequest) -> Result<Self, BuildError> {
+        let nx = request.dims.nx();
+        let narrower = |tile: u32| (tile / 2).next_multiple_of(64).max(NARROWEST_TILE);
+        let (mut tile, mut threads) = (nx, request.threads.max(1));
+        loop {
+            let plan = Self::sized(request, tile, threads);
+            if plan.total_bytes <= request.limit_bytes {
+                return Ok(plan);
+            }
+            if tile > COMFORTABLE_TILE {
+                tile = narrower(tile);
+            } else if threads > 1 {
+                threads -= 1;
+            } else if tile > NARROWEST_TILE {
+                tile = narrower(tile);
+            } else {
+                return Err(BuildError::BudgetTooSmall {
+                    limit_bytes: request.limit_bytes,
+                    minimum_bytes: plan.total_bytes.next_multiple_of(1 << 16),
+                });
+            }
+        }
+    }
+
+    fn sized(request: &PlanRequest, tile: u32, threads: usize) -> Self {
+        let mut plan = Self {
+            dims: request.dims,
+            tile,
+            threads,
+            normals: request.normals,
+            swapped_value_bytes: request.swapped_value_bytes,
+            pool_bytes: POOL_BYTES,
+            sample_bytes: (request.file_sample_bytes, request.ring_sample_bytes),
+            total_bytes: 0,
+        };
+        let worker = plan.worker_bytes(request.direct).max(super::merge::WORKER_BYTES)
+            + WORKER_OVERHEAD
+            + request.source_bytes;
+        plan.total_bytes = request.base_bytes + PROCESS_GROWTH + worker * threads as u64;
+        plan
+    }
+
+    /// Bytes of one [`super::column::ColumnWorker`].
+    pub(super) fn worker_bytes(&self, direct: bool) -> u64 {
+        let (file, ring) = self.sample_bytes;
+        let plane = self.plane_samples();
+        let words = self.tile_words();
+        let bytes = (5 * plane + OVERREAD) * ring
+            + self.staging_slices(direct) * plane * file
+            + (4 * 34 + 1) * (words + 2) * 8
+            + 32 * words * 8
+            + self.tile_bricks() * (4096 + 64 + ENTRY_BYTES * 2)
+            + self.pool_bytes
+            + self.payload_bytes()
+            + EXTENT_BYTES
+            + SLICE_VOXELS * (14 + self.swapped_value_bytes);
+        bytes as u64
+    }
+
+    /// Samples of one slice of a tile with its halo.
+    pub(super) fn plane_samples(&self) -> usize {
+        let cols = (self.tile + 2 * REACH).min(self.dims.nx());
+        let rows = (BRICK + 2 * REACH).min(self.dims.ny());
+        cols as usize * rows as usize
+    }
+
+    /// Slices of file samples held beside the ring: enough that slice z is still there when its values
+    /// are gathered.
+    pub(super) fn staging_slices(&self, direct: bool) -> usize {
+        match (direct, self.swapped_value_bytes) {
+            (true, _) => 0,
+            (false, 0) => 1,
+            (false, _) => REACH as usize + 1,
+        }
+    }
+
+    /// Words of bits across a tile.
+    pub(super) fn tile_words(&self) -> usize {
+        self.tile.div_ceil(64) as usize
+    }
+
+    /// Bricks across a tile.
+    pub(super) fn tile_bricks(&self) -> usize {
+        self.tile.div_ceil(BRICK) as usize
+    }
+
+    /// Largest payload of a fragment: bits of a brick, and all that the pool holds.
+    pub(super) fn payload_bytes(&self) -> usize {
+        2 + 32 * 4 + 4096 + self.pool_bytes
+    }
+
+    /// Number of columns.
+    pub(super) fn column_count(&self) -> u64 {
+        let [a, b, c] = self.column_grid();
+        a * b * c
+    }
+
+    fn column_grid(&self) -> [u64; 3] {
+        [self.dims.nx().div_ceil(self.tile), self.dims.ny().div_ceil(BRICK), self.dims.nz().div_ceil(SEGMENT)]
+            .map(u64::from)
+    }
+
+    /// Column number `at`: tiles along x first, then segments along z, then rows of bricks.
+    pub(super) fn column(&self, at: u64) -> Column {
+        let [tiles, _, segments] = self.column_grid();
+        let span = |index: u64, step: u32, n: u32| -> Range<u32> {
+            #[expect(clippy::cast_possible_truncation, reason = "below the side of the volume")]
+            let start = (index * u64::from(step)) as u32;
+            start..(start + step).min(n)
+        };
+        Column {
+            x: span(at % tiles, self.tile, self.dims.nx()),
+            z: span(at / tiles % segments, SEGMENT, self.dims.nz()),
+            y: span(at / tiles / segments, BRICK, self.dims.ny()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn request(nx: u32, limit_mib: u64, threads: usize) -> PlanRequest {
+        PlanRequest {
+            dims: Dims::new(nx, 100, 600).unwrap(),
+            file_sample_bytes: 4,
+            ring_sample_bytes: 4,
+            direct: true,
+            normals: true,
+            swapped_value_bytes: 0,
+            threads,
+            limit_bytes: limit_mib << 20,
+            base_bytes: 3 << 20,
+            source_bytes: 0,
+        }
+    }
+
+    #[test]
+    fn columns_tile_the_volume_once() {
+        for nx in [1, 64, 100, 5000] {
+            let plan = ColumnPlan::new(&request(nx, 8, 2)).unwrap();
+            let voxels: u64 = (0..plan.column_count())
+                .map(|i| plan.column(i))
+                .map(|c| (c.x.len() * c.y.len() * c.z.len()) as u64)
+                .sum();
+            assert_eq!(voxels, u64::from(nx) * 100 * 600, "{nx}");
+            assert!(plan.tile == nx || plan.tile.is_multiple_of(64));
+        }
+    }
+
+    #[test]
+    fn a_small_budget_narrows_tiles_and_drops_threads_and_the_smallest_is_stated() {
+        let wide = ColumnPlan::new(&request(65_536, 1024, 4)).unwrap();
+        assert_eq!((wide.tile, wide.threads), (65_536, 4));
+        let tight = ColumnPlan::new(&request(65_536, 8, 4)).unwrap();
+        assert!(tight.tile < 65_536 && tight.total_bytes <= 8 << 20);
+        let Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) = ColumnPlan::new(&request(65_536, 2, 4))
+        else {
+            panic!("2 MiB cannot be enough");
+        };
+        let mut again = request(65_536, 0, 4);
+        again.limit_bytes = minimum_bytes;
+        assert!(ColumnPlan::new(&again).is_ok());
+        again.limit_bytes = minimum_bytes - (1 << 17);
+        assert!(ColumnPlan::new(&again).is_err());
+    }
+}

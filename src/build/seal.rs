@@ -1,0 +1,105 @@
+//! The last pass over the output: rank directory, checksums, section table, header.
+
+use std::os::unix::fs::FileExt;
+
+use super::error::BuildError;
+use super::layout::Census;
+use super::merge::{Run, Target};
+use crate::format::rank::{RankBuilder, directory_bytes};
+use crate::format::{Encoding, HEADER_BYTES, Header, SectionKind, VERSION_MINOR, table_bytes};
+use crate::geom::Dims;
+
+/// Bytes read at a time.
+const STEP: usize = 128 << 10;
+
+/// Writes the small sections, builds the rank directory, reads every section back for its CRC, and
+/// writes table and header last.
+pub(super) fn seal(
+    target: &Target<'_>,
+    dims: Dims,
+    census: &Census,
+    metadata: &[u8],
+) -> Result<u64, BuildError> {
+    let layout = target.layout;
+    let file_bytes = layout.file_bytes();
+    // The space between sections reads as zeros, which is what it must be.
+    target.file.set_len(file_bytes).map_err(|e| target.error(e))?;
+    let put = |kind, bytes: &[u8]| match layout.offset(kind) {
+        Some(at) => target.file.write_all_at(bytes, at).map_err(|e| target.error(e)),
+        None => Ok(()),
+    };
+    put(SectionKind::Meta, metadata)?;
+    put(SectionKind::Levels, &census.levels())?;
+    let mut buffer = vec![0; STEP];
+    let mut entries = layout.entries.clone();
+    let nodes_crc = rank_directory(target, census.nodes(), &mut buffer)?;
+    for entry in &mut entries {
+        let crc = if entry.kind == Some(SectionKind::Nodes) {
+            nodes_crc
+        } else {
+            let mut crc = 0;
+            for_each_part(target, entry.offset, entry.stored_bytes, &mut buffer, |part| {
+                crc = crc32c::crc32c_append(crc, part);
+                Ok(())
+            })?;
+            crc
+        };
+        (entry.stored_crc, entry.content_crc) = (crc, crc);
+    }
+    let table = table_bytes(&entries);
+    let header = Header {
+        minor: VERSION_MINOR,
+        encoding: Encoding::Mapped,
+        #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each of eleven kinds")]
+        sections: entries.len() as u16,
+        file_bytes,
+        nodes: census.nodes(),
+        voxels: census.voxels,
+        dims,
+        table_crc: crc32c::crc32c(&table),
+    };
+    target.file.write_all_at(&table, HEADER_BYTES as u64).map_err(|e| target.error(e))?;
+    target.file.write_all_at(&header.to_bytes(), 0).map_err(|e| target.error(e))?;
+    Ok(file_bytes)
+}
+
+/// Builds the directory from the infobytes written before; returns their CRC.
+fn rank_directory(target: &Target<'_>, nodes: u64, buffer: &mut [u8]) -> Result<u32, BuildError> {
+    let at = |kind| target.layout.offset(kind);
+    let directory = at(SectionKind::Rank);
+    let mut supers = Run::new(directory);
+    let mut blocks = Run::new(directory.map(|offset| offset + directory_bytes(nodes).0));
+    let mut builder = RankBuilder::default();
+    let mut crc = 0;
+    let mut new_supers = Vec::new();
+    let mut new_blocks = Vec::new();
+    for_each_part(target, at(SectionKind::Nodes).unwrap_or(0), nodes, buffer, |part| {
+        crc = crc32c::crc32c_append(crc, part);
+        new_supers.clear();
+        new_blocks.clear();
+        builder.feed(part, |s| new_supers.extend(s.to_le_bytes()), |b| new_blocks.extend(b.to_le_bytes()));
+        supers.put(target, &new_supers)?;
+        blocks.put(target, &new_blocks)
+    })?;
+    supers.flush(target)?;
+    blocks.flush(target)?;
+    Ok(crc)
+}
+
+fn for_each_part(
+    target: &Target<'_>,
+    offset: u64,
+    len: u64,
+    buffer: &mut [u8],
+    mut work: impl FnMut(&[u8]) -> Result<(), BuildError>,
+) -> Result<(), BuildError> {
+    let mut done = 0;
+    while done < len {
+        let now = usize::try_from(len - done).unwrap_or(usize::MAX).min(buffer.len());
+        let part = &mut buffer[..now];
+        target.file.read_exact_at(part, offset + done).map_err(|e| target.error(e))?;
+        work(part)?;
+        done += now as u64;
+    }
+    Ok(())
+}

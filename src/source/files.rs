@@ -1,0 +1,148 @@
+//! The files of one volume, named compactly and opened without running out of descriptors.
+
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use rustix::process::{Resource, getrlimit};
+
+use super::natural::natural_cmp;
+
+/// Most files that one volume keeps open; the rest is opened for each read.
+const MAX_OPEN: u64 = 1024;
+
+/// Paths under one base folder: all names in one byte string and one end offset per file.
+///
+/// A thousand slices take some 30 KiB, where a thousand `PathBuf`s would take several times that.
+#[derive(Debug, Default)]
+pub(crate) struct FileList {
+    base: PathBuf,
+    names: Vec<u8>,
+    ends: Vec<usize>,
+}
+
+impl FileList {
+    /// An empty list; names are relative to `base` (empty: relative to the working folder).
+    pub(crate) fn new(base: &Path) -> Self {
+        Self { base: base.to_path_buf(), names: Vec::new(), ends: Vec::new() }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    pub(crate) fn push(&mut self, name: &Path) {
+        self.names.extend_from_slice(name.as_os_str().as_bytes());
+        self.ends.push(self.names.len());
+    }
+
+    /// Name relative to the base; empty for an index out of range.
+    pub(crate) fn name(&self, index: usize) -> &Path {
+        let start = index.checked_sub(1).and_then(|i| self.ends.get(i)).copied().unwrap_or(0);
+        let bytes = self.ends.get(index).and_then(|end| self.names.get(start..*end)).unwrap_or(&[]);
+        Path::new(OsStr::from_bytes(bytes))
+    }
+
+    pub(crate) fn path(&self, index: usize) -> PathBuf {
+        self.base.join(self.name(index))
+    }
+
+    /// Indices in natural order of the names.
+    pub(crate) fn natural_order(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_by(|a, b| {
+            natural_cmp(self.name(*a).as_os_str().as_bytes(), self.name(*b).as_os_str().as_bytes())
+        });
+        order
+    }
+
+    /// The listed files only, in the listed order.
+    pub(crate) fn select(&self, order: impl Iterator<Item = usize>) -> Self {
+        let mut chosen = Self::new(&self.base);
+        order.for_each(|index| chosen.push(self.name(index)));
+        chosen.names.shrink_to_fit();
+        chosen.ends.shrink_to_fit();
+        chosen
+    }
+}
+
+/// A [`FileList`] whose first files stay open once read, as far as the descriptor limit allows.
+///
+/// Keeping the *first* ones open needs no lock and no eviction; every slice is read equally often, so
+/// any choice of the same size saves as much. A file past the limit costs one open and close per read.
+#[derive(Debug)]
+pub(crate) struct FileSet {
+    list: FileList,
+    open: Box<[OnceLock<File>]>,
+}
+
+impl FileSet {
+    pub(crate) fn new(list: FileList) -> Self {
+        // A quarter of the soft limit: scratch files, output and other jobs need descriptors too.
+        let allowed = getrlimit(Resource::Nofile).current.map_or(MAX_OPEN, |n| (n / 4).min(MAX_OPEN));
+        let keep = list.len().min(usize::try_from(allowed).unwrap_or(0));
+        Self { list, open: (0..keep).map(|_| OnceLock::new()).collect() }
+    }
+
+    pub(crate) fn list(&self) -> &FileList {
+        &self.list
+    }
+
+    /// Runs `read` on file `index`.
+    pub(crate) fn with<R>(&self, index: usize, read: impl FnOnce(&File) -> io::Result<R>) -> io::Result<R> {
+        let Some(cell) = self.open.get(index) else {
+            return read(&File::open(self.list.path(index))?);
+        };
+        if let Some(file) = cell.get() {
+            return read(file);
+        }
+        // Two threads may open the same file at once; the second descriptor is closed again.
+        let file = File::open(self.list.path(index))?;
+        read(cell.get_or_init(|| file))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_come_back_and_select_reorders_them() {
+        let mut list = FileList::new(Path::new("base"));
+        for name in ["s10", "s9", "sub/s1"] {
+            list.push(Path::new(name));
+        }
+        assert_eq!(list.len(), 3);
+        assert_eq!(list.path(2), Path::new("base/sub/s1"));
+        assert_eq!(list.name(3), Path::new(""));
+        assert_eq!(list.natural_order(), [1, 0, 2]);
+        let chosen = list.select([2, 0].into_iter());
+        assert_eq!(
+            (chosen.len(), chosen.name(0), chosen.name(1)),
+            (2, Path::new("sub/s1"), Path::new("s10"))
+        );
+    }
+
+    #[test]
+    fn files_past_the_kept_ones_are_opened_per_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut list = FileList::new(folder.path());
+        for n in 0..3_u8 {
+            std::fs::write(folder.path().join(format!("{n}")), [n]).unwrap();
+            list.push(Path::new(&format!("{n}")));
+        }
+        let set = FileSet { list, open: Box::new([OnceLock::new()]) };
+        for _ in 0..2 {
+            for n in 0..3_u8 {
+                let mut byte = [0];
+                set.with(n.into(), |f| std::os::unix::fs::FileExt::read_exact_at(f, &mut byte, 0)).unwrap();
+                assert_eq!(byte, [n]);
+            }
+        }
+        std::fs::remove_file(folder.path().join("2")).unwrap();
+        assert!(set.with(0, |_| Ok(())).is_ok() && set.with(2, |_| Ok(())).is_err());
+    }
+}

@@ -1,0 +1,247 @@
+//! Headerless volumes: one file with all slices, or one file per slice.
+
+use std::fs;
+use std::io;
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use super::files::{FileList, FileSet};
+use super::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::geom::{Dims, Orientation};
+
+/// What the caller must say of a headerless volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RawOptions {
+    /// Size in voxels; x runs fastest in the file, then y, then z.
+    pub dims: Dims,
+    /// Type of the samples.
+    pub scalar: ScalarType,
+    /// Byte order of the samples.
+    pub endian: Endian,
+    /// Distance in mm between neighbours along x, y, z; finite and positive.
+    pub spacing_mm: [f64; 3],
+    /// Bytes to skip at the head of every file.
+    pub skip: u64,
+    /// Directions of the index axes in the patient.
+    pub orientation: Orientation,
+}
+
+/// A headerless volume, read by position straight into the caller's buffer.
+///
+/// Holds the file names (some 30 bytes a slice) and open descriptors, no voxels.
+#[derive(Debug)]
+pub struct RawVolume {
+    info: VolumeInfo,
+    files: FileSet,
+    slices_per_file: u32,
+    skip: u64,
+    endian: Endian,
+}
+
+impl RawVolume {
+    /// Opens one file (all slices), several slice files in the order given, or a folder of slice
+    /// files in natural order of their names (hidden files and subfolders are left out).
+    ///
+    /// # Errors
+    /// [`SourceError::SizeMismatch`] when a file is not exactly `skip` plus its share of the dims;
+    /// [`SourceError::Unusable`] when the number of files is not the number of slices;
+    /// [`SourceError::NoVolume`] for an empty folder; [`SourceError::Usage`] for impossible options;
+    /// [`SourceError::Unreadable`] when the system refuses.
+    pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self, SourceError> {
+        let (list, name) = list_files(inputs)?;
+        let first = || inputs.first().cloned().unwrap_or_default();
+        if !options.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
+            let reason = "spacing must be three positive numbers of mm; check --spacing".into();
+            return Err(SourceError::Usage { path: first(), reason });
+        }
+        let dims = options.dims;
+        let is_folder = list.len() != 1 || inputs.first().is_some_and(|p| p.is_dir());
+        let slices_per_file = if is_folder { 1 } else { dims.nz() };
+        if u64::from(dims.nz()) != list.len() as u64 * u64::from(slices_per_file) {
+            let reason = format!(
+                "{} slice files are given, but {dims} needs {}; check --dims and which files are given",
+                list.len(),
+                dims.nz()
+            );
+            return Err(SourceError::Unusable { path: first(), reason });
+        }
+        let voxel_bytes = options.scalar.bytes() as u64;
+        let share = u64::from(dims.nx()) * u64::from(dims.ny()) * u64::from(slices_per_file) * voxel_bytes;
+        let Some(expected) = share.checked_add(options.skip) else {
+            let reason = "no file can be that long; check --skip".into();
+            return Err(SourceError::Usage { path: first(), reason });
+        };
+        for index in 0..list.len() {
+            let path = list.path(index);
+            let got = match fs::metadata(&path) {
+                Ok(meta) => meta.len(),
+                Err(cause) => return Err(SourceError::Unreadable { path, cause }),
+            };
+            if got != expected {
+                let what = what_for(options, index, list.len());
+                return Err(SourceError::SizeMismatch { path, expected, got, what });
+            }
+        }
+        // Opened now, so that a missing permission shows before a long build and not in it.
+        let files = FileSet::new(list);
+        files
+            .with(0, |_| Ok(()))
+            .map_err(|cause| SourceError::Unreadable { path: files.list().path(0), cause })?;
+        let info = VolumeInfo {
+            dims,
+            scalar: options.scalar,
+            rescale: Rescale::IDENTITY,
+            spacing_mm: options.spacing_mm,
+            affine: options.orientation.affine(options.spacing_mm),
+            description: SourceDescription {
+                format: "raw".into(),
+                name,
+                files: files.list().len() as u64,
+                bytes: dims.voxels() * voxel_bytes,
+            },
+            warnings: Vec::new(),
+        };
+        Ok(Self { info, files, slices_per_file, skip: options.skip, endian: options.endian })
+    }
+}
+
+impl VolumeSource for RawVolume {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        let file = usize::try_from(z / self.slices_per_file).unwrap_or(usize::MAX);
+        let result = check_request(&self.info, z, &rows, &cols, out.len()).and_then(|()| {
+            let dims = self.info.dims;
+            let slice_in_file = u64::from(z % self.slices_per_file);
+            let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.info.scalar.bytes() as u64;
+            let base = self.skip + slice_in_file * slice_bytes;
+            let width = self.info.scalar.bytes();
+            self.files.with(file, |f| read_block(f, base, dims.nx(), width, &rows, &cols, out))
+        });
+        result.map_err(|cause| SourceError::ReadFailed {
+            path: self.files.list().path(file),
+            slice: z,
+            cause,
+        })?;
+        self.endian.to_native(self.info.scalar.bytes(), out);
+        Ok(())
+    }
+}
+
+/// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call,
+/// part of them row by row; `out` holds nothing else.
+pub(super) fn read_block(
+    file: &fs::File,
+    base: u64,
+    nx: u32,
+    sample_bytes: usize,
+    rows: &Range<u32>,
+    cols: &Range<u32>,
+    out: &mut [u8],
+) -> io::Result<()> {
+    let sample = sample_bytes as u64;
+    let row_bytes = u64::from(nx) * sample;
+    let at = |row: u32| base + u64::from(row) * row_bytes + u64::from(cols.start) * sample;
+    let piece = cols.len() * sample_bytes;
+    if out.is_empty() {
+        return Ok(());
+    }
+    if cols.len() as u64 == u64::from(nx) {
+        return file.read_exact_at(out, at(rows.start));
+    }
+    out.chunks_exact_mut(piece)
+        .zip(rows.clone())
+        .try_for_each(|(part, row)| file.read_exact_at(part, at(row)))
+}
+
+/// Is the request inside the volume, and `out` as long as the trait promises?
+pub(super) fn check_request(
+    info: &VolumeInfo,
+    z: u32,
+    rows: &Range<u32>,
+    cols: &Range<u32>,
+    out_len: usize,
+) -> io::Result<()> {
+    let dims = info.dims;
+    let inside = z < dims.nz() && rows.end <= dims.ny() && cols.end <= dims.nx();
+    let wanted = rows.len() as u64 * cols.len() as u64 * info.scalar.bytes() as u64;
+    if inside && wanted == out_len as u64 {
+        return Ok(());
+    }
+    Err(io::Error::new(
+        io::ErrorKind::InvalidInput,
+        format!("rows {rows:?}, columns {cols:?} into {out_len} bytes"),
+    ))
+}
+
+fn what_for(options: &RawOptions, index: usize, files: usize) -> String {
+    let RawOptions { dims, scalar, skip, .. } = options;
+    let mut what = if files == 1 {
+        format!("{dims} {scalar}")
+    } else {
+        format!("slice file {} of {files}, {}x{} {scalar}", index + 1, dims.nx(), dims.ny())
+    };
+    if *skip > 0 {
+        what += &format!(" after {skip} skipped bytes");
+    }
+    what
+}
+
+/// The files to read, in slice order, and the base name to remember.
+fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
+    let Some(first) = inputs.first() else {
+        return Err(SourceError::Usage { path: PathBuf::new(), reason: "no input file is given".into() });
+    };
+    let is_dir = |path: &Path| match fs::metadata(path) {
+        Ok(meta) => Ok(meta.is_dir()),
+        Err(cause) => Err(SourceError::Unreadable { path: path.to_path_buf(), cause }),
+    };
+    if inputs.len() == 1 && is_dir(first)? {
+        return Ok((list_folder(first)?, base_name(first)));
+    }
+    let mut list = FileList::new(Path::new(""));
+    for path in inputs {
+        if is_dir(path)? {
+            let reason = "is a folder among several inputs; give one folder, or files only".into();
+            return Err(SourceError::Usage { path: path.clone(), reason });
+        }
+        list.push(path);
+    }
+    Ok((list, base_name(first)))
+}
+
+/// Regular files of a folder in natural order; hidden ones and subfolders are left out.
+fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
+    let unreadable = |cause| SourceError::Unreadable { path: folder.to_path_buf(), cause };
+    let mut list = FileList::new(folder);
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let name = entry.map_err(unreadable)?.file_name();
+        let hidden = name.as_encoded_bytes().starts_with(b".");
+        // Follows links: a folder of links to slices is common.
+        if !hidden && fs::metadata(folder.join(&name)).is_ok_and(|meta| meta.is_file()) {
+            list.push(Path::new(&name));
+        }
+    }
+    if list.len() == 0 {
+        let reason = "the folder holds no file; give the folder of the slice files".into();
+        return Err(SourceError::NoVolume { path: folder.to_path_buf(), reason });
+    }
+    let order = list.natural_order();
+    Ok(list.select(order.into_iter()))
+}
+
+/// Last part of a path as text, also for `.` and `..`.
+pub(super) fn base_name(path: &Path) -> String {
+    let resolved = path.file_name().is_none().then(|| fs::canonicalize(path).ok()).flatten();
+    let path = resolved.as_deref().unwrap_or(path);
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
