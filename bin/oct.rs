@@ -16,11 +16,7 @@ use args::{Cli, Command};
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(e) => {
-            // Help and version are no errors; everything else is wrong usage, exit 2.
-            let _ = e.print();
-            return ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(ExitKind::Usage.code()));
-        }
+        Err(e) => return refuse(&e),
     };
     match run(cli.command) {
         Ok(code) => code,
@@ -30,6 +26,25 @@ fn main() -> ExitCode {
             ExitCode::from(e.kind().code())
         }
     }
+}
+
+/// Help and version are printed as they are; wrong usage is one sentence like every other error.
+fn refuse(e: &clap::Error) -> ExitCode {
+    if !e.use_stderr() {
+        let _ = e.print();
+        return ExitCode::SUCCESS;
+    }
+    if e.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        let _ = e.print();
+        return ExitCode::from(ExitKind::Usage.code());
+    }
+    let text = e.to_string();
+    // The first paragraph says what is wrong; usage and hints follow after an empty line.
+    let sentence: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
+    let sentence = sentence.join(" ");
+    let sentence = sentence.strip_prefix("error: ").unwrap_or(&sentence);
+    let _ = writeln!(io::stderr(), "oct: {}; see `oct --help`", one_line(sentence));
+    ExitCode::from(ExitKind::Usage.code())
 }
 
 /// Errors are one sentence on one line, whatever a file's name contains.
