@@ -19,9 +19,6 @@ const LEAST: u32 = 32;
 impl Bit {
     /// A context not seen yet.
     pub const NEW: Self = Self { fast: 1 << 15, slow: 1 << 15, seen: 0 };
-    /// An even bit: use a copy, so that it never adapts.
-    pub const EVEN: Self = Self::NEW;
-
     #[inline(always)]
     fn probability(self) -> u32 {
         ((u32::from(self.fast) + u32::from(self.slow)) / 2).clamp(LEAST, 65535 - LEAST)

@@ -16,16 +16,16 @@ const SPREADS: usize = 12;
 const COUNTS: usize = 6;
 const OTHERS: usize = 4;
 const CONTEXTS: usize = SPREADS * COUNTS * OTHERS;
-/// Magnitudes above this are escaped.
-const UNARY: usize = 20;
+/// Classes of magnitude: exact to 4, then two for every power of two to 256.
+const CLASSES: usize = 16;
 
 /// Contexts of one of the two components.
 #[derive(Clone, Debug)]
 struct Component {
     zero: Vec<Bit>,
     sign: Vec<Bit>,
-    more: Vec<[Bit; UNARY]>,
-    escape: [Bit; 8],
+    more: Vec<[Bit; CLASSES - 1]>,
+    within: [Bit; CLASSES],
 }
 
 impl Component {
@@ -33,40 +33,45 @@ impl Component {
         Self {
             zero: vec![Bit::NEW; CONTEXTS],
             sign: vec![Bit::NEW; CONTEXTS],
-            more: vec![[Bit::NEW; UNARY]; CONTEXTS],
-            escape: [Bit::NEW; 8],
+            more: vec![[Bit::NEW; CLASSES - 1]; CONTEXTS],
+            within: [Bit::NEW; CLASSES],
         }
     }
 
     /// Codes a residual in -254..=254.
     fn code(&mut self, coder: &mut impl BitCoder, context: usize, value: i32) -> Result<i32, FormatError> {
-        let magnitude = value.unsigned_abs();
         if coder.code(&mut self.zero[context], value == 0)? {
             return Ok(0);
         }
-        let negative = coder.code(&mut self.sign[context], value < 0)?;
-        let mut got = 1;
+        let negative = coder.code(&mut self.sign[context % OTHERS], value < 0)?;
+        let rest = value.unsigned_abs().wrapping_sub(1).min(255);
+        let due = class_of(rest);
+        let mut class = 0;
         for more in &mut self.more[context] {
-            if !coder.code(more, magnitude > got)? {
-                return Ok(signed(got, negative));
-            }
-            got += 1;
-        }
-        // Elias gamma of what is left, plus one: at most 234 + 1 < 2^8.
-        let left = (magnitude.wrapping_sub(got)).wrapping_add(1).max(1);
-        let mut bits = 0;
-        for (i, more) in self.escape.iter_mut().enumerate() {
-            if !coder.code(more, left >> (i + 1) != 0)? {
+            if !coder.code(more, due > class)? {
                 break;
             }
-            bits = i + 1;
+            class += 1;
         }
-        let mut read = 1;
+        // The value within its class: the highest bit in a context, the rest even.
+        let bits = if class < 4 { 0 } else { class / 2 - 1 };
+        let mut read = if class < 4 { class } else { 2 | class % 2 };
         for i in (0..bits).rev() {
-            read = read << 1 | u32::from(coder.code(&mut Bit::EVEN.clone(), left >> i & 1 == 1)?);
+            let mut even = Bit::NEW;
+            let bit_context = if i + 1 == bits { &mut self.within[class as usize] } else { &mut even };
+            read = read << 1 | u32::from(coder.code(bit_context, rest >> i & 1 == 1)?);
         }
-        Ok(signed(got + read - 1, negative))
+        Ok(signed(read + 1, negative))
     }
+}
+
+/// Class of a magnitude less one: 0, 1, 2, 3, 4-5, 6-7, 8-11, 12-15 ... 192-255.
+fn class_of(rest: u32) -> u32 {
+    if rest < 4 {
+        return rest;
+    }
+    let exponent = rest.ilog2();
+    2 * exponent + (rest >> (exponent - 1) & 1)
 }
 
 fn signed(magnitude: u32, negative: bool) -> i32 {
