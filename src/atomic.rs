@@ -1,127 +1,195 @@
-//! A file that appears whole or not at all.
+//! Output files that appear whole or not at all.
 //!
-//! The file is written without a name where the system allows it (`O_TMPFILE`), so that even a killed
-//! process leaves nothing behind; otherwise under a temporary name beside the target. On commit it is
-//! synced, linked to a temporary name, renamed over the target, and the folder is synced.
+//! The bytes go to a file beside the target that has no name yet; it is synced, given the target's
+//! name in one step, and the folder is synced. A process that is killed leaves the old target, or
+//! none, and no rubbish.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
+use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, CWD, Mode, OFlags};
 
-/// An output file that does not exist under its target's name until [`AtomicFile::commit`].
+/// A file being written that will become `target` on [`AtomicFile::commit`]; dropped before that, it
+/// leaves nothing.
 #[derive(Debug)]
 pub struct AtomicFile {
     target: PathBuf,
     folder: PathBuf,
-    state: State,
+    storage: Storage,
 }
 
 #[derive(Debug)]
-enum State {
+enum Storage {
+    /// `O_TMPFILE`: gone with its last descriptor, even when the process is killed.
     Nameless(File),
+    /// Where the file system has no such files.
     Named(tempfile::NamedTempFile),
 }
 
 impl AtomicFile {
-    /// Opens an empty file, for reading and writing, on the file system of `target`.
+    /// Starts a file that will replace `target`. Its folder must exist and be writable; a target that
+    /// is a link is followed.
     ///
     /// # Errors
-    /// The folder does not exist or cannot be written.
+    /// The folder is missing or read-only, or the target is a folder or a device.
     pub fn create(target: &Path) -> io::Result<Self> {
-        if target.is_dir() {
-            return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
+        let target = match fs::canonicalize(target) {
+            Ok(real) => real,
+            Err(_) => target.to_path_buf(),
+        };
+        if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
+            return Err(io::Error::other("it exists and is not a regular file"));
+        }
+        if target.file_name().is_none() {
+            return Err(io::Error::other("it is not a file name"));
         }
         let folder = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
             _ => PathBuf::from("."),
         };
+        let mode = Mode::from_raw_mode(0o666);
         let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
-        let mode = Mode::RUSR | Mode::WUSR | Mode::RGRP | Mode::ROTH;
-        let state = match rustix::fs::open(&folder, flags, mode) {
-            Ok(fd) => State::Nameless(File::from(fd)),
-            Err(rustix::io::Errno::OPNOTSUPP | rustix::io::Errno::ISDIR | rustix::io::Errno::INVAL) => {
-                State::Named(tempfile::Builder::new().prefix(".oct-").suffix(".tmp").tempfile_in(&folder)?)
-            }
-            Err(e) => return Err(e.into()),
+        let storage = match rustix::fs::openat(CWD, &folder, flags, mode) {
+            Ok(descriptor) => Storage::Nameless(File::from(descriptor)),
+            Err(e) => match e.into() {
+                // A clear refusal; anything else may be a file system without nameless files.
+                cause @ io::Error { .. } if is_final(&cause) => return Err(cause),
+                _ => Storage::Named(named(&folder)?),
+            },
         };
-        Ok(Self { target: target.to_path_buf(), folder, state })
+        Ok(Self { target, folder, storage })
     }
 
-    /// The open file.
+    /// The file, open for reading and writing.
     pub fn file(&self) -> &File {
-        match &self.state {
-            State::Nameless(file) => file,
-            State::Named(named) => named.as_file(),
+        match &self.storage {
+            Storage::Nameless(file) => file,
+            Storage::Named(file) => file.as_file(),
         }
     }
 
-    /// Syncs the file and gives it its name, replacing what stood there.
+    /// Syncs the bytes and puts the file in the target's place.
     ///
     /// # Errors
-    /// Writing back, linking or renaming failed; the old target is untouched then.
+    /// The disk or the folder failed; the old target is untouched then.
     pub fn commit(self) -> io::Result<()> {
         self.file().sync_all()?;
-        match self.state {
-            State::Nameless(file) => {
-                let temporary = temporary_name(&self.target);
-                link(&file, &temporary)?;
-                if let Err(e) = std::fs::rename(&temporary, &self.target) {
-                    let _ = std::fs::remove_file(&temporary);
-                    return Err(e);
-                }
+        match self.storage {
+            Storage::Named(file) => {
+                file.persist(&self.target).map_err(|e| e.error)?;
             }
-            State::Named(named) => {
-                named.persist(&self.target).map_err(|e| e.error)?;
-            }
+            Storage::Nameless(file) => link(&file, &self.folder, &self.target)?,
         }
-        File::open(&self.folder)?.sync_all()
+        // Some file systems cannot sync a folder; the file itself is safe by now.
+        if let Ok(folder) = File::open(&self.folder) {
+            let _ = folder.sync_all();
+        }
+        Ok(())
     }
 }
 
-/// A name beside the target that no other process uses.
-fn temporary_name(target: &Path) -> PathBuf {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(target.file_name().unwrap_or_default());
-    name.push(format!(".{}.tmp", std::process::id()));
-    target.with_file_name(name)
+/// Errors that a named file would meet as well.
+fn is_final(cause: &io::Error) -> bool {
+    use io::ErrorKind as Kind;
+    matches!(
+        cause.kind(),
+        Kind::NotFound
+            | Kind::PermissionDenied
+            | Kind::ReadOnlyFilesystem
+            | Kind::NotADirectory
+            | Kind::StorageFull
+    )
 }
 
-/// Gives a nameless file a name, through its entry in the process's descriptor folder.
-fn link(file: &File, name: &Path) -> io::Result<()> {
-    use std::os::fd::AsRawFd;
-    let descriptor = format!("/proc/self/fd/{}", file.as_raw_fd());
-    match rustix::fs::linkat(CWD, &descriptor, CWD, name, AtFlags::SYMLINK_FOLLOW) {
-        Err(rustix::io::Errno::EXIST) => {
-            // Left by a killed process of the same number.
-            std::fs::remove_file(name)?;
-            Ok(rustix::fs::linkat(CWD, &descriptor, CWD, name, AtFlags::SYMLINK_FOLLOW)?)
-        }
-        other => Ok(other?),
+fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    use std::os::unix::fs::PermissionsExt;
+    tempfile::Builder::new()
+        .prefix(".oct-")
+        .permissions(fs::Permissions::from_mode(0o666))
+        .tempfile_in(folder)
+}
+
+/// Gives a nameless file the target's name. A free name is taken directly; an existing target is
+/// replaced by way of a second name, because a link cannot replace.
+fn link(file: &File, folder: &Path, target: &Path) -> io::Result<()> {
+    let source = format!("/proc/self/fd/{}", file.as_raw_fd());
+    let link_to = |name: &Path| {
+        rustix::fs::linkat(CWD, source.as_str(), CWD, name, AtFlags::SYMLINK_FOLLOW).map_err(io::Error::from)
+    };
+    match link_to(target) {
+        Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+        other => return other,
     }
+    for attempt in 0..1000_u32 {
+        let name = folder.join(format!(".oct-{}-{attempt}", std::process::id()));
+        match link_to(&name) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(e),
+            Ok(()) => {
+                return fs::rename(&name, target).inspect_err(|_| {
+                    let _ = fs::remove_file(&name);
+                });
+            }
+        }
+    }
+    Err(io::Error::other("no free temporary name in the folder"))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::io::Write;
 
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
     #[test]
-    fn the_target_changes_only_on_commit_and_nothing_is_left_behind() {
+    fn a_committed_file_appears_and_replaces_and_a_dropped_one_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("a.oct");
-        std::fs::write(&target, b"old").unwrap();
+        for text in ["first", "second"] {
+            let file = AtomicFile::create(&target).unwrap();
+            file.file().write_all(text.as_bytes()).unwrap();
+            file.commit().unwrap();
+            assert_eq!(fs::read_to_string(&target).unwrap(), text);
+        }
         let dropped = AtomicFile::create(&target).unwrap();
-        dropped.file().write_all(b"half").unwrap();
+        dropped.file().write_all(b"third").unwrap();
         drop(dropped);
-        assert_eq!(std::fs::read(&target).unwrap(), b"old");
-        let kept = AtomicFile::create(&target).unwrap();
-        kept.file().write_all(b"new").unwrap();
-        kept.commit().unwrap();
-        assert_eq!(std::fs::read(&target).unwrap(), b"new");
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        assert!(AtomicFile::create(&folder.path().join("missing/a.oct")).is_err());
+        assert_eq!(fs::read_to_string(&target).unwrap(), "second");
+        assert_eq!(names(folder.path()), ["a.oct"]);
+    }
+
+    #[test]
+    fn the_named_way_behaves_alike() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("b.oct");
+        for text in ["first", "second"] {
+            let storage = Storage::Named(named(folder.path()).unwrap());
+            let file = AtomicFile { target: target.clone(), folder: folder.path().to_path_buf(), storage };
+            file.file().write_all(text.as_bytes()).unwrap();
+            file.commit().unwrap();
+            assert_eq!(fs::read_to_string(&target).unwrap(), text);
+        }
+        assert_eq!(names(folder.path()), ["b.oct"]);
+    }
+
+    #[test]
+    fn impossible_targets_are_refused_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(
+            AtomicFile::create(&folder.path().join("none/a.oct")).unwrap_err().kind(),
+            io::ErrorKind::NotFound
+        );
         assert!(AtomicFile::create(folder.path()).is_err());
+        assert!(AtomicFile::create(Path::new("/dev/null")).is_err());
+        assert!(AtomicFile::create(Path::new("")).is_err());
     }
 }

@@ -1,5 +1,8 @@
 //! The errors of every boundary gathered once, and the exit code that each kind of failure has.
 
+use std::io;
+use std::path::PathBuf;
+
 use thiserror::Error;
 
 use crate::build::BuildError;
@@ -58,6 +61,15 @@ pub enum Error {
     /// Making or writing a picture failed.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// An output file cannot be written.
+    #[error("{path}: cannot be written ({cause}); check the folder and its free space", path = path.display())]
+    Output {
+        /// The target.
+        path: PathBuf,
+        /// The system's reason.
+        #[source]
+        cause: io::Error,
+    },
 }
 
 impl Error {
@@ -70,6 +82,7 @@ impl Error {
             Self::Format(_) => ExitKind::Input,
             Self::Load(e) => e.kind(),
             Self::Render(e) => e.kind(),
+            Self::Output { .. } => ExitKind::Io,
         }
     }
 }

@@ -11,6 +11,7 @@
 //! | module | what it owns |
 //! |---|---|
 //! | [`geom`] | dims, Morton codes, affine transforms |
+//! | [`atomic`] | output files that appear whole or not at all |
 //! | [`budget`] | the memory budget that everything of weight is reserved from |
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
 //! | [`source`] | where voxels come from: raw files, DICOM series, the synthetic head |
@@ -19,7 +20,7 @@
 //! | [`render`] | camera, the one traversal kernel, shading, images |
 //! | [`jobs`] | what the commands do, one function each |
 
-mod atomic;
+pub mod atomic;
 pub mod budget;
 pub mod build;
 pub mod error;

@@ -75,7 +75,7 @@ pub fn join_sections(
 /// Assembles a mapped file of `voxels` (any order, no cell twice); dims come from the metadata.
 ///
 /// # Errors
-/// No voxel, a cell twice or outside the dims, impossible dims, or metadata that is too long.
+/// No voxel, a cell twice or outside the dims, impossible dims, a value that does not fit, or metadata that is too long.
 pub fn assemble(
     metadata: &Metadata,
     voxels: &[AssembledVoxel],
@@ -88,6 +88,10 @@ pub fn assemble(
         voxels.iter().map(|v| (morton::encode(v.cell[0], v.cell[1], v.cell[2]), *v)).collect();
     sorted.sort_by_key(|v| v.0);
     let outside = voxels.iter().any(|v| !dims.contains(v.cell[0], v.cell[1], v.cell[2]));
+    let too_large = channels.value_bytes == 1 && voxels.iter().any(|v| v.value > 255);
+    if too_large {
+        return Err(FormatError::invalid("a value does not fit one byte"));
+    }
     if sorted.is_empty() || outside || sorted.windows(2).any(|w| w[0].0 == w[1].0) {
         return Err(FormatError::invalid("the voxels are none, repeated, or outside the dims"));
     }

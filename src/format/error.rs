@@ -46,6 +46,12 @@ pub enum FormatError {
     /// A packed file where a mapped one is needed.
     #[error("is packed; run `oct unpack` on it first")]
     Packed,
+    /// A packed file where one is to be packed.
+    #[error("is packed already; there is nothing to do")]
+    AlreadyPacked,
+    /// A mapped file where one is to be unpacked.
+    #[error("is not packed; there is nothing to unpack")]
+    AlreadyMapped,
 }
 
 impl FormatError {

@@ -8,6 +8,7 @@ mod error;
 mod header;
 mod metadata;
 pub mod normal;
+pub mod packed;
 pub mod rank;
 mod section;
 

@@ -5,6 +5,11 @@ pub const SUPER_NODES: u64 = 8192;
 /// Nodes per block.
 pub const BLOCK_NODES: u64 = 32;
 
+/// The same as indices into memory.
+const SUPER: usize = 8192;
+const BLOCK: usize = 32;
+const _: () = assert!(SUPER as u64 == SUPER_NODES && BLOCK as u64 == BLOCK_NODES);
+
 /// Bytes of the superblocks, then of the whole directory, for `nodes` nodes.
 pub const fn directory_bytes(nodes: u64) -> (u64, u64) {
     let supers = nodes.div_ceil(SUPER_NODES) * 8;
@@ -32,7 +37,7 @@ impl RankBuilder {
                 #[expect(clippy::cast_possible_truncation, reason = "at most 255 blocks of 256 bits")]
                 on_block((self.ones - self.super_ones) as u16);
             }
-            let room = (BLOCK_NODES - self.nodes % BLOCK_NODES) as usize;
+            let room = BLOCK - usize::try_from(self.nodes % BLOCK_NODES).unwrap_or(0);
             let (now, later) = rest.split_at(room.min(rest.len()));
             self.ones += now.iter().map(|b| u64::from(b.count_ones())).sum::<u64>();
             self.nodes += now.len() as u64;
@@ -49,10 +54,10 @@ impl RankBuilder {
 /// Set bits in `infobytes[..node]`, by the directory. Any bytes are safe: what lies outside counts 0.
 #[inline]
 pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
-    let (supers, _) = directory_bytes(infobytes.len() as u64);
+    let supers = infobytes.len().div_ceil(SUPER) * 8;
     let Ok(at) = usize::try_from(node) else { return 0 };
-    let super_at = at / SUPER_NODES as usize * 8;
-    let block_at = supers as usize + at / BLOCK_NODES as usize * 2;
+    let super_at = at / SUPER * 8;
+    let block_at = supers + at / BLOCK * 2;
     let base = directory
         .get(super_at..super_at + 8)
         .map_or(0, |b| u64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
@@ -64,9 +69,9 @@ pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
 /// Set bits in the infobytes of `at`'s block before `at`.
 #[inline]
 fn partial_block(infobytes: &[u8], at: usize) -> u64 {
-    let start = at & !(BLOCK_NODES as usize - 1);
+    let start = at & !(BLOCK - 1);
     let within = at - start;
-    if let Some(block) = infobytes.get(start..start + BLOCK_NODES as usize) {
+    if let Some(block) = infobytes.get(start..).and_then(|rest| rest.first_chunk::<BLOCK>()) {
         let word = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| block[8 * i + k]));
         let mut ones = 0;
         for i in 0..4 {
@@ -103,6 +108,13 @@ mod tests {
                 ones += u64::from(b.count_ones());
             }
             assert_eq!(builder.ones(), ones);
+        }
+    }
+
+    #[test]
+    fn ranks_out_of_range_are_safe() {
+        for node in [3, 40, 1 << 40, u64::MAX - 31, u64::MAX] {
+            assert_eq!(rank(&[1, 2, 3], &[], node), if node == 3 { 4 } else { 0 });
         }
     }
 

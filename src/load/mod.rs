@@ -22,6 +22,6 @@ pub use map::Mapping;
 pub(crate) use model::open_regular;
 pub use model::{Model, ModelView};
 pub use stream::{Cursor, Fault, ReadAt};
-pub(crate) use verify::check_storage;
+pub(crate) use verify::{check_storage, walk};
 pub use verify::{mean_normal, verify};
 pub use view::NodeView;

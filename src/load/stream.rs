@@ -116,6 +116,22 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(&self.buffer[from..])
     }
 
+    /// As [`Cursor::next_part`], but at most `most` bytes.
+    ///
+    /// # Errors
+    /// Reading failed, or nothing is left.
+    pub fn next_part_up_to(&mut self, most: usize) -> Result<&[u8], Fault> {
+        if self.used == self.buffer.len() {
+            self.refill()?;
+        }
+        let from = self.used;
+        self.used = from + most.min(self.buffer.len() - from);
+        if self.used == from && most > 0 {
+            return Err(Fault::Io(io::ErrorKind::UnexpectedEof.into()));
+        }
+        Ok(&self.buffer[from..self.used])
+    }
+
     /// The next `K` bytes, or `None` when fewer are left.
     ///
     /// # Errors

@@ -9,7 +9,8 @@ use crate::format::{Encoding, FormatError, SectionEntry, SectionKind, SelectionK
 use super::frame::Frame;
 use super::stream::{Cursor, Fault, ReadAt};
 
-/// Bytes of one cursor's buffer; a walk holds at most 3 per depth and 2 for the voxels.
+/// Bytes of one cursor's buffer; a walk holds one per depth and 2 for the voxels,
+/// a check of the means two more per depth.
 const CURSOR_BYTES: usize = 16 << 10;
 
 /// Checks every invariant of a mapped file (SPEC I1 to I17).
@@ -26,7 +27,7 @@ pub fn verify<R: ReadAt + ?Sized>(source: &R) -> Result<Frame, Fault> {
     check_storage(source, &frame)?;
     check_metadata(&frame)?;
     check_rank(source, &frame)?;
-    walk(source, &frame)?;
+    check_means(source, &frame)?;
     Ok(frame)
 }
 
@@ -108,7 +109,7 @@ fn check_rank<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault
 
 /// What a node gathers from the voxels below it.
 #[derive(Clone, Copy, Default)]
-struct Gather {
+pub(crate) struct Gather {
     normal_sum: [i64; 3],
     first_normal: Option<u16>,
     value_sum: u64,
@@ -126,12 +127,12 @@ impl Gather {
     }
 
     /// SPEC 4.6: mean normal code.
-    fn normal(&self) -> u16 {
+    pub(crate) fn normal(&self) -> u16 {
         mean_normal(self.normal_sum, self.first_normal.unwrap_or(0))
     }
 
     /// SPEC 4.7: mean value, rounded half up.
-    fn value(&self) -> u128 {
+    pub(crate) fn value(&self) -> u128 {
         let voxels = u128::from(self.voxels.max(1));
         (2 * u128::from(self.value_sum) + voxels) / (2 * voxels)
     }
@@ -156,8 +157,6 @@ struct Open {
 /// Per-voxel and per-node readers of a walk.
 struct Readers<'a, R: ReadAt + ?Sized> {
     nodes: Vec<Cursor<'a, R>>,
-    normal_lod: Vec<Cursor<'a, R>>,
-    value_lod: Vec<Cursor<'a, R>>,
     normals: Option<Cursor<'a, R>>,
     values: Option<(Cursor<'a, R>, u8)>,
 }
@@ -182,12 +181,9 @@ fn per_depth<'a, R: ReadAt + ?Sized>(
 impl<'a, R: ReadAt + ?Sized> Readers<'a, R> {
     fn new(source: &'a R, frame: &Frame) -> Self {
         let depth = frame.dims().depth();
-        let coarse = depth.saturating_sub(1);
         let whole = |e: &SectionEntry| Cursor::new(source, e.offset, e.end(), CURSOR_BYTES);
         Self {
             nodes: per_depth(source, frame, frame.section(SectionKind::Nodes), depth),
-            normal_lod: per_depth(source, frame, frame.section(SectionKind::NormalLod), coarse),
-            value_lod: per_depth(source, frame, frame.section(SectionKind::ValueLod), coarse),
             normals: frame.section(SectionKind::Normal).map(whole),
             values: frame.section(SectionKind::Value).map(|e| (whole(e), e.item_bytes)),
         }
@@ -211,24 +207,6 @@ impl<'a, R: ReadAt + ?Sized> Readers<'a, R> {
         }
         Ok(g)
     }
-
-    /// SPEC I14 to I16: the coarse means of a finished node.
-    fn check_means(&mut self, depth: usize, g: &Gather) -> Result<(), Fault> {
-        if let Some(cursor) = self.normal_lod.get_mut(depth)
-            && cursor.take::<2>()?.map(u16::from_le_bytes) != Some(g.normal())
-        {
-            return invalid(format!("a mean normal at depth {depth} is not that of its voxels (SPEC I15)"));
-        }
-        if let Some(cursor) = self.value_lod.get_mut(depth) {
-            let item = self.values.as_ref().map_or(1, |v| v.1);
-            if u128::from(take_value(cursor, item)?) != g.value() {
-                return invalid(format!(
-                    "a mean value at depth {depth} is not that of its voxels (SPEC I16)"
-                ));
-            }
-        }
-        Ok(())
-    }
 }
 
 fn take_value<R: ReadAt + ?Sized>(cursor: &mut Cursor<'_, R>, item: u8) -> Result<u64, Fault> {
@@ -242,8 +220,34 @@ fn take_value<R: ReadAt + ?Sized>(cursor: &mut Cursor<'_, R>, item: u8) -> Resul
     }
 }
 
-/// SPEC I10 to I12 and I14 to I16: one depth-first walk over everything.
-fn walk<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
+/// SPEC I15 and I16: the coarse means are those of their voxels.
+fn check_means<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
+    let coarse = frame.dims().depth().saturating_sub(1);
+    let mut normals = per_depth(source, frame, frame.section(SectionKind::NormalLod), coarse);
+    let mut values = per_depth(source, frame, frame.section(SectionKind::ValueLod), coarse);
+    let value_bytes = frame.section(SectionKind::Value).map_or(1, |e| e.item_bytes);
+    walk(source, frame, &mut |depth, means| {
+        if let Some(cursor) = normals.get_mut(depth)
+            && cursor.take::<2>()?.map(u16::from_le_bytes) != Some(means.normal())
+        {
+            return invalid(format!("a mean normal at depth {depth} is not that of its voxels (SPEC I15)"));
+        }
+        if let Some(cursor) = values.get_mut(depth)
+            && u128::from(take_value(cursor, value_bytes)?) != means.value()
+        {
+            return invalid(format!("a mean value at depth {depth} is not that of its voxels (SPEC I16)"));
+        }
+        Ok(())
+    })
+}
+
+/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` is told the depth and the
+/// means of every node, within a depth in the order in which nodes are stored.
+pub(crate) fn walk<R: ReadAt + ?Sized>(
+    source: &R,
+    frame: &Frame,
+    finished: &mut dyn FnMut(usize, &Gather) -> Result<(), Fault>,
+) -> Result<(), Fault> {
     let depth = frame.dims().depth() as usize;
     let dims = frame.dims().to_array();
     let mut readers = Readers::new(source, frame);
@@ -273,8 +277,7 @@ fn walk<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     loop {
         if path[at].rest == 0 {
             if at < depth {
-                let gather = path[at].gather;
-                readers.check_means(at, &gather)?;
+                finished(at, &path[at].gather)?;
             }
             if at == 0 {
                 break;

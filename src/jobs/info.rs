@@ -1,0 +1,239 @@
+//! `oct info`: what a file says of itself, without touching its large sections.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use crate::budget::Bytes;
+use crate::error::Error;
+use crate::format::{SectionKind, SelectionKind, VERSION_MAJOR};
+use crate::load::{Frame, LoadError, open_regular};
+use crate::source::ScalarType;
+
+/// Bytes a voxel of the paper's uniform volume: 2 bytes of density and 33 bits of normal, colour and
+/// optics, as its table 1 counts.
+pub const PAPER_BYTES_PER_VOXEL: f64 = 6.125;
+
+/// Facts of one file.
+#[derive(Clone, Debug)]
+pub struct Info {
+    /// The file, as given.
+    pub input: String,
+    /// Header, table, metadata and levels.
+    pub frame: Frame,
+}
+
+/// Reads the facts of a mapped or packed file.
+///
+/// Cost: one small read, whatever the size of the model (SPEC I1 to I7 are checked).
+///
+/// # Errors
+/// The file is unreadable, foreign, newer or damaged.
+pub fn info(path: &Path) -> Result<Info, Error> {
+    let file =
+        open_regular(path).map_err(|cause| LoadError::Unreadable { path: path.to_path_buf(), cause })?;
+    let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
+    Ok(Info { input: path.display().to_string(), frame })
+}
+
+/// Bytes stored for one kind of section.
+fn stored(frame: &Frame, kind: SectionKind) -> u64 {
+    frame.section(kind).map_or(0, |e| e.stored_bytes)
+}
+
+/// Bytes stored for levels, infobytes and rank directory.
+pub fn structure_bytes(frame: &Frame) -> u64 {
+    [SectionKind::Levels, SectionKind::Nodes, SectionKind::Rank].map(|k| stored(frame, k)).iter().sum()
+}
+
+/// Name and stored bytes of every channel section, coarse means apart.
+pub fn channel_bytes(frame: &Frame) -> Vec<(&'static str, u64)> {
+    frame
+        .sections
+        .iter()
+        .filter_map(|e| e.kind.filter(|k| *k >= SectionKind::NormalLod).map(|k| (k.name(), e.stored_bytes)))
+        .collect()
+}
+
+/// CRC over the kinds and content CRCs of all sections but the rank directory: the same for the
+/// mapped and the packed file of one model.
+pub fn content_checksum(frame: &Frame) -> u32 {
+    frame
+        .sections
+        .iter()
+        .filter(|e| e.kind != Some(SectionKind::Rank))
+        .flat_map(|e| [e.tag, e.content_crc.to_le_bytes()])
+        .fold(0, |crc, word| crc32c::crc32c_append(crc, &word))
+}
+
+/// Type of the source's samples.
+fn dtype(frame: &Frame) -> &'static str {
+    ScalarType::ALL.get(usize::from(frame.metadata.scalar)).map_or("unknown", |s| s.name())
+}
+
+#[expect(clippy::cast_precision_loss, reason = "ratios for people")]
+fn ratio(a: u64, b: u64) -> f64 {
+    a as f64 / b.max(1) as f64
+}
+
+/// Bytes of the paper's uniform volume, of the dims and of the whole grid.
+#[expect(clippy::cast_precision_loss, reason = "ratios for people")]
+fn paper_bytes(frame: &Frame) -> (f64, f64) {
+    let grid = (1_u64 << frame.dims().depth()) as f64;
+    (frame.dims().voxels() as f64 * PAPER_BYTES_PER_VOXEL, grid.powi(3) * PAPER_BYTES_PER_VOXEL)
+}
+
+fn kind_name(kind: SelectionKind) -> &'static str {
+    match kind {
+        SelectionKind::Iso => "iso",
+        SelectionKind::Range => "range",
+        SelectionKind::Otsu => "otsu",
+    }
+}
+
+/// The facts that the reports of `build` and `info` share, keyed as the command contract says.
+pub fn static_facts(frame: &Frame) -> Map<String, Value> {
+    let m = &frame.metadata;
+    let finite = |v: f64| v.is_finite().then_some(v);
+    let mut facts = Map::new();
+    let mut put = |key: &str, value: Value| facts.insert(key.to_owned(), value);
+    put("dims", json!(m.dims));
+    put("spacing_mm", json!(m.spacing_mm));
+    put("grid", json!(1_u64 << frame.dims().depth()));
+    put("levels", json!(frame.dims().depth()));
+    put("dtype", json!(dtype(frame)));
+    let s = &m.selection;
+    put("range", json!({"kind": kind_name(s.kind), "lo": finite(s.lo), "hi": finite(s.hi)}));
+    put("skin_voxels", json!(frame.header.voxels));
+    put("nodes", json!(frame.header.nodes));
+    put("bytes", json!(frame.header.file_bytes));
+    put("bytes_per_skin_voxel", json!(ratio(frame.header.file_bytes, frame.header.voxels)));
+    put("structure_bytes", json!(structure_bytes(frame)));
+    let channels: Map<String, Value> =
+        channel_bytes(frame).into_iter().map(|(name, bytes)| (name.to_owned(), json!(bytes))).collect();
+    put("channel_bytes", Value::Object(channels));
+    facts
+}
+
+/// Names of the channels per voxel.
+fn channels(frame: &Frame) -> Vec<&'static str> {
+    frame
+        .sections
+        .iter()
+        .filter_map(|e| e.kind.filter(|k| *k >= SectionKind::Normal).map(SectionKind::name))
+        .collect()
+}
+
+impl Info {
+    /// One JSON object.
+    pub fn json(&self) -> Value {
+        let frame = &self.frame;
+        let m = &frame.metadata;
+        let mut facts = static_facts(frame);
+        let mut put = |key: &str, value: Value| facts.insert(key.to_owned(), value);
+        put("input", json!(self.input));
+        put("format_version", json!(format!("{VERSION_MAJOR}.{}", frame.header.minor)));
+        put("affine", json!(m.affine));
+        put("channels", json!(channels(frame)));
+        put("encoding", json!(frame.header.encoding.name()));
+        put("checksum", json!(format!("{:08x}", content_checksum(frame))));
+        put("level_nodes", json!(level_nodes(frame)));
+        put("program", json!(m.program));
+        let source = &m.source;
+        put(
+            "source",
+            json!({"format": source.format, "name": source.name, "files": source.files, "bytes": source.bytes}),
+        );
+        put("rescale", json!(m.rescale));
+        put("connectivity", json!(m.connectivity));
+        put("gradient", json!(m.gradient));
+        put("orientation", json!(crate::geom::Affine { rows: m.affine }.orientation_letters()));
+        let bytes = frame.header.file_bytes;
+        let (paper_dims, paper_grid) = paper_bytes(frame);
+        put("raw_bytes", json!(source.bytes));
+        put("ratio_to_raw", json!(ratio(source.bytes, bytes)));
+        put("paper_bytes", json!(paper_dims));
+        put("ratio_to_paper", json!(paper_dims / to_f64(bytes)));
+        put("ratio_to_paper_grid", json!(paper_grid / to_f64(bytes)));
+        Value::Object(facts)
+    }
+
+    /// A table for people.
+    pub fn text(&self) -> String {
+        let frame = &self.frame;
+        let m = &frame.metadata;
+        let voxels = frame.header.voxels;
+        let bytes = frame.header.file_bytes;
+        let mut rows: Vec<(String, String)> = Vec::new();
+        let mut row = |name: &str, text: String| rows.push((name.to_owned(), text));
+        row(
+            "file",
+            format!(
+                "{} (format {VERSION_MAJOR}.{}, {})",
+                self.input,
+                frame.header.minor,
+                frame.header.encoding.name()
+            ),
+        );
+        row(
+            "source",
+            format!("{} {} ({} files, {})", m.source.format, m.source.name, m.source.files, dtype(frame)),
+        );
+        row(
+            "dims",
+            format!(
+                "{}  in a grid of {} cells a side, {} levels",
+                frame.dims(),
+                1_u64 << frame.dims().depth(),
+                frame.dims().depth()
+            ),
+        );
+        let [x, y, z] = m.spacing_mm;
+        let letters = crate::geom::Affine { rows: m.affine }.orientation_letters();
+        row("spacing", format!("{x} x {y} x {z} mm, axes {letters}"));
+        let s = &m.selection;
+        let range = if s.hi.is_finite() { format!("{} .. {}", s.lo, s.hi) } else { format!(">= {}", s.lo) };
+        row("inside", format!("{range} ({}), skin {}-connected", kind_name(s.kind), m.connectivity));
+        row("skin voxels", voxels.to_string());
+        row("nodes", frame.header.nodes.to_string());
+        let each = |b: u64| format!("{:>12}  {:>7.4} B/skin voxel", Bytes(b).to_string(), ratio(b, voxels));
+        row("structure", each(structure_bytes(frame)));
+        for (name, b) in channel_bytes(frame) {
+            row(name, each(b));
+        }
+        row("whole file", each(bytes));
+        let (paper_dims, paper_grid) = paper_bytes(frame);
+        if m.source.bytes > 0 {
+            row(
+                "against raw",
+                format!("1 : {:.1}  ({})", ratio(m.source.bytes, bytes), Bytes(m.source.bytes)),
+            );
+        }
+        row(
+            "against paper",
+            format!(
+                "1 : {:.1}  ({PAPER_BYTES_PER_VOXEL} B a voxel; 1 : {:.1} for the whole grid)",
+                paper_dims / to_f64(bytes),
+                paper_grid / to_f64(bytes)
+            ),
+        );
+        row("checksum", format!("{:08x}", content_checksum(frame)));
+        row("written by", m.program.clone());
+        let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+        rows.iter().fold(String::new(), |mut text, (name, value)| {
+            let _ = writeln!(text, "{name:width$}  {value}");
+            text
+        })
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "ratios for people")]
+fn to_f64(bytes: u64) -> f64 {
+    bytes.max(1) as f64
+}
+
+/// Nodes of every depth.
+fn level_nodes(frame: &Frame) -> Vec<u64> {
+    frame.levels.windows(2).map(|w| w[1].saturating_sub(w[0])).collect()
+}

@@ -1,0 +1,313 @@
+//! A packed file into the mapped one that it was made from.
+
+use std::fs::File;
+use std::io;
+
+use crate::format::packed::coder::Decoder;
+use crate::format::packed::normals::NormalCoder;
+use crate::format::packed::structure::{StructureCoder, cells_of};
+use crate::format::packed::{
+    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_PLANES, CODEC_STRUCTURE, GROUP_BYTES_LIMIT, GROUP_VOXELS,
+    planes,
+};
+use crate::format::{
+    ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
+};
+use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk};
+
+use super::Stop;
+use super::encode::finish_frame;
+use super::stream::{Subtrees, Writer, roots, subtree_shape};
+
+fn invalid(what: &str) -> Stop {
+    FormatError::invalid(what).into()
+}
+
+/// Unpacks into an empty file and returns the frame of what was written; its checksums are verified.
+pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
+    let packed = Frame::read(source)?;
+    if packed.header.encoding == Encoding::Mapped {
+        return Err(FormatError::AlreadyMapped.into());
+    }
+    check_storage(source, &packed)?;
+    for entry in &packed.sections {
+        check_plausible(&packed, entry)?;
+    }
+    let mut mapped = lay_out(&packed)?;
+    for entry in &packed.sections {
+        let Some(target) = mapped.sections.iter().find(|e| e.tag == entry.tag).copied() else { continue };
+        decode_section(source, &packed, entry, &mapped, &target, out)?;
+        if entry.kind == Some(SectionKind::Nodes) {
+            let crc = rebuild_rank(&mapped, out)?;
+            for e in mapped.sections.iter_mut().filter(|e| e.kind == Some(SectionKind::Rank)) {
+                (e.stored_crc, e.content_crc) = (crc, crc);
+            }
+        }
+    }
+    if packed.sections.iter().any(|e| e.codec == CODEC_DERIVED) {
+        rebuild_means(&mapped, out)?;
+    }
+    // Padding and empty ends were never written: the length makes them zeros.
+    out.set_len(mapped.header.file_bytes).map_err(Stop::Output)?;
+    finish_frame(&mut mapped, out)?;
+    check_storage(out, &mapped)?;
+    Ok(mapped)
+}
+
+/// The sections of the mapped file: the same ones, plus the rank directory, one after the other.
+fn lay_out(packed: &Frame) -> Result<Frame, Stop> {
+    let mut mapped = packed.clone();
+    mapped.header.encoding = Encoding::Mapped;
+    if let Some(at) = mapped.sections.iter().position(|e| e.kind == Some(SectionKind::Nodes)) {
+        let (_, bytes) = rank::directory_bytes(packed.header.nodes);
+        mapped.sections.insert(at + 1, SectionEntry::plain(SectionKind::Rank, 1, bytes, 0));
+    }
+    let mut end = (HEADER_BYTES + mapped.sections.len() * ENTRY_BYTES) as u64;
+    for entry in &mut mapped.sections {
+        entry.codec = CODEC_NONE;
+        entry.offset = align_up(end);
+        entry.stored_bytes = entry.content_bytes;
+        entry.stored_crc = entry.content_crc;
+        end = entry.end();
+        if end >= 1 << 62 {
+            return Err(invalid("its sections are too large to be true"));
+        }
+    }
+    mapped.header.file_bytes = end;
+    Ok(mapped)
+}
+
+/// Refuses content that the stored bytes cannot hold, before any of it is decoded (SPEC 5.1).
+fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
+    let blocks = |least: u64, most: u64| (entry.stored_bytes / least).saturating_mul(most);
+    let ok = match entry.codec {
+        CODEC_NONE => entry.stored_bytes == entry.content_bytes,
+        CODEC_PLANES => entry.content_bytes <= blocks(5, planes::BLOCK_BYTES as u64),
+        CODEC_DERIVED => entry.stored_bytes == 0,
+        // A group has a header of 8 bytes, a payload of at least 4, and two times its voxels at most.
+        CODEC_STRUCTURE | CODEC_NORMALS => {
+            subtree_shape(frame).1 == 0 || frame.header.voxels <= blocks(12, 2 * GROUP_VOXELS)
+        }
+        other => return Err(invalid(&format!("codec {other} is unknown; update infobyte"))),
+    };
+    let right_kind = match (entry.codec, entry.kind) {
+        (CODEC_NONE, _) => true,
+        (_, None) => false,
+        (CODEC_DERIVED, kind) => matches!(kind, Some(SectionKind::NormalLod | SectionKind::ValueLod)),
+        (CODEC_STRUCTURE, kind) => kind == Some(SectionKind::Nodes),
+        (CODEC_NORMALS, kind) => kind == Some(SectionKind::Normal),
+        _ => true,
+    };
+    if ok && right_kind { Ok(()) } else { Err(invalid("a packed section is impossible (SPEC 5.1)")) }
+}
+
+fn decode_section<R: ReadAt + ?Sized>(
+    source: &R,
+    packed: &Frame,
+    entry: &SectionEntry,
+    mapped: &Frame,
+    target: &SectionEntry,
+    out: &File,
+) -> Result<(), Stop> {
+    let mut stored = Stored(Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES));
+    let mut writer = Writer::new(out, target.offset, target.end());
+    match entry.codec {
+        CODEC_NONE => {
+            while stored.0.left() > 0 {
+                writer.write(stored.0.next_part()?).map_err(Stop::Output)?;
+            }
+            writer.flush().map_err(Stop::Output)?;
+        }
+        CODEC_PLANES => stored.planes(entry.item_bytes, &mut writer)?,
+        CODEC_STRUCTURE => structure(&mut stored, packed, target, out)?,
+        CODEC_NORMALS => normals(&mut stored, mapped, &mut writer, out)?,
+        _ => {}
+    }
+    if stored.0.left() > 0 {
+        return Err(invalid("a packed section has bytes left over (SPEC 5.1)"));
+    }
+    Ok(())
+}
+
+/// Stored bytes of one section, read from front to back.
+struct Stored<'a, R: ReadAt + ?Sized>(Cursor<'a, R>);
+
+impl<R: ReadAt + ?Sized> Stored<'_, R> {
+    fn number(&mut self) -> Result<u32, Stop> {
+        let bytes = self.0.take::<4>()?.ok_or_else(|| invalid("a packed section ends early (SPEC 5.1)"))?;
+        Ok(u32::from_le_bytes(bytes))
+    }
+
+    /// The next `len` bytes; a length beyond the section or the limit is refused before allocating.
+    fn bytes(&mut self, len: u32, limit: u32) -> Result<Vec<u8>, Stop> {
+        if len > limit || u64::from(len) > self.0.left() {
+            return Err(invalid("a packed block is longer than its section or its limit (SPEC 5.1)"));
+        }
+        let mut bytes = Vec::with_capacity(len as usize);
+        while bytes.len() < len as usize {
+            let left = len as usize - bytes.len();
+            let part = self.0.next_part_up_to(left)?;
+            bytes.extend_from_slice(part);
+        }
+        Ok(bytes)
+    }
+
+    /// SPEC 5.5: blocks until the writer is full.
+    fn planes(&mut self, item: u8, writer: &mut Writer) -> Result<(), Stop> {
+        while !writer.is_full() {
+            let len = usize::try_from(writer.room()).unwrap_or(usize::MAX).min(planes::block_bytes(item));
+            let stored_len = self.number()?;
+            let stored = self.bytes(stored_len, planes::STORED_LIMIT)?;
+            writer.write(&planes::decode(&stored, item, len)?).map_err(Stop::Output)?;
+        }
+        writer.flush().map_err(Stop::Output)
+    }
+
+    /// SPEC 5.3: the number of subtrees of a group, and its payload.
+    fn group(&mut self, left: u64) -> Result<(u32, Vec<u8>), Stop> {
+        let (len, subtrees) = (self.number()?, self.number()?);
+        if subtrees == 0 || u64::from(subtrees) > left {
+            return Err(invalid("a packed group has an impossible number of subtrees (SPEC 5.3)"));
+        }
+        Ok((subtrees, self.bytes(len, GROUP_BYTES_LIMIT)?))
+    }
+}
+
+fn structure<R: ReadAt + ?Sized>(
+    stored: &mut Stored<'_, R>,
+    frame: &Frame,
+    target: &SectionEntry,
+    out: &File,
+) -> Result<(), Stop> {
+    let (root_depth, depth) = subtree_shape(frame);
+    if depth == 0 {
+        return Ok(());
+    }
+    let top = frame.level(root_depth).start;
+    stored.planes(1, &mut Writer::new(out, target.offset, target.offset + top))?;
+    let mut writers: Vec<Writer> = (root_depth..root_depth + depth)
+        .map(|d| {
+            let level = frame.level(d);
+            Writer::new(out, target.offset + level.start, target.offset + level.end)
+        })
+        .collect();
+    let mut coder = StructureCoder::new(depth as usize);
+    let mut levels = vec![Vec::new(); depth as usize];
+    let mut cells = Vec::new();
+    let mut left = roots(frame);
+    let wrong_count = || invalid("a depth has too many or too few nodes (SPEC I11)");
+    while left > 0 {
+        let (subtrees, payload) = stored.group(left)?;
+        let mut decoder = Decoder::new(&payload)?;
+        coder.restart();
+        for _ in 0..subtrees {
+            coder.code(&mut decoder, &mut levels, true, &mut cells)?;
+            for (writer, level) in writers.iter_mut().zip(&levels) {
+                if (level.len() as u64) > writer.room() {
+                    return Err(wrong_count());
+                }
+                writer.write(level).map_err(Stop::Output)?;
+            }
+        }
+        decoder.finish()?;
+        left -= u64::from(subtrees);
+    }
+    for writer in &mut writers {
+        if !writer.is_full() {
+            return Err(wrong_count());
+        }
+        writer.flush().map_err(Stop::Output)?;
+    }
+    Ok(())
+}
+
+fn normals<R: ReadAt + ?Sized>(
+    stored: &mut Stored<'_, R>,
+    mapped: &Frame,
+    writer: &mut Writer,
+    out: &File,
+) -> Result<(), Stop> {
+    let mut coder = NormalCoder::default();
+    let (mut levels, mut cells, mut codes) = (Vec::new(), Vec::new(), Vec::new());
+    let mut subtrees = Subtrees::new(out, mapped);
+    let mut left = roots(mapped);
+    while left > 0 {
+        let (count, payload) = stored.group(left)?;
+        let mut decoder = Decoder::new(&payload)?;
+        coder.restart();
+        for _ in 0..count {
+            let voxels = subtrees.next(&mut levels)?.unwrap_or(0);
+            if voxels.saturating_mul(2) > writer.room() {
+                return Err(invalid("there are more voxels than normals (SPEC I11)"));
+            }
+            cells_of(&levels, &mut cells)?;
+            codes.clear();
+            codes.resize(cells.len(), 0);
+            coder.code(&mut decoder, &cells, &mut codes)?;
+            for code in &codes {
+                writer.write(&code.to_le_bytes()).map_err(Stop::Output)?;
+            }
+        }
+        decoder.finish()?;
+        left -= u64::from(count);
+    }
+    if !writer.is_full() {
+        return Err(invalid("there are more normals than voxels (SPEC I11)"));
+    }
+    writer.flush().map_err(Stop::Output)
+}
+
+/// Writes the rank directory of the nodes that are in `out`, and returns its CRC.
+fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
+    let (Some(nodes), Some(target)) = (mapped.section(SectionKind::Nodes), mapped.section(SectionKind::Rank))
+    else {
+        return Ok(0);
+    };
+    let middle = target.offset + rank::directory_bytes(mapped.header.nodes).0;
+    let mut supers = Writer::new(out, target.offset, middle);
+    let mut blocks = Writer::new(out, middle, target.end());
+    let mut infobytes = Cursor::new(out, nodes.offset, nodes.end(), planes::BLOCK_BYTES);
+    let mut builder = rank::RankBuilder::default();
+    let mut result: io::Result<()> = Ok(());
+    while infobytes.left() > 0 {
+        let part = infobytes.next_part()?;
+        let (mut due_supers, mut due_blocks) = (Vec::new(), Vec::new());
+        builder.feed(part, |s| due_supers.extend(s.to_le_bytes()), |b| due_blocks.extend(b.to_le_bytes()));
+        result = result.and_then(|()| supers.write(&due_supers)).and_then(|()| blocks.write(&due_blocks));
+    }
+    result.and_then(|()| supers.flush()).and_then(|()| blocks.flush()).map_err(Stop::Output)?;
+    let mut directory = Cursor::new(out, target.offset, target.end(), planes::BLOCK_BYTES);
+    let mut crc = 0;
+    while directory.left() > 0 {
+        crc = crc32c::crc32c_append(crc, directory.next_part()?);
+    }
+    Ok(crc)
+}
+
+/// SPEC 5.6: writes the coarse means of the voxels that are in `out`.
+fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
+    let coarse = mapped.dims().depth().saturating_sub(1);
+    let writers = |kind| -> Vec<Writer> {
+        let Some(entry) = mapped.section(kind) else { return Vec::new() };
+        let item = u64::from(entry.item_bytes);
+        (0..coarse)
+            .map(|d| {
+                let level = mapped.level(d);
+                Writer::new(out, entry.offset + level.start * item, entry.offset + level.end * item)
+            })
+            .collect()
+    };
+    let mut normals = writers(SectionKind::NormalLod);
+    let mut values = writers(SectionKind::ValueLod);
+    let value_bytes = usize::from(mapped.section(SectionKind::ValueLod).map_or(0, |e| e.item_bytes)).min(2);
+    walk(out, mapped, &mut |depth, means| {
+        if let Some(writer) = normals.get_mut(depth) {
+            writer.write(&means.normal().to_le_bytes())?;
+        }
+        if let Some(writer) = values.get_mut(depth) {
+            writer.write(&means.value().to_le_bytes()[..value_bytes])?;
+        }
+        Ok::<(), Fault>(())
+    })?;
+    normals.iter_mut().chain(&mut values).try_for_each(Writer::flush).map_err(Stop::Output)
+}

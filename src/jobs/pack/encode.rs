@@ -1,0 +1,184 @@
+//! A mapped file into a packed one.
+
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+
+use crate::format::packed::coder::Encoder;
+use crate::format::packed::normals::NormalCoder;
+use crate::format::packed::structure::{StructureCoder, cells_of};
+use crate::format::packed::{
+    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_PLANES, CODEC_STRUCTURE, GROUP_BYTES_LIMIT, planes,
+};
+use crate::format::{
+    ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, table_bytes,
+};
+use crate::load::{Cursor, Frame, ReadAt, verify};
+
+use super::Stop;
+use super::stream::{Subtrees, Writer, for_each_in_group, subtree_shape};
+
+/// The codec of every kind of section (SPEC 5.1): fixed, so that the same content gives the same bytes.
+fn codec_of(kind: Option<SectionKind>) -> u8 {
+    match kind {
+        None | Some(SectionKind::Meta | SectionKind::Levels | SectionKind::Rank) => CODEC_NONE,
+        Some(SectionKind::Nodes) => CODEC_STRUCTURE,
+        Some(SectionKind::NormalLod | SectionKind::ValueLod) => CODEC_DERIVED,
+        Some(SectionKind::Normal) => CODEC_NORMALS,
+        Some(SectionKind::Value | SectionKind::Offset | SectionKind::Color | SectionKind::Material) => {
+            CODEC_PLANES
+        }
+    }
+}
+
+/// Packs into an empty file and returns the frame of what was written.
+pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
+    let early = Frame::read(source)?;
+    if early.header.encoding == Encoding::Packed {
+        return Err(FormatError::AlreadyPacked.into());
+    }
+    let frame = verify(source)?;
+    let at = |kind| frame.sections.iter().position(|e| e.kind == Some(kind));
+    // Unpacking puts the directory back right after the nodes.
+    if at(SectionKind::Rank) != at(SectionKind::Nodes).map(|n| n + 1) {
+        return Err(FormatError::invalid("a section of unknown kind parts nodes and rank").into());
+    }
+    let mut packed = frame.clone();
+    packed.sections.retain(|e| e.kind != Some(SectionKind::Rank));
+    let table_end = (HEADER_BYTES + packed.sections.len() * ENTRY_BYTES) as u64;
+    let mut writer = Writer::new(out, table_end, u64::MAX);
+    for entry in &mut packed.sections {
+        let content = *entry;
+        let offset = align_up(writer.position());
+        let padding = usize::try_from(offset - writer.position()).unwrap_or(0);
+        writer.write(&[0; 64][..padding.min(64)]).map_err(Stop::Output)?;
+        writer.take_crc();
+        entry.codec = codec_of(entry.kind);
+        match entry.codec {
+            CODEC_STRUCTURE => structure(source, &frame, &content, &mut writer)?,
+            CODEC_NORMALS => normals(source, &frame, &content, &mut writer)?,
+            CODEC_PLANES => plane_blocks(source, content.offset, &content, &mut writer)?,
+            CODEC_DERIVED => {}
+            _ => copy(source, &content, &mut writer)?,
+        }
+        entry.offset = offset;
+        entry.stored_bytes = writer.position() - offset;
+        entry.stored_crc = writer.take_crc();
+    }
+    writer.flush().map_err(Stop::Output)?;
+    packed.header.encoding = Encoding::Packed;
+    packed.header.file_bytes = writer.position();
+    finish_frame(&mut packed, out)?;
+    Ok(packed)
+}
+
+/// Writes header and table of a frame whose entries and length are known.
+pub(super) fn finish_frame(frame: &mut Frame, out: &File) -> Result<(), Stop> {
+    let table = table_bytes(&frame.sections);
+    frame.header.sections = u16::try_from(frame.sections.len()).unwrap_or(u16::MAX);
+    frame.header.table_crc = crc32c::crc32c(&table);
+    out.write_all_at(&frame.header.to_bytes(), 0).map_err(Stop::Output)?;
+    out.write_all_at(&table, HEADER_BYTES as u64).map_err(Stop::Output)
+}
+
+fn copy<R: ReadAt + ?Sized>(source: &R, entry: &SectionEntry, writer: &mut Writer) -> Result<(), Stop> {
+    let mut cursor = Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES);
+    while cursor.left() > 0 {
+        writer.write(cursor.next_part()?).map_err(Stop::Output)?;
+    }
+    Ok(())
+}
+
+/// SPEC 5.5: the content from `start` to the section's end, in blocks.
+fn plane_blocks<R: ReadAt + ?Sized>(
+    source: &R,
+    start: u64,
+    entry: &SectionEntry,
+    writer: &mut Writer,
+) -> Result<(), Stop> {
+    let full = planes::block_bytes(entry.item_bytes);
+    let mut block = Vec::new();
+    let mut at = start;
+    while at < entry.end() {
+        let len = (entry.end() - at).min(full as u64);
+        block.resize(usize::try_from(len).unwrap_or(0), 0);
+        source.read_at(&mut block, at).map_err(|e| Stop::Input(e.into()))?;
+        let stored = planes::encode(&block, entry.item_bytes)?;
+        writer.write(&length(stored.len())?.to_le_bytes()).map_err(Stop::Output)?;
+        writer.write(&stored).map_err(Stop::Output)?;
+        at += len;
+    }
+    Ok(())
+}
+
+fn length(len: usize) -> Result<u32, FormatError> {
+    u32::try_from(len)
+        .ok()
+        .filter(|len| *len <= GROUP_BYTES_LIMIT)
+        .ok_or_else(|| FormatError::invalid("a packed group passes its limit (SPEC 5.3)"))
+}
+
+/// SPEC 5.3: one group after the other.
+fn write_group(writer: &mut Writer, subtrees: u32, payload: &[u8]) -> Result<(), Stop> {
+    writer.write(&length(payload.len())?.to_le_bytes()).map_err(Stop::Output)?;
+    writer.write(&subtrees.to_le_bytes()).map_err(Stop::Output)?;
+    writer.write(payload).map_err(Stop::Output)
+}
+
+fn structure<R: ReadAt + ?Sized>(
+    source: &R,
+    frame: &Frame,
+    entry: &SectionEntry,
+    writer: &mut Writer,
+) -> Result<(), Stop> {
+    let (root_depth, depth) = subtree_shape(frame);
+    if depth == 0 {
+        return Ok(());
+    }
+    let top = SectionEntry { stored_bytes: frame.level(root_depth).start, ..*entry };
+    plane_blocks(source, entry.offset, &top, writer)?;
+    let mut coder = StructureCoder::new(depth as usize);
+    let (mut levels, mut cells) = (Vec::new(), Vec::new());
+    let mut subtrees = Subtrees::new(source, frame);
+    loop {
+        let mut encoder = Encoder::default();
+        coder.restart();
+        let count = for_each_in_group(&mut subtrees, &mut levels, |levels, _| {
+            coder.code(&mut encoder, levels, false, &mut cells).map_err(Stop::from)
+        })?;
+        if count == 0 {
+            return Ok(());
+        }
+        write_group(writer, count, &encoder.finish())?;
+    }
+}
+
+fn normals<R: ReadAt + ?Sized>(
+    source: &R,
+    frame: &Frame,
+    entry: &SectionEntry,
+    writer: &mut Writer,
+) -> Result<(), Stop> {
+    let mut stored = Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES);
+    let mut coder = NormalCoder::default();
+    let (mut levels, mut cells, mut codes) = (Vec::new(), Vec::new(), Vec::new());
+    let mut subtrees = Subtrees::new(source, frame);
+    loop {
+        let mut encoder = Encoder::default();
+        coder.restart();
+        let count = for_each_in_group(&mut subtrees, &mut levels, |levels, _| -> Result<(), Stop> {
+            cells_of(levels, &mut cells)?;
+            codes.clear();
+            for _ in 0..cells.len() {
+                let code = stored
+                    .take::<2>()?
+                    .ok_or_else(|| FormatError::invalid("there are more voxels than normals (SPEC I11)"))?;
+                codes.push(u16::from_le_bytes(code));
+            }
+            Ok(coder.code(&mut encoder, &cells, &mut codes)?)
+        })?;
+        if count == 0 {
+            return Ok(());
+        }
+        write_group(writer, count, &encoder.finish())?;
+    }
+}

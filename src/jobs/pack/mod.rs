@@ -1,0 +1,162 @@
+//! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5).
+
+mod decode;
+mod encode;
+mod stream;
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+use std::time::Instant;
+
+use crate::atomic::AtomicFile;
+use crate::error::Error;
+use crate::format::FormatError;
+use crate::load::{Fault, Frame, LoadError, ReadAt, open_regular};
+
+/// What packing or unpacking did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PackReport {
+    /// Length of the input file.
+    pub bytes_in: u64,
+    /// Length of the output file.
+    pub bytes_out: u64,
+    /// Skin voxels of the model.
+    pub skin_voxels: u64,
+    /// Seconds from start to end.
+    pub wall_s: f64,
+}
+
+/// Why packing stopped: at the input, or at the output.
+#[derive(Debug)]
+pub(crate) enum Stop {
+    /// The input is wrong or cannot be read.
+    Input(Fault),
+    /// The output cannot be written or read back.
+    Output(io::Error),
+}
+
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
+        Self::Input(fault)
+    }
+}
+
+impl From<FormatError> for Stop {
+    fn from(cause: FormatError) -> Self {
+        Self::Input(Fault::Format(cause))
+    }
+}
+
+/// Packs a mapped file. The input is verified first, so that only sound models are archived.
+///
+/// Memory: under 24 MiB for any model. Cost: about 1.5 microseconds per skin voxel.
+///
+/// # Errors
+/// The input is damaged, foreign or packed already; the output cannot be written. Nothing is left at
+/// `output` then that was not there before.
+pub fn pack(input: &Path, output: &Path) -> Result<PackReport, Error> {
+    convert(input, output, encode::pack_file)
+}
+
+/// Unpacks a packed file into the mapped file that it was made from, byte for byte.
+///
+/// # Errors
+/// As [`pack`].
+pub fn unpack(input: &Path, output: &Path) -> Result<PackReport, Error> {
+    convert(input, output, decode::unpack_file)
+}
+
+/// Unpacks bytes that can be read by position into an empty file; the frame is that of the result.
+pub(crate) fn unpack_to<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
+    decode::unpack_file(source, out)
+}
+
+fn convert(
+    input: &Path,
+    output: &Path,
+    work: impl FnOnce(&File, &File) -> Result<Frame, Stop>,
+) -> Result<PackReport, Error> {
+    let start = Instant::now();
+    let unreadable = |cause| LoadError::Unreadable { path: input.to_path_buf(), cause };
+    let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
+    let source = open_regular(input).map_err(unreadable)?;
+    // The input's frame first: a foreign file is refused before anything is said about the output.
+    Frame::read(&source).map_err(|fault| fault.at(input))?;
+    let out = AtomicFile::create(output).map_err(unwritable)?;
+    let frame = work(&source, out.file()).map_err(|stop| match stop {
+        Stop::Input(fault) => Error::Load(fault.at(input)),
+        Stop::Output(cause) => unwritable(cause),
+    })?;
+    out.commit().map_err(unwritable)?;
+    Ok(PackReport {
+        bytes_in: source.byte_len().map_err(unreadable)?,
+        bytes_out: frame.header.file_bytes,
+        skin_voxels: frame.header.voxels,
+        wall_s: start.elapsed().as_secs_f64(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::assemble::{AssembledVoxel, Channels, assemble};
+    use crate::format::{Encoding, Metadata, Selection, SelectionKind, SourceMeta, normal};
+
+    /// A bumpy sheet through a box: every kind of neighbourhood, several subtrees.
+    fn sheet(dims: [u32; 3], channels: Channels) -> Vec<u8> {
+        let metadata = Metadata {
+            program: "test".into(),
+            source: SourceMeta::default(),
+            dims,
+            scalar: 0,
+            spacing_mm: [1.0; 3],
+            affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            rescale: [1.0, 0.0],
+            selection: Selection { kind: SelectionKind::Iso, lo: 1.0, hi: f64::INFINITY },
+            connectivity: 26,
+            gradient: if channels.normal { "test".into() } else { String::new() },
+            value_scale: if channels.value_bytes > 0 { [1.0, 0.0] } else { [0.0, 0.0] },
+        };
+        let mut voxels = Vec::new();
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                let z = (x * x / 7 + y * 3 + (x * y) % 5) % dims[2];
+                #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small")]
+                let (normal, value) = (normal::encode([x as f32 - 9.0, y as f32 - 5.0, 7.0]), (x * y) as u8);
+                voxels.push(AssembledVoxel { cell: [x, y, z], normal, value: value.into() });
+            }
+        }
+        assemble(&metadata, &voxels, channels).unwrap()
+    }
+
+    fn bytes(file: &File) -> Vec<u8> {
+        let mut all = vec![0; usize::try_from(file.byte_len().unwrap()).unwrap()];
+        file.read_at(&mut all, 0).unwrap();
+        all
+    }
+
+    #[test]
+    fn both_directions_are_lossless_for_every_shape_and_channel() {
+        for dims in [[1, 1, 1], [2, 1, 2], [3, 5, 4], [64, 64, 64], [65, 3, 9], [150, 140, 40]] {
+            for channels in [
+                Channels { normal: true, value_bytes: 0, lod: true },
+                Channels { normal: true, value_bytes: 2, lod: true },
+                Channels { normal: false, value_bytes: 1, lod: false },
+                Channels { normal: false, value_bytes: 0, lod: true },
+            ] {
+                let mapped = sheet(dims, channels);
+                let out = tempfile::tempfile().unwrap();
+                let frame = encode::pack_file(mapped.as_slice(), &out).unwrap();
+                assert_eq!(frame.header.encoding, Encoding::Packed);
+                let packed = bytes(&out);
+                let out = tempfile::tempfile().unwrap();
+                decode::unpack_file(packed.as_slice(), &out).unwrap();
+                assert_eq!(bytes(&out), mapped, "{dims:?} {channels:?}");
+                let out = tempfile::tempfile().unwrap();
+                encode::pack_file(mapped.as_slice(), &out).unwrap();
+                assert_eq!(bytes(&out), packed, "packing is deterministic");
+            }
+        }
+    }
+}

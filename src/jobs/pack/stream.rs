@@ -1,0 +1,149 @@
+//! Buffered writing at positions, and subtrees out of breadth-first levels.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+
+use crate::format::packed::{GROUP_VOXELS, SUBTREE_DEPTH};
+use crate::format::{FormatError, SectionKind};
+use crate::load::{Cursor, Fault, Frame, ReadAt};
+
+/// Bytes of a writer's or a cursor's buffer.
+const BUFFER_BYTES: usize = 64 << 10;
+
+/// Sequential writer to one place of a file; [`Writer::flush`] must be called at the end.
+#[derive(Debug)]
+pub(super) struct Writer<'a> {
+    file: &'a File,
+    at: u64,
+    /// Position that must not be passed.
+    end: u64,
+    buffer: Vec<u8>,
+    crc: u32,
+}
+
+impl<'a> Writer<'a> {
+    /// A writer for `start..end`.
+    pub(super) fn new(file: &'a File, start: u64, end: u64) -> Self {
+        Self { file, at: start, end, buffer: Vec::new(), crc: 0 }
+    }
+
+    /// Position of the next byte.
+    pub(super) fn position(&self) -> u64 {
+        self.at + self.buffer.len() as u64
+    }
+
+    /// CRC of the bytes written since the last call.
+    pub(super) fn take_crc(&mut self) -> u32 {
+        std::mem::take(&mut self.crc)
+    }
+
+    /// Appends bytes.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if self.end.saturating_sub(self.position()) < bytes.len() as u64 {
+            return Err(io::Error::other("more content than its place has room for"));
+        }
+        self.crc = crc32c::crc32c_append(self.crc, bytes);
+        self.buffer.extend_from_slice(bytes);
+        if self.buffer.len() >= BUFFER_BYTES { self.flush() } else { Ok(()) }
+    }
+
+    /// Is the place full?
+    pub(super) fn is_full(&self) -> bool {
+        self.position() == self.end
+    }
+
+    /// Room left.
+    pub(super) fn room(&self) -> u64 {
+        self.end.saturating_sub(self.position())
+    }
+
+    /// Hands the buffer to the system.
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        self.file.write_all_at(&self.buffer, self.at)?;
+        self.at += self.buffer.len() as u64;
+        self.buffer.clear();
+        Ok(())
+    }
+}
+
+/// Depth of the roots of the subtrees, and levels of nodes in each.
+pub(super) fn subtree_shape(frame: &Frame) -> (u32, u32) {
+    let depth = frame.dims().depth();
+    let levels = depth.min(SUBTREE_DEPTH);
+    (depth - levels, levels)
+}
+
+/// Gives the subtrees of a mapped file in Morton order, with one cursor per depth.
+#[derive(Debug)]
+pub(super) struct Subtrees<'a, R: ReadAt + ?Sized> {
+    cursors: Vec<Cursor<'a, R>>,
+    left: u64,
+}
+
+impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
+    pub(super) fn new(source: &'a R, frame: &Frame) -> Self {
+        let (root_depth, levels) = subtree_shape(frame);
+        let nodes = frame.section(SectionKind::Nodes).map_or(0, |e| e.offset);
+        let cursors = (root_depth..root_depth + levels)
+            .map(|d| {
+                let level = frame.level(d);
+                Cursor::new(source, nodes + level.start, nodes + level.end, BUFFER_BYTES)
+            })
+            .collect();
+        Self { cursors, left: roots(frame) }
+    }
+
+    /// Puts the next subtree's infobytes by depth into `levels`; its number of voxels, or `None`
+    /// after the last.
+    pub(super) fn next(&mut self, levels: &mut Vec<Vec<u8>>) -> Result<Option<u64>, Fault> {
+        if self.left == 0 {
+            return Ok(None);
+        }
+        self.left -= 1;
+        levels.resize(self.cursors.len(), Vec::new());
+        let mut count = 1_u64;
+        for (cursor, level) in self.cursors.iter_mut().zip(levels) {
+            level.clear();
+            for _ in 0..count {
+                match cursor.take::<1>()? {
+                    Some([mask]) if mask != 0 => level.push(mask),
+                    _ => {
+                        return Err(FormatError::invalid(
+                            "a depth has fewer nodes than their parents have children (SPEC I11)",
+                        )
+                        .into());
+                    }
+                }
+            }
+            count = level.iter().map(|m| u64::from(m.count_ones())).sum();
+        }
+        Ok(Some(count))
+    }
+}
+
+/// Number of subtrees: nodes (or, at depth 0, the voxel) that are their roots.
+pub(super) fn roots(frame: &Frame) -> u64 {
+    let (root_depth, levels) = subtree_shape(frame);
+    if levels == 0 {
+        return frame.header.voxels;
+    }
+    let level = frame.level(root_depth);
+    level.end - level.start
+}
+
+/// Gathers subtrees until a group is full (SPEC 5.3): calls `one` for each, returns how many.
+pub(super) fn for_each_in_group<R: ReadAt + ?Sized, E: From<Fault>>(
+    subtrees: &mut Subtrees<'_, R>,
+    levels: &mut Vec<Vec<u8>>,
+    mut one: impl FnMut(&mut Vec<Vec<u8>>, u64) -> Result<(), E>,
+) -> Result<u32, E> {
+    let (mut count, mut voxels) = (0, 0);
+    while voxels < GROUP_VOXELS {
+        let Some(more) = subtrees.next(levels)? else { break };
+        one(levels, more)?;
+        voxels += more;
+        count += 1;
+    }
+    Ok(count)
+}
