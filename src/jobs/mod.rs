@@ -1,1 +1,3 @@
 //! What the commands do: one function each, from plain options to a report.
+
+pub mod render;

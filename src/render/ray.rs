@@ -266,7 +266,8 @@ mod tests {
     fn extreme_magnitudes_neither_panic_nor_lose_the_direction() {
         for scale in [5e-324, 1e-310, 1e-38, 1e-12, 1e12, 1e300] {
             let r = Ray::new(2, [-1.0, 1.5, 1.5], [scale, 0.0, -0.0], 0.0).unwrap().unwrap();
-            assert_eq!(r.direction(), [1 << 29, 0, 0]);
+            assert_eq!(r.direction()[1..], [0, 0]);
+            assert!((1 << 29..=1 << 30).contains(&r.direction()[0]), "{scale}");
         }
         for far in [1e7, 1e15, 1e300, f64::MAX] {
             for d in [[1.0, 5e-324, -5e-324], [f64::MAX, -f64::MAX, 1.0], [5e-324, 0.0, 0.0]] {
