@@ -285,6 +285,58 @@ fn thumbnails_use_the_coarser_levels_and_look_alike() {
     show(&large, "ball-thumbnail");
 }
 
+/// The cadaver head of the Stanford archive, if it is there: 256 x 256 x 113, i16 big-endian, 1 : 1 : 2.
+fn cadaver_head() -> Option<Vec<i16>> {
+    let folder = std::env::var("INFOBYTE_DATA")
+        .unwrap_or_else(|_| concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data").into());
+    let mut samples = Vec::new();
+    for slice in 1..=113 {
+        let bytes = std::fs::read(format!("{folder}/raw-cthead/CThead.{slice}")).ok()?;
+        samples.extend(bytes.as_chunks::<2>().0.iter().map(|b| i16::from_be_bytes(*b)));
+    }
+    (samples.len() == 256 * 256 * 113).then_some(samples)
+}
+
+#[test]
+fn a_real_head_shows_its_face_to_the_front() {
+    let Some(samples) = cadaver_head() else {
+        println!("skipped: the cadaver head is not there; set INFOBYTE_DATA");
+        return;
+    };
+    let dims = [256, 256, 113];
+    let at = |c: [u32; 3]| samples[((c[2] * 256 + c[1]) * 256 + c[0]) as usize];
+    let value =
+        |c: [f64; 3]| f64::from(at(std::array::from_fn(|a| c[a].clamp(0.0, f64::from(dims[a] - 1)) as u32)));
+    // Scanned from the head down, the face to low y, columns from the patient's right to the left.
+    let affine = Orientation::parse("LPI").unwrap().affine([1.0, 1.0, 2.0]);
+    for (name, iso) in [("skin", 600), ("bone", 1300)] {
+        let head = Scene::skin(name, dims, |c| at(c) >= iso).with_normals(|p| {
+            let low = p.map(|v| v - 0.5);
+            std::array::from_fn(|a| {
+                let step = |by: f64| {
+                    let mut c = low;
+                    c[a] += by;
+                    value(c)
+                };
+                let difference = (step(-1.0) - step(1.0)) / [1.0, 1.0, 2.0][a];
+                if difference == 0.0 { 1e-3 } else { difference }
+            })
+        });
+        for view in NamedView::ALL {
+            let mut asked = request(view, Projection::Parallel);
+            (asked.width, asked.height, asked.smooth_edges) = (320, 320, true);
+            let (image, report) = render(&head.tree, head.dims, &affine, &asked).unwrap();
+            show(&image, &format!("head-{name}-{}", view.name()));
+            assert!(report.hits > 20_000, "{report:?}");
+        }
+        let (image, report) = thumbnail(&head.tree, head.dims, &affine, 128, 2).unwrap();
+        show(&image, &format!("head-{name}-thumbnail"));
+        println!("{name}: {report:?}");
+        let counts = selfcheck(&head.tree, 50_000, 3, 2).unwrap();
+        assert_eq!(counts.total(), 0, "{counts:?}");
+    }
+}
+
 #[test]
 fn smallest_models_and_senseless_requests() {
     let one = Scene::set("1x1x1", [1; 3], |_| true);

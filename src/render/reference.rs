@@ -157,14 +157,29 @@ pub fn walk(
 /// First hit by intersecting the ray with each of `cells` and taking the earliest.
 pub fn nearest_by_slabs(cells: impl Iterator<Item = [u32; 3]>, ray: &Ray) -> Option<ReferenceHit> {
     let (origin, direction) = (ray.origin().map(i128::from), ray.direction().map(i128::from));
+    nearest_ideal(cells, origin, direction, CELL, ray.entry())
+}
+
+/// [`nearest_by_slabs`] for a ray of any integers: `cell_units` units of the origin make a cell, and the
+/// origin may lie outside the grid; `entry` is what is reported when the ray starts in the hit.
+///
+/// Tells the error of quantising a ray from that of traversing it. The product of an
+/// origin difference and a direction must fit an i128.
+pub fn nearest_ideal(
+    cells: impl Iterator<Item = [u32; 3]>,
+    origin: [i128; 3],
+    direction: [i128; 3],
+    cell_units: i128,
+    entry: Option<Face>,
+) -> Option<ReferenceHit> {
     let mut best: Option<((i128, i128), ReferenceHit)> = None;
     'cells: for cell in cells {
         // The ray is in the cell for enter <= t < leave; times are fractions n / d with d > 0.
         let mut enter = (0, 1);
         let mut leave: Option<(i128, i128)> = None;
-        let mut face = ray.entry();
+        let mut face = entry;
         for a in 0..3 {
-            let (low, high) = (i128::from(cell[a]) * CELL, (i128::from(cell[a]) + 1) * CELL);
+            let (low, high) = (i128::from(cell[a]) * cell_units, (i128::from(cell[a]) + 1) * cell_units);
             let d = direction[a];
             if d == 0 {
                 if origin[a] < low || origin[a] >= high {

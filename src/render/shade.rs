@@ -5,7 +5,11 @@
 
 /// Part of the light that reaches every surface: keeps edges visible on a black background, and dark enough
 /// to be seen on a white one.
-const AMBIENT: f64 = 0.11;
+const AMBIENT: f64 = 0.07;
+
+/// How much of the light falls off with the squared cosine instead of the cosine: a lamp at the eye makes
+/// shapes flat in the middle, and this gives them back some relief.
+const RELIEF: f64 = 0.6;
 
 /// Colour of a surface that faces the light, in linear RGB (sRGB 236, 226, 208).
 const SURFACE: [f64; 3] = [0.838_8, 0.760_5, 0.630_8];
@@ -49,7 +53,8 @@ impl Shader {
         let along = normal[0] * sight[0] + normal[1] * sight[1] + normal[2] * sight[2];
         let length = (sight[0] * sight[0] + sight[1] * sight[1] + sight[2] * sight[2]).sqrt();
         let cosine = (along / length).abs().min(1.0);
-        let strength = AMBIENT + (1.0 - AMBIENT) * cosine;
+        let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
+        let strength = AMBIENT + (1.0 - AMBIENT) * falloff;
         SURFACE.map(|c| c * strength)
     }
 

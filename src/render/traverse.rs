@@ -66,6 +66,12 @@ const PATH: usize = 32;
 /// 2^52: adding it to a number in 0..2^51 leaves that number, rounded to an integer, in the low bits.
 const ROUNDER: f64 = 4_503_599_627_370_496.0;
 
+/// `2^k` for k < 32, without the check for greater k.
+#[inline(always)]
+fn edge(k: u32) -> u32 {
+    1_u32.wrapping_shl(k)
+}
+
 /// The ray in mirrored coordinates.
 struct Walk {
     origin: [i64; 3],
@@ -120,8 +126,8 @@ impl Walk {
         reason = "cells are at most 2^16"
     )]
     fn next_cell(&self, cell: [u32; 3], level: u32) -> [u32; 3] {
-        let within = (1_u32 << level) - 1;
-        let plane = |a: usize| i64::from((cell[a] | within) + 1) << FRACTION_BITS;
+        let within = edge(level).wrapping_sub(1);
+        let plane = |a: usize| i64::from((cell[a] | within).wrapping_add(1)) << FRACTION_BITS;
         let time = |a: usize| (plane(a) as f64 - self.origin_f[a]) * self.inverse[a];
         let smaller = |a: f64, b: f64| if a < b { a } else { b };
         let t = smaller(smaller(time(0), time(1)), time(2));
@@ -141,9 +147,9 @@ impl Walk {
     #[cold]
     #[expect(clippy::cast_possible_truncation, reason = "cells are at most 2^16")]
     fn next_cell_exact(&self, cell: [u32; 3], level: u32) -> [u32; 3] {
-        let within = (1_u32 << level) - 1;
-        let distance: [i64; 3] =
-            std::array::from_fn(|a| (i64::from((cell[a] | within) + 1) << FRACTION_BITS) - self.origin[a]);
+        let within = edge(level).wrapping_sub(1);
+        let plane = |a: usize| i64::from((cell[a] | within).wrapping_add(1)) << FRACTION_BITS;
+        let distance: [i64; 3] = std::array::from_fn(|a| plane(a) - self.origin[a]);
         // Earliest exit: n_a / d_a < n_b / d_b by cross-multiplication. Distances are > 0, so an axis with
         // d = 0 is never the earlier one. No overflow: see the assertions in `ray`.
         let mut exit = 0;
@@ -239,14 +245,14 @@ fn trace<V: NodeView>(view: &V, ray: &Ray, lod_edge_log2: u32, sealed: bool) -> 
                 let hit = finish(ray, &walk, mirror, node, cell, level);
                 return Trace { hit: Some(hit), steps };
             }
-            level -= 1;
-            let octant =
-                ((cell[0] >> level & 1) | (cell[1] >> level & 1) << 1 | (cell[2] >> level & 1) << 2) ^ mirror;
+            level = level.wrapping_sub(1);
+            let bit = |a: usize| cell[a].wrapping_shr(level) & 1;
+            let octant = (bit(0) | bit(1) << 1 | bit(2) << 2) ^ mirror;
             let mask = u32::from(view.infobyte(node));
-            if mask >> octant & 1 == 0 {
+            if mask.wrapping_shr(octant) & 1 == 0 {
                 break;
             }
-            let before = (mask & ((1 << octant) - 1)).count_ones();
+            let before = (mask & edge(octant).wrapping_sub(1)).count_ones();
             node = view.first_child(node).wrapping_add(u64::from(before));
             path[level as usize % PATH] = node;
         }
@@ -256,7 +262,7 @@ fn trace<V: NodeView>(view: &V, ray: &Ray, lod_edge_log2: u32, sealed: bool) -> 
             return Trace { hit: None, steps };
         }
         // The smallest box that holds both cells lies on the path that led here.
-        level = u32::BITS - changed.leading_zeros();
+        level = u32::BITS.wrapping_sub(changed.leading_zeros());
         node = path[level as usize % PATH];
         cell = next;
     }
