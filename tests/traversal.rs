@@ -355,10 +355,12 @@ fn quantising_a_ray_rarely_changes_its_hit_and_never_by_far() {
         let origin = [0; 3].map(|_| (random.range(-32.0, 64.0) * unit).round() / unit);
         let goal = [0.0; 3].map(|_: f64| random.range(0.0, 32.0));
         let direction: [f64; 3] = std::array::from_fn(|a| ((goal[a] - origin[a]) * fine).round() / fine);
+        #[expect(clippy::cast_possible_truncation, reason = "whole numbers")]
+        let whole = |v: [f64; 3], unit: f64| v.map(|v| (v * unit) as i128);
         let ideal = reference::nearest_ideal(
             scene.cells.iter().copied(),
-            origin.map(|v| (v * unit) as i128),
-            direction.map(|v| (v * fine) as i128),
+            whole(origin, unit),
+            whole(direction, fine),
             1 << 30,
             None,
         );

@@ -305,8 +305,11 @@ fn a_real_head_shows_its_face_to_the_front() {
     };
     let dims = [256, 256, 113];
     let at = |c: [u32; 3]| samples[((c[2] * 256 + c[1]) * 256 + c[0]) as usize];
-    let value =
-        |c: [f64; 3]| f64::from(at(std::array::from_fn(|a| c[a].clamp(0.0, f64::from(dims[a] - 1)) as u32)));
+    let value = |c: [f64; 3]| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        let cell = std::array::from_fn(|a| c[a].clamp(0.0, f64::from(dims[a] - 1)) as u32);
+        f64::from(at(cell))
+    };
     // Scanned from the head down, the face to low y, columns from the patient's right to the left.
     let affine = Orientation::parse("LPI").unwrap().affine([1.0, 1.0, 2.0]);
     for (name, iso) in [("skin", 600), ("bone", 1300)] {
