@@ -13,6 +13,9 @@
 //! descends by infobytes until a voxel, or an empty octant, whose box is then left in one step; the
 //! deepest box that holds both the old and the new cell is found from their differing bits.
 //!
+//! Sums and shifts here wrap instead of being checked: `ray` proves that none overflows, and a view's
+//! answers go into table look-ups and box numbers only, never into coordinates.
+//!
 //! Departure from the paper (section 3): its 14-bit table answers for a discrete 6-connected ray and lists
 //! boxes that the line does not pierce; here every box visited is pierced.
 
@@ -87,13 +90,13 @@ impl Walk {
     #[inline]
     #[expect(clippy::cast_precision_loss, reason = "all below 2^53")]
     fn new(ray: &Ray, sealed: bool) -> (Self, u32) {
-        let far = 1_i64 << (ray.depth() + FRACTION_BITS);
+        let far = i64::from(edge(ray.depth())) << FRACTION_BITS;
         let (mut origin, mut direction) = (ray.origin(), ray.direction());
         let mut mirror = 0;
         for a in 0..3 {
             if direction[a] < 0 {
-                origin[a] = far - origin[a];
-                direction[a] = -direction[a];
+                origin[a] = far.wrapping_sub(origin[a]);
+                direction[a] = direction[a].wrapping_neg();
                 mirror |= 1 << a;
             }
         }
@@ -149,7 +152,7 @@ impl Walk {
     fn next_cell_exact(&self, cell: [u32; 3], level: u32) -> [u32; 3] {
         let within = edge(level).wrapping_sub(1);
         let plane = |a: usize| i64::from((cell[a] | within).wrapping_add(1)) << FRACTION_BITS;
-        let distance: [i64; 3] = std::array::from_fn(|a| plane(a) - self.origin[a]);
+        let distance: [i64; 3] = std::array::from_fn(|a| plane(a).wrapping_sub(self.origin[a]));
         // Earliest exit: n_a / d_a < n_b / d_b by cross-multiplication. Distances are > 0, so an axis with
         // d = 0 is never the earlier one. No overflow: see the assertions in `ray`.
         let mut exit = 0;
@@ -165,11 +168,10 @@ impl Walk {
         let mut crossing = [false; 3];
         for a in 0..3 {
             let product = n.wrapping_mul(self.direction[a]);
-            let units = self.origin[a] + product.checked_div(d).unwrap_or(0);
+            let units = self.origin[a].wrapping_add(product.checked_div(d).unwrap_or(0));
             next[a] = (units >> FRACTION_BITS) as u32;
-            crossing[a] = self.direction[a] > 0
-                && (i64::from(next[a]) << FRACTION_BITS) - self.origin[a] > 0
-                && ((i64::from(next[a]) << FRACTION_BITS) - self.origin[a]).wrapping_mul(d) == product;
+            let to_plane = (i64::from(next[a]) << FRACTION_BITS).wrapping_sub(self.origin[a]);
+            crossing[a] = self.direction[a] > 0 && to_plane > 0 && to_plane.wrapping_mul(d) == product;
         }
         if !self.sealed {
             return next;
@@ -194,7 +196,7 @@ impl Walk {
     fn entry_into(&self, low: [u32; 3]) -> Option<(usize, i64)> {
         let mut latest: Option<(usize, i64)> = None;
         for a in 0..3 {
-            let n = (i64::from(low[a]) << FRACTION_BITS) - self.origin[a];
+            let n = (i64::from(low[a]) << FRACTION_BITS).wrapping_sub(self.origin[a]);
             let later = match latest {
                 None => n > 0,
                 Some((b, m)) => n.wrapping_mul(self.direction[b]) > m.wrapping_mul(self.direction[a]),
@@ -227,7 +229,7 @@ pub fn first_hit_sealed<V: NodeView>(view: &V, ray: &Ray, lod_edge_log2: u32) ->
 #[inline(always)]
 fn trace<V: NodeView>(view: &V, ray: &Ray, lod_edge_log2: u32, sealed: bool) -> Trace {
     let depth = ray.depth();
-    let size = 1_u32 << depth;
+    let size = edge(depth);
     let (walk, mirror) = Walk::new(ray, sealed);
     #[expect(clippy::cast_possible_truncation, reason = "at most 2^16")]
     let mut cell = walk.origin.map(|o| (o >> FRACTION_BITS) as u32);
@@ -273,13 +275,13 @@ fn trace<V: NodeView>(view: &V, ray: &Ray, lod_edge_log2: u32, sealed: bool) -> 
 /// Describes the box of edge `2^level` around `cell` as a hit, back in unmirrored coordinates.
 #[inline]
 fn finish(ray: &Ray, walk: &Walk, mirror: u32, box_number: u64, cell: [u32; 3], level: u32) -> Hit {
-    let low = cell.map(|c| c >> level << level);
-    let last = (1_u32 << ray.depth()) - (1 << level);
+    let low = cell.map(|c| c & !edge(level).wrapping_sub(1));
+    let last = edge(ray.depth()).wrapping_sub(edge(level));
     let mirrored = |a: usize| mirror >> a & 1 == 1;
     let entry = walk.entry_into(low);
     Hit {
         box_number,
-        cell: std::array::from_fn(|a| if mirrored(a) { last - low[a] } else { low[a] }),
+        cell: std::array::from_fn(|a| if mirrored(a) { last.wrapping_sub(low[a]) } else { low[a] }),
         edge_log2: level,
         face: match entry {
             // In mirrored coordinates every box is entered by a low face.
