@@ -4,6 +4,7 @@
 //! Every ray is compared with a walk over plain bits in exact rationals that knows no octree; small volumes
 //! also with the intersection of the ray with every skin voxel.
 
+#[path = "support/scenes.rs"]
 mod support;
 
 use infobyte::geom::Dims;

@@ -80,13 +80,13 @@ impl GridSpace {
         if length > 0.0 { world.map(|c| c / length) } else { world }
     }
 
-    /// Greatest value of `direction . p` over the skin's points p, to within 1/512 of the grid and never
+    /// Greatest value of `direction . p` over the skin's points p, to within 1/2048 of the grid and never
     /// too small. Of an empty model: over the volume's box.
     ///
     /// Descends only where a box could still exceed the best so far: a few hundred nodes.
     pub fn support<V: NodeView>(&self, view: &V, direction: [f64; 3]) -> f64 {
         let depth = self.dims.depth();
-        let finest = depth.saturating_sub(9);
+        let finest = depth.saturating_sub(11);
         let weight: [f64; 3] = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
         let constant = dot(direction, self.grid_to_world.origin());
         let bound = |low: [u32; 3], edge: u32| {
