@@ -179,7 +179,7 @@ fn judge_gaps(
             along.len()
         )));
     }
-    let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(total);
+    let usual = sorted.get(sorted.len().saturating_sub(1) / 2).copied().unwrap_or(total);
     let same = SAME_MM.max(SAME * usual);
     let repeats = gaps.iter().filter(|g| **g <= same).count();
     if let Some(at) = gaps.iter().position(|g| *g <= same) {
@@ -212,17 +212,21 @@ fn judge_gaps(
 /// The sentence on uneven gaps: which lengths occur how often, and where slices seem to be missing.
 fn uneven(gaps: &[f64], usual: f64, file: &dyn Fn(usize) -> String) -> String {
     const KINDS: usize = 6;
-    let mut kinds: Vec<(f64, usize)> = Vec::new();
+    // Gaps as long as the first of their kind: how many, and their sum.
+    let mut kinds: Vec<(f64, usize, f64)> = Vec::new();
     for gap in gaps {
-        match kinds.iter_mut().find(|(length, _)| (length - gap).abs() <= EVEN * usual) {
-            Some((_, n)) => *n += 1,
-            None => kinds.push((*gap, 1)),
+        match kinds.iter_mut().find(|(length, ..)| (length - gap).abs() <= EVEN * usual) {
+            Some((_, n, sum)) => {
+                *n += 1;
+                *sum += gap;
+            }
+            None => kinds.push((*gap, 1, *gap)),
         }
     }
     kinds.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.total_cmp(&b.0)));
     let mut text = format!("the slices are unevenly spaced: {} gaps along the normal, ", gaps.len());
-    for (i, (length, n)) in kinds.iter().take(KINDS).enumerate() {
-        let _ = write!(text, "{}{n} x {length:.3}", if i > 0 { ", " } else { "" });
+    for (i, (_, n, sum)) in kinds.iter().take(KINDS).enumerate() {
+        let _ = write!(text, "{}{n} x {:.3}", if i > 0 { ", " } else { "" }, sum / count(*n));
     }
     if kinds.len() > KINDS {
         let _ = write!(text, " and {} other lengths", kinds.len() - KINDS);

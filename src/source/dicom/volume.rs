@@ -64,14 +64,20 @@ impl Candidate {
     }
 
     fn describe(&self, groups: &[Group]) -> String {
-        let Some(header) = groups.get(self.group).map(|g| &g.first) else { return String::new() };
+        let Some(group) = groups.get(self.group) else { return String::new() };
+        let header = &group.first;
+        let kind = self.chosen.first().and_then(|i| group.slices.get(*i)).map_or(0, |s| s.image_type);
+        let kind = match group.image_types.get(kind as usize) {
+            Some(name) if group.image_types.len() > 1 => format!(" {name}"),
+            _ => String::new(),
+        };
         let (columns, rows) = (header.columns.unwrap_or(0), header.rows.unwrap_or(0));
         let scout = if header.is_localizer() { ", localizer" } else { "" };
         let fate = match &self.verdict {
             Ok(_) => String::new(),
             Err(reason) => format!(", refused: {reason}"),
         };
-        format!("{} {columns}x{rows}x{}{scout}{fate}", header.kind(), self.chosen.len())
+        format!("{}{kind} {columns}x{rows}x{}{scout}{fate}", header.kind(), self.chosen.len())
     }
 }
 
