@@ -1,10 +1,12 @@
 //! No bytes make the header scanner panic, loop, or allocate more than its window and a few short
-//! strings: damaged, truncated and lying files yield a sentence.
+//! strings: damaged, truncated and lying files yield a sentence. And a sound series of a thousand
+//! slices is held in a few hundred KiB.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use infobyte::source::dicom::{DicomHeader, PixelLayout, ScanError, scan};
+use infobyte::source::VolumeSource;
+use infobyte::source::dicom::{DicomHeader, DicomVolume, PixelLayout, ScanError, scan};
 
 #[path = "support/dicom.rs"]
 mod dicom;
@@ -14,20 +16,28 @@ use dicom::{Image, Syntax, Writer};
 struct Counting;
 
 thread_local! {
+    /// Bytes ever allocated, bytes live now, and the most that were.
     static ALLOCATED: Cell<usize> = const { Cell::new(0) };
+    static LIVE: Cell<isize> = const { Cell::new(0) };
+    static PEAK: Cell<isize> = const { Cell::new(0) };
 }
 
-// SAFETY: every call is passed on to the system allocator unchanged; the counter is thread-local and
-// needs no allocation itself.
+// SAFETY: every call is passed on to the system allocator unchanged; the counters are thread-local
+// and need no allocation themselves.
 #[expect(unsafe_code, reason = "a counting allocator cannot be written without; tests only")]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let _ = ALLOCATED.try_with(|n| n.set(n.get() + layout.size()));
+        let _ = LIVE.try_with(|n| {
+            n.set(n.get() + layout.size().cast_signed());
+            let _ = PEAK.try_with(|peak| peak.set(peak.get().max(n.get())));
+        });
         // SAFETY: the caller's promise is passed on.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        let _ = LIVE.try_with(|n| n.set(n.get() - layout.size().cast_signed()));
         // SAFETY: the caller's promise is passed on.
         unsafe { System.dealloc(ptr, layout) }
     }
@@ -194,4 +204,29 @@ fn zero_lengths_stray_delimiters_and_constant_bytes_are_harmless() {
             }
         }
     }
+}
+
+#[test]
+fn a_thousand_slices_are_opened_and_held_in_little_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    for i in 0..1000_u32 {
+        let position = [0.0, 0.0, f64::from(i)];
+        let image = Image { instance: i, position, ..Image::default() };
+        let name = format!("1.2.840.113619.2.55.3.604688119.969.1268071029.{i}.dcm");
+        std::fs::write(folder.path().join(name), image.bytes()).unwrap();
+    }
+    let inputs = [folder.path().to_path_buf()];
+    let before = LIVE.get();
+    PEAK.set(before);
+    let series = DicomVolume::open(&inputs).unwrap();
+    let (held, peak) = (LIVE.get() - before, PEAK.get() - before);
+    println!("1000 slices: {held} bytes held, {peak} at most while opening");
+    assert_eq!(series.info().dims.nz(), 1000);
+    assert!(held < 150 << 10, "{held} bytes held");
+    assert!(peak < 500 << 10, "{peak} bytes while opening");
+    let allocated = ALLOCATED.get();
+    series.read_rows(3, 0..2, 0..2, &mut [0; 8]).unwrap();
+    series.read_rows(3, 0..2, 0..2, &mut [0; 8]).unwrap();
+    // The path of the one open; nothing for the voxels.
+    assert!(ALLOCATED.get() - allocated < 1024);
 }

@@ -224,7 +224,7 @@ fn a_scout_beside_a_broken_series_is_not_mistaken_for_the_volume() {
 }
 
 #[test]
-fn a_thousand_slices_hold_little_memory_and_few_descriptors() {
+fn many_slices_are_read_with_few_descriptors() {
     let values = [0; 4];
     let images: Vec<Image<'_>> = (0..1500).map(|i| Image { values: &values, ..at(f64::from(i)) }).collect();
     let (_keep, folder) = folder_of(&images);

@@ -29,6 +29,15 @@ pub(crate) struct Writer {
     syntax: Syntax,
 }
 
+/// The low 16 bits.
+fn low(bits: u32) -> u16 {
+    u16::try_from(bits & 0xffff).unwrap()
+}
+
+fn length_of(n: usize) -> u32 {
+    u32::try_from(n).unwrap()
+}
+
 const LONG: [&str; 4] = ["OB", "OW", "SQ", "UN"];
 
 impl Writer {
@@ -57,8 +66,8 @@ impl Writer {
 
     /// Tag, VR and length only; `u32::MAX` for undefined.
     pub(crate) fn head(&mut self, tag: u32, vr: &str, length: u32) {
-        self.u16((tag >> 16) as u16);
-        self.u16(tag as u16);
+        self.u16(low(tag >> 16));
+        self.u16(low(tag));
         if self.syntax == Syntax::ImplicitLe || tag >> 16 == 0xfffe {
             return self.u32(length);
         }
@@ -67,12 +76,12 @@ impl Writer {
             self.u16(0);
             self.u32(length);
         } else {
-            self.u16(length as u16);
+            self.u16(low(length));
         }
     }
 
     pub(crate) fn element(&mut self, tag: u32, vr: &str, value: &[u8]) {
-        self.head(tag, vr, value.len() as u32);
+        self.head(tag, vr, length_of(value.len()));
         self.bytes.extend(value);
     }
 
@@ -197,7 +206,7 @@ impl Image<'_> {
         }
         let width = usize::from(self.bits[0] / 8);
         let odd = self.values.len() * width % 2;
-        w.head(0x7fe0_0010, if width == 1 { "OB" } else { "OW" }, (self.values.len() * width + odd) as u32);
+        w.head(0x7fe0_0010, if width == 1 { "OB" } else { "OW" }, length_of(self.values.len() * width + odd));
         for value in self.values {
             let mut bytes = value.to_le_bytes()[..width].to_vec();
             if self.syntax == Syntax::ExplicitBe {

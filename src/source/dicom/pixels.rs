@@ -371,6 +371,7 @@ mod tests {
         assert_eq!(decode16(&image, Some(-1000.0), &raw), expected);
     }
 
+    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small numbers")]
     #[test]
     fn widening_in_place_reads_every_sample_before_it_is_overwritten() {
         for (allocated, signed) in [(8, false), (8, true), (16, false), (16, true), (32, false), (32, true)] {

@@ -302,6 +302,10 @@ fn general_warnings(found: &Survey, candidates: &[Candidate]) -> Vec<String> {
             list.join("; ")
         ));
     }
+    for (path, reason) in found.groups.iter().filter_map(|g| g.broken.as_ref()).take(NAMED) {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        warnings.push(format!("{name}, of a series that is not used: {reason}"));
+    }
     for (reason, count, first) in found.unusable.iter().take(NAMED) {
         let name = first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         warnings.push(format!("{count} DICOM file(s) left out: {reason} (first: {name})"));
