@@ -8,6 +8,12 @@
 //!
 //! Run with `--nocapture` for the table.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "samples and sizes are made to fit"
+)]
+
 use std::ops::Range;
 
 use infobyte::build::{BuildOptions, Connectivity, Silent, Threshold, build};
@@ -196,12 +202,12 @@ impl Ball {
         [0, 1, 2].map(|a| 2 * ((self.radius / self.spacing[a]).ceil() as u32 + 5) + 1)
     }
 
-    fn from_centre(&self, at: [u32; 3]) -> [f64; 3] {
+    fn offset(&self, at: [u32; 3]) -> [f64; 3] {
         [0, 1, 2].map(|a| f64::from(at[a]) * self.spacing[a] - self.centre[a])
     }
 
     fn distance(&self, at: [u32; 3]) -> f64 {
-        self.from_centre(at).iter().map(|c| c * c).sum::<f64>().sqrt()
+        self.offset(at).iter().map(|c| c * c).sum::<f64>().sqrt()
     }
 
     fn blurred(&self, at: [u32; 3], sigma: f64) -> f64 {
@@ -238,7 +244,7 @@ fn a_clean_blurred_ball_is_limited_by_the_quantiser_alone() {
     for radius in [40.0, 20.0] {
         let ball = Ball::new(radius, [1.0; 3]);
         let name = format!("ball R={radius}");
-        let e = errors(&name, &ball.grey(0.0), AIR + STEP / 2.0, |at| Some(ball.from_centre(at)));
+        let e = errors(&name, &ball.grey(0.0), AIR + STEP / 2.0, |at| Some(ball.offset(at)));
         assert!(e.mean <= 0.40 && e.p99 <= 0.65, "{e:?}");
         // The code's own worst case is 0.64; the gradient may add a few hundredths.
         assert!(e.worst <= 0.72, "{e:?}");
@@ -248,9 +254,7 @@ fn a_clean_blurred_ball_is_limited_by_the_quantiser_alone() {
 #[test]
 fn noise_of_two_and_a_half_percent_is_averaged_out() {
     let ball = Ball::new(40.0, [1.0; 3]);
-    let e = errors("ball R=40, 2.5 % noise", &ball.grey(0.025), AIR + STEP / 2.0, |at| {
-        Some(ball.from_centre(at))
-    });
+    let e = errors("ball R=40, 2.5 % noise", &ball.grey(0.025), AIR + STEP / 2.0, |at| Some(ball.offset(at)));
     assert!(e.mean <= 0.85 && e.p99 <= 2.1, "{e:?}");
 }
 
@@ -259,7 +263,7 @@ fn a_binary_ball_keeps_its_mean_but_not_its_percentile() {
     let ball = Ball::new(40.0, [1.0; 3]);
     let volume =
         Held::new(ball.dims(), [1.0; 3], ScalarType::U8, |at| u8::from(ball.distance(at) <= ball.radius));
-    let e = errors("ball R=40, binary", &volume, 0.5, |at| Some(ball.from_centre(at)));
+    let e = errors("ball R=40, binary", &volume, 0.5, |at| Some(ball.offset(at)));
     assert!(e.mean <= 4.2, "{e:?}");
     // The wish was 10. No linear 5x5x5 kernel that was found has it together with 12 degrees on
     // Marschner-Lobb 80^3 (best 10.7 of all kernels with the cube's symmetry), so this is what the
@@ -271,7 +275,7 @@ fn a_binary_ball_keeps_its_mean_but_not_its_percentile() {
 fn spacing_enters_as_physical_units() {
     // Half as many slices, twice as far apart.
     let ball = Ball::new(40.0, [1.0, 1.0, 2.0]);
-    let e = errors("ball R=40 mm, 1:1:2", &ball.grey(0.0), AIR + STEP / 2.0, |at| Some(ball.from_centre(at)));
+    let e = errors("ball R=40 mm, 1:1:2", &ball.grey(0.0), AIR + STEP / 2.0, |at| Some(ball.offset(at)));
     // One and a half times the bound of the isotropic ball.
     assert!(e.mean <= 1.5 * 0.40, "{e:?}");
 }

@@ -55,7 +55,7 @@ const FOLD_LEVEL: f32 = 0.26;
 
 /// A head with skin, skull, teeth and a folded brain, `side` cubed, as 16-bit signed Hounsfield units.
 ///
-/// Memory: a table of 8 bytes per column, and 10 KiB of stack while reading. Cost: about 15 ns
+/// Memory: a table of 8 bytes per column, and 10 KiB of stack while reading. Cost: about 11 ns
 /// per voxel on average, least in air.
 #[derive(Debug)]
 pub struct SyntheticHead {
