@@ -150,7 +150,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
     pub(crate) size: [u32; 2],
     /// Named view
-    #[arg(long, value_enum, default_value_t = View::Iso, conflicts_with = "eye")]
+    #[arg(long, value_enum, default_value_t = View::Front, conflicts_with = "eye")]
     pub(crate) view: View,
     /// Position of the eye in mm (LPS)
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple, requires = "look_at")]
@@ -170,6 +170,9 @@ pub(crate) struct RenderArgs {
     /// Worker threads; all cores by default
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
+    /// Stop at nodes about as small as a pixel instead of at voxels
+    #[arg(long, value_enum, default_value_t = Switch::Off)]
+    pub(crate) lod: Switch,
     /// Also write a picture of the distances
     #[arg(long, value_name = "F.png")]
     pub(crate) depth: Option<PathBuf>,
@@ -192,6 +195,9 @@ pub(crate) struct ThumbnailArgs {
     /// Longest side in pixels
     #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = side)]
     pub(crate) size: u32,
+    /// Worker threads; all cores by default
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -203,13 +209,19 @@ pub(crate) struct DemoArgs {
     #[arg(short, long, value_name = "MODEL.oct", default_value = "head.oct")]
     pub(crate) output: PathBuf,
     /// Voxels along a side of the synthetic volume
-    #[arg(long, value_name = "N", default_value = "256", value_parser = side)]
-    pub(crate) side: u32,
+    #[arg(long, value_name = "N", default_value = "512", value_parser = side)]
+    pub(crate) size: u32,
+    /// Write the volume itself (16-bit signed, little-endian) to a file, and do nothing else
+    #[arg(long, value_name = "FILE")]
+    pub(crate) write_raw: Option<PathBuf>,
+    /// Inside are values of V and more; 400 (the skull) by default, -400 shows the skin
+    #[arg(long, value_name = "V", allow_hyphen_values = true, value_parser = number, default_value = "400")]
+    pub(crate) iso: f64,
     /// Picture to write
     #[arg(long, value_name = "IMAGE.png")]
     pub(crate) picture: Option<PathBuf>,
     /// Peak resident memory of the whole process
-    #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
+    #[arg(long, value_name = "SIZE", default_value = "8MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     /// Worker threads; all cores by default
     #[arg(long, value_name = "N", value_parser = threads)]
@@ -224,6 +236,18 @@ pub(crate) struct DemoArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct SelfcheckArgs {
+    /// The model
+    #[arg(value_name = "MODEL.oct")]
+    pub(crate) model: PathBuf,
+    /// Random rays to compare with the exact reference
+    #[arg(long, value_name = "N", default_value = "1000000")]
+    pub(crate) rays: u64,
+    /// Where the random sequence starts
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) seed: u64,
+    /// Worker threads; all cores by default
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,

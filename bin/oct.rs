@@ -1,19 +1,35 @@
 //! The `oct` command: arguments in, one call into the library, an exit code out.
 
 mod args;
+mod bars;
 
 use std::io::{self, Write};
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
 use infobyte::budget::Bytes;
-use infobyte::jobs::{info, pack, verify};
+use infobyte::build::{BuildOptions, Connectivity, Threshold};
+use infobyte::geom::Orientation;
+use infobyte::jobs::demo::DemoFiles;
+use infobyte::jobs::render::{RenderReport, RenderRequest};
+use infobyte::jobs::{self, info, pack, picture, verify};
+use infobyte::load::Model;
+use infobyte::render::{NamedView, Projection, ViewPoint};
+use infobyte::source::RawOptions;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
-use args::{Cli, Command};
+use args::{Cli, Command, Switch};
+use bars::Bars;
 
 fn main() -> ExitCode {
+    // With a handler in place, writing past a file-size limit is an error that can be told, not the end of
+    // the process. Without one (it cannot be set twice), the system's way stays.
+    let _ = signal_hook::flag::register(
+        signal_hook::consts::SIGXFSZ,
+        std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false)),
+    );
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(e) => return refuse(&e),
@@ -79,27 +95,153 @@ fn run(command: Command) -> Result<ExitCode, Error> {
 }
 
 fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
-    Err(not_wired("build", &format!("{args:?}")))
+    let options = BuildOptions {
+        threshold: match (args.iso, args.range) {
+            (Some(iso), _) => Threshold::Iso(iso),
+            (None, Some([lo, hi])) => Threshold::Range(lo, hi),
+            (None, None) => Threshold::Otsu,
+        },
+        connectivity: if args.connectivity == 6 { Connectivity::Thick6 } else { Connectivity::Thin26 },
+        normals: args.channels.normal,
+        values: args.channels.value,
+        lod: args.lod == Switch::On,
+        memory_bytes: args.memory,
+        threads: args.threads.unwrap_or_else(cores),
+        scratch: args.scratch.clone(),
+    };
+    let raw = raw_options(&args.raw)?;
+    let bars = Bars::new(args.quiet || args.json);
+    let summary = jobs::build::build(&args.input, raw.as_ref(), &options, &args.output, &bars);
+    bars.finish();
+    let summary = summary?;
+    print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })
+}
+
+/// The description of a headerless volume, if any of it was given.
+fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Error> {
+    match (raw.dims, raw.dtype) {
+        (Some(dims), Some((scalar, endian))) => Ok(Some(RawOptions {
+            dims,
+            scalar,
+            endian,
+            spacing_mm: raw.spacing.unwrap_or([1.0; 3]),
+            skip: raw.skip.unwrap_or(0),
+            orientation: raw.orientation.unwrap_or(Orientation::LPS),
+        })),
+        (None, None) if raw.spacing.is_none() && raw.skip.is_none() && raw.orientation.is_none() => Ok(None),
+        (None, _) => Err(Error::Usage("a raw volume needs --dims NXxNYxNZ as well".into())),
+        (_, None) => Err(Error::Usage("a raw volume needs --dtype as well, for example --dtype u16".into())),
+    }
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Error> {
-    Err(not_wired("render", &format!("{args:?}")))
+    let request = RenderRequest {
+        width: args.size[0],
+        height: args.size[1],
+        point: match (args.eye, args.look_at) {
+            (Some(eye), Some(look_at)) => ViewPoint::Free { eye, look_at, up: args.up },
+            _ => ViewPoint::Named(named_view(args.view)),
+        },
+        projection: match args.projection {
+            args::Projection::Parallel => Projection::Parallel,
+            args::Projection::Perspective => Projection::Perspective,
+        },
+        fov_deg: args.fov,
+        threads: args.threads.unwrap_or_else(cores),
+        lod: args.lod == Switch::On,
+        ..RenderRequest::default()
+    };
+    let (depth, normals) = (args.depth.as_deref(), args.normals.as_deref());
+    let report = picture::render_file(&args.model, &args.output, depth, normals, &request)?;
+    print_picture(args.json, &args.model, &args.output, &report)
+}
+
+fn named_view(view: args::View) -> NamedView {
+    match view {
+        args::View::Front => NamedView::Front,
+        args::View::Back => NamedView::Back,
+        args::View::Left => NamedView::Left,
+        args::View::Right => NamedView::Right,
+        args::View::Top => NamedView::Top,
+        args::View::Bottom => NamedView::Bottom,
+        args::View::Iso => NamedView::Iso,
+    }
 }
 
 fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Error> {
-    Err(not_wired("thumbnail", &format!("{args:?}")))
+    let threads = args.threads.unwrap_or_else(cores);
+    let report = picture::thumbnail_file(&args.model, &args.output, args.size, threads)?;
+    print_picture(args.json, &args.model, &args.output, &report)
+}
+
+fn print_picture(
+    as_json: bool,
+    model: &Path,
+    output: &Path,
+    report: &RenderReport,
+) -> Result<ExitCode, Error> {
+    let json = || {
+        let mut value = serde_json::to_value(report).unwrap_or_default();
+        if let Value::Object(map) = &mut value {
+            map.insert("input".into(), json!(model.display().to_string()));
+            map.insert("output".into(), json!(output.display().to_string()));
+            map.insert("peak_rss_bytes".into(), json!(infobyte::budget::peak_rss_bytes()));
+        }
+        value
+    };
+    let text = || {
+        format!(
+            "{}: {}x{}, {} rays, {} hits, {:.3} s\n",
+            output.display(),
+            report.width,
+            report.height,
+            report.rays,
+            report.hits,
+            report.wall_s
+        )
+    };
+    print(as_json, json, text)
 }
 
 fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
-    Err(not_wired("demo", &format!("{args:?}")))
+    if let Some(path) = &args.write_raw {
+        jobs::demo::write_raw(args.size, path)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let threads = args.threads.unwrap_or_else(cores);
+    let options = BuildOptions {
+        threshold: Threshold::Iso(args.iso),
+        connectivity: Connectivity::Thin26,
+        normals: true,
+        values: false,
+        lod: true,
+        memory_bytes: args.memory,
+        threads,
+        scratch: None,
+    };
+    let files = DemoFiles::beside(&args.output, args.picture.as_deref());
+    let bars = Bars::new(args.quiet || args.json);
+    let summary = jobs::demo::demo(args.size, &options, &files, threads, &bars);
+    bars.finish();
+    let summary = summary?;
+    print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })
 }
 
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Error> {
-    Err(not_wired("selfcheck", &format!("{args:?}")))
-}
-
-fn not_wired(command: &str, understood: &str) -> Error {
-    Error::Usage(format!("`oct {command}` is not wired yet in this version (understood: {understood})"))
+    let model = Model::open(&args.model)?;
+    let threads = args.threads.unwrap_or_else(cores);
+    let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads)?;
+    let total = found.total();
+    let code = print(
+        args.json,
+        || serde_json::to_value(found).unwrap_or_default(),
+        || format!("{} rays, {total} mismatches against the exact reference\n", args.rays),
+    )?;
+    Ok(if total == 0 { code } else { ExitCode::FAILURE })
 }
 
 fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<ExitCode, Error> {

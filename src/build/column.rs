@@ -10,6 +10,7 @@
 //! [`ColumnPlan::worker_bytes`], whatever the volume holds.
 
 use std::ops::Range;
+use std::time::{Duration, Instant};
 
 use super::classify::classify;
 use super::error::BuildError;
@@ -114,15 +115,19 @@ pub(super) struct ScanTotals {
     pub(super) skin: u64,
     /// Smallest and largest value of a skin voxel, for the scale of wide values.
     pub(super) values: (f32, f32),
+    /// Time spent waiting for the source.
+    pub(super) reading: Duration,
 }
 
 impl ScanTotals {
-    pub(super) const NONE: Self = Self { skin: 0, values: (f32::INFINITY, f32::NEG_INFINITY) };
+    pub(super) const NONE: Self =
+        Self { skin: 0, values: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO };
 
     pub(super) fn join(self, other: Self) -> Self {
         Self {
             skin: self.skin + other.skin,
             values: (self.values.0.min(other.values.0), self.values.1.max(other.values.1)),
+            reading: self.reading + other.reading,
         }
     }
 }
@@ -263,7 +268,13 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
     fn load(&mut self, f: &Frame, z: u32) -> Result<(), SourceError> {
         let at = z as usize % RING * self.plane_len;
         let shared = self.shared;
-        let mut read = |out: &mut [u8]| shared.source.read_rows(z, f.rows.clone(), f.cols.clone(), out);
+        let reading = &mut self.totals.reading;
+        let mut read = |out: &mut [u8]| {
+            let started = Instant::now();
+            let outcome = shared.source.read_rows(z, f.rows.clone(), f.cols.clone(), out);
+            *reading += started.elapsed();
+            outcome
+        };
         let words = self.no_bits.len();
         let bits = &mut self.bits[z as usize % BIT_RING * BIT_ROWS * words..][..BIT_ROWS * words];
         if F::DIRECT {

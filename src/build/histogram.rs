@@ -12,8 +12,9 @@ use crate::source::{ScalarType, VolumeSource};
 pub(super) const BINS: usize = 1 << 16;
 /// Bytes that a worker reads at a time, and that its counts take.
 const READ_BYTES: usize = 256 << 10;
-/// Memory of one worker, beside the shared sum of 8 bytes a bin.
+/// Memory of one worker, and of the shared sum.
 pub(super) const WORKER_BYTES: u64 = (READ_BYTES + 4 * BINS) as u64;
+pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
 
 /// Smallest and largest sample that is a finite number, or `None` if there is none.
 pub(super) fn extremes<T: Ordered>(

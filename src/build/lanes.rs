@@ -30,8 +30,6 @@ pub(super) trait RingSample: bytemuck::Pod {
     fn widen(samples: &[Self; LANES]) -> Self::Portable;
     /// The same with AVX2.
     fn widen_fast(samples: &[Self; LANES]) -> Self::Fast;
-    /// One sample; exact.
-    fn to_f32(self) -> f32;
 }
 
 impl Lanes for [i32; LANES] {
@@ -201,10 +199,6 @@ macro_rules! integer_sample {
                 #[cfg(not(target_arch = "x86_64"))]
                 Self::widen(samples)
             }
-            #[inline(always)]
-            fn to_f32(self) -> f32 {
-                f32::from(self)
-            }
         }
     )*};
 }
@@ -225,9 +219,5 @@ impl RingSample for f32 {
     #[inline(always)]
     fn widen_fast(samples: &[Self; LANES]) -> FastF32 {
         FastF32::load(samples)
-    }
-    #[inline(always)]
-    fn to_f32(self) -> f32 {
-        self
     }
 }

@@ -138,6 +138,8 @@ pub struct BuildReport {
 pub struct StageSeconds {
     /// Histogram passes of Otsu's method.
     pub histogram: f64,
+    /// Part of the scan that one worker waited for the source, on average.
+    pub read: f64,
     /// Reading, range test, skin, gradients, swapping out.
     pub scan: f64,
     /// Census and merge.
@@ -208,7 +210,7 @@ impl Job<'_> {
             Threshold::Range(lo, hi) => Selection { kind: SelectionKind::Range, lo, hi },
             Threshold::Otsu => {
                 self.progress.stage("histogram", 1);
-                let Some(split) = histogram::otsu::<T>(self.source, self.options.threads)? else {
+                let Some(split) = histogram::otsu::<T>(self.source, self.histogram_threads())? else {
                     return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
                 };
                 // On a falling scale the samples below the split are the high values.
@@ -222,6 +224,14 @@ impl Job<'_> {
             Some(range) => Ok((selection, range, started.elapsed().as_secs_f64())),
             None => Err(self.empty::<T>(&describe(&selection))),
         }
+    }
+
+    /// As many threads as their histograms fit the budget, at least one.
+    fn histogram_threads(&self) -> usize {
+        let fixed = current_rss_bytes() + plan::PROCESS_GROWTH + histogram::SHARED_BYTES;
+        let each = histogram::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
+        let fit = self.options.memory_bytes.saturating_sub(fixed) / each;
+        usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.options.threads.max(1))
     }
 
     fn run<F: Flavour>(
@@ -242,6 +252,10 @@ impl Job<'_> {
         let started = Instant::now();
         let totals = self.scan(flavour, &plan, &scratch)?;
         seconds.scan = started.elapsed().as_secs_f64();
+        #[expect(clippy::cast_precision_loss, reason = "a small count")]
+        {
+            seconds.read = totals.reading.as_secs_f64() / plan.threads as f64;
+        }
         if totals.skin == 0 {
             return Err(self.empty::<F::File>(&describe(&selection)));
         }
@@ -384,7 +398,7 @@ impl Job<'_> {
     fn empty<T: Ordered>(&self, range: &str) -> BuildError {
         let info = self.source.info();
         let name = info.description.name.clone();
-        match histogram::extremes::<T>(self.source, self.options.threads) {
+        match histogram::extremes::<T>(self.source, self.histogram_threads()) {
             Err(e) => e,
             Ok(None) => BuildError::NoNumbers { name },
             Ok(Some((a, b))) => {

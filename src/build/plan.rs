@@ -21,9 +21,9 @@ const NARROWEST_TILE: u32 = 64;
 /// Chunks for the records of one row of bricks; at least what one brick slice can need.
 const POOL_BYTES: usize = 128 << 10;
 /// A worker's stack as far as it is touched, its allocator arena and small change.
-const WORKER_OVERHEAD: u64 = 192 << 10;
+pub(super) const WORKER_OVERHEAD: u64 = 192 << 10;
 /// Code and data of the process that are not resident yet when the plan is made.
-const PROCESS_GROWTH: u64 = 1 << 20;
+pub(super) const PROCESS_GROWTH: u64 = 1 << 20;
 
 /// Sizes of one worker's buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]

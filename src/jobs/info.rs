@@ -84,7 +84,7 @@ fn paper_bytes(frame: &Frame) -> (f64, f64) {
     (frame.dims().voxels() as f64 * PAPER_BYTES_PER_VOXEL, grid.powi(3) * PAPER_BYTES_PER_VOXEL)
 }
 
-fn kind_name(kind: SelectionKind) -> &'static str {
+pub(crate) fn kind_name(kind: SelectionKind) -> &'static str {
     match kind {
         SelectionKind::Iso => "iso",
         SelectionKind::Range => "range",

@@ -1,0 +1,131 @@
+//! `oct build`: a volume on disk into a model on disk, and the report of it.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::info::{Info, info, static_facts};
+use crate::budget::{Bytes, peak_rss_bytes};
+use crate::build::{self, BuildOptions, BuildReport, Progress};
+use crate::error::Error;
+use crate::source::{self, RawOptions, VolumeSource};
+
+/// What was built, from what, and what it took.
+#[derive(Clone, Debug)]
+pub struct BuildSummary {
+    /// The inputs, as given.
+    pub input: String,
+    /// The model, as given.
+    pub output: PathBuf,
+    /// The cap.
+    pub memory_bytes: u64,
+    /// Figures of the build.
+    pub report: BuildReport,
+    /// Facts of the finished file.
+    pub info: Info,
+    /// Sentences about the input.
+    pub warnings: Vec<String>,
+    /// Seconds from opening the input to the model's name on disk.
+    pub wall_s: f64,
+}
+
+/// Opens the inputs and builds the model.
+///
+/// # Errors
+/// As [`source::open`] and [`build::build`]; an old model is untouched then.
+pub fn build(
+    inputs: &[PathBuf],
+    raw: Option<&RawOptions>,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, Error> {
+    let started = Instant::now();
+    let source = source::open(inputs, raw)?;
+    let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
+    build_source(&*source, input, options, output, progress, started)
+}
+
+/// Builds the model of an open source; `started` is when the job began.
+///
+/// # Errors
+/// As [`build::build`].
+pub fn build_source(
+    source: &dyn VolumeSource,
+    input: String,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+    started: Instant,
+) -> Result<BuildSummary, Error> {
+    let report = build::build(source, options, output, progress)?;
+    let wall_s = started.elapsed().as_secs_f64();
+    Ok(BuildSummary {
+        input,
+        output: output.to_path_buf(),
+        memory_bytes: options.memory_bytes,
+        report,
+        info: info(output)?,
+        warnings: source.info().warnings.clone(),
+        wall_s,
+    })
+}
+
+impl BuildSummary {
+    /// One JSON object with the keys of the command contract.
+    pub fn json(&self) -> Value {
+        let r = &self.report;
+        let mut facts = static_facts(&self.info.frame);
+        let mut put = |key: &str, value: Value| facts.insert(key.to_owned(), value);
+        put("input", json!(self.input));
+        put("output", json!(self.output.display().to_string()));
+        put("memory_budget_bytes", json!(self.memory_bytes));
+        put("memory_plan_bytes", json!(r.plan_bytes));
+        put("peak_rss_bytes", json!(peak_rss_bytes()));
+        put("scratch_bytes", json!(r.scratch_bytes));
+        put("threads", json!(r.threads));
+        put("tile_columns", json!(r.tile));
+        let s = &r.seconds;
+        put("read_s", json!(s.read));
+        put("build_s", json!(s.histogram + s.scan - s.read + s.merge));
+        put("write_s", json!(s.seal + s.commit));
+        put("wall_s", json!(self.wall_s));
+        put(
+            "stages_s",
+            json!({
+                "histogram": s.histogram, "scan": s.scan, "merge": s.merge, "seal": s.seal, "commit": s.commit
+            }),
+        );
+        put("warnings", json!(self.warnings));
+        Value::Object(facts)
+    }
+
+    /// A few lines for people.
+    pub fn text(&self) -> String {
+        let r = &self.report;
+        let range = if r.selection.hi.is_finite() {
+            format!("{}..{}", r.selection.lo, r.selection.hi)
+        } else {
+            format!("{} and more ({})", r.selection.lo, super::info::kind_name(r.selection.kind))
+        };
+        #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
+        let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
+        let mut text = format!(
+            "{}: {} skin voxels of {}, values {range}\n  {} ({per_voxel:.3} bytes per skin voxel), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
+            self.output.display(),
+            r.skin_voxels,
+            self.info.frame.dims(),
+            Bytes(r.file_bytes),
+            r.nodes,
+            self.wall_s,
+            r.threads,
+            Bytes(peak_rss_bytes()),
+            Bytes(self.memory_bytes),
+        );
+        for warning in &self.warnings {
+            text.push_str(&format!("  note: {warning}\n"));
+        }
+        text
+    }
+}

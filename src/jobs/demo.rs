@@ -1,0 +1,163 @@
+//! `oct demo`: the whole way on a synthetic head, without any data: build under a cap, verify, look.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::build::{BuildSummary, build_source};
+use super::picture::{render_file, thumbnail_file};
+use super::render::RenderRequest;
+use super::verify::verify;
+use crate::atomic::AtomicFile;
+use crate::budget::{Bytes, peak_rss_bytes};
+use crate::build::{BuildOptions, Progress};
+use crate::error::Error;
+use crate::source::{SyntheticHead, VolumeSource};
+
+/// Files that the demonstration writes: the model, and beside it a picture and a thumbnail.
+#[derive(Clone, Debug)]
+pub struct DemoFiles {
+    /// The model.
+    pub model: PathBuf,
+    /// A picture of 1024 x 1024.
+    pub picture: PathBuf,
+    /// A thumbnail of 256 x 256.
+    pub thumbnail: PathBuf,
+}
+
+impl DemoFiles {
+    /// `head.oct` gives `head.png` and `head-thumb.png`.
+    pub fn beside(model: &Path, picture: Option<&Path>) -> Self {
+        let stem = model.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Self {
+            model: model.to_path_buf(),
+            picture: picture.map_or_else(|| model.with_extension("png"), Path::to_path_buf),
+            thumbnail: model.with_file_name(format!("{stem}-thumb.png")),
+        }
+    }
+}
+
+/// What the demonstration did.
+#[derive(Clone, Debug)]
+pub struct DemoSummary {
+    files: DemoFiles,
+    built: BuildSummary,
+    build_peak_bytes: u64,
+    verify_s: f64,
+    render_s: f64,
+    thumbnail_s: f64,
+}
+
+/// Builds, verifies and renders a synthetic head of `side` voxels along each axis.
+///
+/// # Errors
+/// As the single steps; `side` out of range is wrong usage.
+pub fn demo(
+    side: u32,
+    options: &BuildOptions,
+    files: &DemoFiles,
+    threads: usize,
+    progress: &dyn Progress,
+) -> Result<DemoSummary, Error> {
+    let head = SyntheticHead::new(side).ok_or_else(|| {
+        Error::Usage(format!("a head of {side} voxels a side cannot be made; choose 1 to 65536"))
+    })?;
+    let name = format!("synthetic head {side}");
+    let built = build_source(&head, name, options, &files.model, progress, Instant::now())?;
+    // Taken here: the steps that follow map the whole file, which is theirs to do.
+    let build_peak_bytes = peak_rss_bytes();
+    let timed = |step: &mut dyn FnMut() -> Result<(), Error>| -> Result<f64, Error> {
+        let started = Instant::now();
+        step()?;
+        Ok(started.elapsed().as_secs_f64())
+    };
+    progress.stage("verify", 1);
+    let verify_s = timed(&mut || verify(&files.model).map(|_| ()))?;
+    let request = RenderRequest { threads, smooth_edges: true, ..RenderRequest::default() };
+    progress.stage("render", 1);
+    let render_s =
+        timed(&mut || render_file(&files.model, &files.picture, None, None, &request).map(|_| ()))?;
+    let thumbnail_s =
+        timed(&mut || thumbnail_file(&files.model, &files.thumbnail, 256, threads).map(|_| ()))?;
+    Ok(DemoSummary { files: files.clone(), built, build_peak_bytes, verify_s, render_s, thumbnail_s })
+}
+
+/// Writes the synthetic head as a raw volume: 16-bit signed, little-endian, x fastest.
+///
+/// # Errors
+/// The size is out of range, or the file cannot be written; nothing is left behind then.
+pub fn write_raw(side: u32, path: &Path) -> Result<(), Error> {
+    let head = SyntheticHead::new(side).ok_or_else(|| no_such_head(side))?;
+    let failed = |cause| Error::Output { path: path.to_path_buf(), cause };
+    let file = AtomicFile::create(path).map_err(failed)?;
+    let mut slice = vec![0; side as usize * side as usize * 2];
+    for z in 0..side {
+        head.read_rows(z, 0..side, 0..side, &mut slice)?;
+        for sample in slice.as_chunks_mut::<2>().0 {
+            // Samples come in the machine's order.
+            if cfg!(target_endian = "big") {
+                sample.reverse();
+            }
+        }
+        file.file().write_all(&slice).map_err(failed)?;
+    }
+    file.commit().map_err(failed)
+}
+
+fn no_such_head(side: u32) -> Error {
+    Error::Usage(format!("a head of {side} voxels a side cannot be made; choose 1 to 65536"))
+}
+
+impl DemoSummary {
+    /// Peak resident memory of the process when the build was done.
+    pub fn build_peak_bytes(&self) -> u64 {
+        self.build_peak_bytes
+    }
+
+    /// One JSON object.
+    pub fn json(&self) -> Value {
+        let mut report = self.built.json();
+        if let Value::Object(map) = &mut report {
+            map.insert("peak_rss_bytes".into(), json!(self.build_peak_bytes));
+            map.insert("picture".into(), json!(self.files.picture.display().to_string()));
+            map.insert("thumbnail".into(), json!(self.files.thumbnail.display().to_string()));
+            map.insert("verify_s".into(), json!(self.verify_s));
+            map.insert("render_s".into(), json!(self.render_s));
+            map.insert("thumbnail_s".into(), json!(self.thumbnail_s));
+            map.insert("verified".into(), json!(true));
+        }
+        report
+    }
+
+    /// A short table.
+    pub fn text(&self) -> String {
+        let r = &self.built.report;
+        let raw = self.built.info.frame.metadata.source.bytes;
+        #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
+        let ratio = |a: u64, b: u64| a as f64 / b.max(1) as f64;
+        let rows = [
+            (
+                "volume",
+                format!("{} synthetic CT head, {} as a stream", self.built.info.frame.dims(), Bytes(raw)),
+            ),
+            ("model", format!("{} ({})", self.files.model.display(), Bytes(r.file_bytes))),
+            ("skin voxels", format!("{} in {} nodes", r.skin_voxels, r.nodes)),
+            ("bytes per skin voxel", format!("{:.3}", ratio(r.file_bytes, r.skin_voxels))),
+            ("smaller than the volume", format!("{:.0} times", ratio(raw, r.file_bytes))),
+            (
+                "peak resident memory",
+                format!("{} of {} allowed", Bytes(self.build_peak_bytes), Bytes(self.built.memory_bytes)),
+            ),
+            (
+                "build",
+                format!("{:.2} s, making the volume included, {} threads", self.built.wall_s, r.threads),
+            ),
+            ("verify", format!("{:.2} s, every invariant holds", self.verify_s)),
+            ("picture", format!("{} in {:.3} s", self.files.picture.display(), self.render_s)),
+            ("thumbnail", format!("{} in {:.3} s", self.files.thumbnail.display(), self.thumbnail_s)),
+        ];
+        rows.iter().map(|(name, text)| format!("{name:<24}{text}\n")).collect()
+    }
+}
