@@ -56,7 +56,7 @@ impl Component {
         }
         // The value within its class: the highest bit in a context, the rest even.
         let bits = if class < 4 { 0 } else { class / 2 - 1 };
-        let mut read = if class < 4 { class } else { 2 | class % 2 };
+        let mut read = if class < 4 { class } else { 2 | (class % 2) };
         for i in (0..bits).rev() {
             let mut even = Bit::NEW;
             let bit_context = if i + 1 == bits { &mut self.within[class as usize] } else { &mut even };
