@@ -2,11 +2,14 @@
 //! files, whichever part is asked for; and every disagreement of sizes is refused by name.
 
 use std::fs;
-use std::path::{Path, PathBuf};
 
 use infobyte::ExitKind;
 use infobyte::geom::{Dims, Orientation};
 use infobyte::source::{Endian, RawOptions, RawVolume, ScalarType, SourceError, VolumeSource, open};
+
+#[path = "support/data.rs"]
+mod data;
+use data::real_data;
 
 fn options(dims: Dims, scalar: ScalarType, endian: Endian) -> RawOptions {
     RawOptions { dims, scalar, endian, spacing_mm: [0.5, 0.5, 2.0], skip: 0, orientation: Orientation::LPS }
@@ -41,7 +44,8 @@ fn any_block_is_the_same_from_one_file_and_from_slice_files_in_every_type_and_or
                 fs::create_dir(&slices).unwrap();
                 let w = scalar.bytes();
                 let slice_bytes = 7 * 5 * w;
-                let voxels: Vec<u8> = (0..slice_bytes * 12).map(|_| random.next(256) as u8).collect();
+                let voxels: Vec<u8> =
+                    (0..slice_bytes * 12).map(|_| u8::try_from(random.next(256)).unwrap()).collect();
                 let head = vec![0xee; skip];
                 let whole = folder.path().join("whole.raw");
                 fs::write(&whole, [&head[..], &voxels].concat()).unwrap();
@@ -99,7 +103,7 @@ fn sizes_that_disagree_are_refused_by_name() {
     let dims = Dims::new(4, 3, 2).unwrap();
     let options = options(dims, ScalarType::U16, Endian::Little);
     for got in [0_u64, 47, 49] {
-        fs::write(&path, vec![0; got as usize]).unwrap();
+        fs::write(&path, vec![0; usize::try_from(got).unwrap()]).unwrap();
         let error = RawVolume::open(std::slice::from_ref(&path), &options).unwrap_err();
         assert!(
             matches!(error, SourceError::SizeMismatch { expected: 48, got: g, .. } if g == got),
@@ -161,18 +165,6 @@ fn a_file_that_shrinks_and_a_request_outside_fail_without_a_panic() {
     assert!(matches!(error, SourceError::ReadFailed { slice: 1, .. }), "{error}");
 }
 
-/// Folder of the real data, or `None` with a note.
-fn real_data(item: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("INFOBYTE_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let path = root.join(item);
-    if !path.exists() {
-        println!("skipped: {item} is not there (set INFOBYTE_DATA)");
-        return None;
-    }
-    Some(path)
-}
-
 #[test]
 fn the_cadaver_head_is_read_in_natural_order_and_big_endian() {
     let Some(folder) = real_data("raw-cthead") else { return };
@@ -184,7 +176,7 @@ fn the_cadaver_head_is_read_in_natural_order_and_big_endian() {
         let out = read(source.as_ref(), z, (0, 256), (0, 256));
         let file = fs::read(folder.join(format!("CThead.{}", z + 1))).unwrap();
         for (mine, theirs) in out.as_chunks::<2>().0.iter().zip(file.as_chunks::<2>().0) {
-            let value = i16::from_ne_bytes(*mine);
+            let value = bytemuck::cast::<[u8; 2], i16>(*mine);
             assert_eq!(value, i16::from_be_bytes(*theirs));
             (low, high) = (low.min(value), high.max(value));
         }

@@ -14,9 +14,9 @@ use std::ops::Range;
 use super::classify::classify;
 use super::error::BuildError;
 use super::gradient::{
-    Gradients, NormalRule, OVERREAD, REACH, RingSample, SLICE_VOXELS, SliceWindow, gradient_of_depths,
-    gradients,
+    Gradients, NormalRule, OVERREAD, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths, gradients,
 };
+use super::lanes::RingSample;
 use super::plan::{BRICK, ColumnPlan};
 use super::pool::{Chain, ChunkPool};
 use super::range::{Ordered, SampleRange};

@@ -6,7 +6,8 @@
 //! instruction set or the way voxels are grouped: a window of 16 samples gives 12 neighbouring voxels
 //! at once, a window of 8 gives 4, each lane with the same operations.
 
-use super::simd::{Kernel, dispatch};
+use super::lanes::{LANES, Lanes, RingSample};
+use super::simd::{Kernel, dispatch, five_rows};
 use super::skin::Exposed;
 use crate::format::normal;
 
@@ -18,37 +19,19 @@ pub const ESTIMATOR: &str = "isotropic5";
 /// This pair minimises the error over all directions on a blurred ball among separable 5-tap pairs
 /// (0.013 degrees; a Gaussian of sigma 1: 0.35), rounded to small integers, so that sums over 12-bit
 /// samples are exact in a single.
-const SMOOTH: [f32; 3] = [20.0, 13.0, 2.0];
+const SMOOTH: [i8; 3] = [20, 13, 2];
 /// Taps of the derivative at distance 1 and 2.
-const DERIVE: [f32; 2] = [2.0, 1.0];
+const DERIVE: [i8; 2] = [2, 1];
 
 /// Reach of the kernel.
 pub(super) const REACH: u32 = 2;
 /// Samples of a wide and a narrow window.
-const WIDE: usize = 16;
-const NARROW: usize = 8;
+const WIDE: usize = 2 * LANES;
+const NARROW: usize = LANES;
 /// Samples that a window may touch beyond the last one it needs.
 pub(super) const OVERREAD: usize = WIDE;
 /// Most voxels of one brick in one slice.
 pub(super) const SLICE_VOXELS: usize = 32 * 32;
-
-/// A sample as it stands in the ring of slices.
-pub(super) trait RingSample: bytemuck::Pod {
-    /// Exact for every type used.
-    fn to_f32(self) -> f32;
-}
-
-macro_rules! ring_sample {
-    ($($t:ty),*) => {$(
-        impl RingSample for $t {
-            #[inline(always)]
-            fn to_f32(self) -> f32 {
-                f32::from(self)
-            }
-        }
-    )*};
-}
-ring_sample!(u8, i8, u16, i16, f32);
 
 /// Gradients of one brick in one slice, in the order of its skin voxels (y, then x).
 pub(super) struct Gradients {
@@ -99,10 +82,18 @@ impl<R: RingSample> Kernel for GradientKernel<'_, '_, R> {
                 let first = todo.trailing_zeros();
                 let at = w.origin + y * w.stride + first as usize;
                 let done = if (todo >> first) >> (NARROW - 4) == 0 {
-                    let lanes = lanes::<R, NARROW>(w, at);
+                    let lanes = if AVX2 {
+                        window::<R, R::Fast, NARROW>(w, at, R::widen_fast)
+                    } else {
+                        window::<R, R::Portable, NARROW>(w, at, R::widen)
+                    };
                     store(out, base, skin, todo, first, &lanes, NARROW - 4)
                 } else {
-                    let lanes = lanes::<R, WIDE>(w, at);
+                    let lanes = if AVX2 {
+                        window::<R, R::Fast, WIDE>(w, at, R::widen_fast)
+                    } else {
+                        window::<R, R::Portable, WIDE>(w, at, R::widen)
+                    };
                     store(out, base, skin, todo, first, &lanes, WIDE - 4)
                 };
                 todo &= !done;
@@ -112,36 +103,56 @@ impl<R: RingSample> Kernel for GradientKernel<'_, '_, R> {
     }
 }
 
-/// Gradients of `N - 4` neighbouring voxels, the first at sample `at`; the last 4 lanes are void.
+/// `SMOOTH` over five terms.
 #[inline(always)]
-fn lanes<R: RingSample, const N: usize>(w: &SliceWindow<'_, R>, at: usize) -> [[f32; N]; 3] {
-    let [s0, s1, s2] = SMOOTH;
-    let [d1, d2] = DERIVE;
-    let (mut along_x, mut along_y, mut along_z) = ([0.0; N], [0.0; N], [0.0; N]);
+fn smooth<L: Lanes>(v: [L; 5]) -> L {
+    let (near, far) = (v[1].plus(v[3]), v[0].plus(v[4]));
+    v[2].times(SMOOTH[0]).plus(near.times(SMOOTH[1])).plus(far.times(SMOOTH[2]))
+}
+
+/// `DERIVE` over five terms.
+#[inline(always)]
+fn derive<L: Lanes>(v: [L; 5]) -> L {
+    let (near, far) = (v[3].minus(v[1]), v[4].minus(v[0]));
+    near.times(DERIVE[0]).plus(far.times(DERIVE[1]))
+}
+
+/// Gradients of `N - 4` neighbouring voxels, the first at sample `at`; the last 4 lanes are void.
+///
+/// Along y and z whole vectors are combined; along x the same vectors are read again, shifted.
+#[inline(always)]
+fn window<R: RingSample, L: Lanes, const N: usize>(
+    w: &SliceWindow<'_, R>,
+    at: usize,
+    widen: impl Fn(&[R; LANES]) -> L,
+) -> [[f32; N]; 3] {
     let start = at - 2 * w.stride - 2;
-    for (plane, (smooth, derive)) in
-        w.planes.iter().zip([(s2, -d2), (s1, -d1), (s0, 0.0), (s1, d1), (s2, d2)])
-    {
-        let row = |j: usize| -> [f32; N] {
-            let samples = &plane[start + j * w.stride..][..N];
-            std::array::from_fn(|i| samples[i].to_f32())
-        };
-        let (r0, r1, r2, r3, r4) = (row(0), row(1), row(2), row(3), row(4));
-        for i in 0..N {
-            let smoothed = s0 * r2[i] + s1 * (r1[i] + r3[i]) + s2 * (r0[i] + r4[i]);
-            let derived = d1 * (r3[i] - r1[i]) + d2 * (r4[i] - r0[i]);
-            along_x[i] += smooth * smoothed;
-            along_y[i] += smooth * derived;
-            along_z[i] += derive * smoothed;
+    // Room behind the last lane, for the shifted reads of the void ones.
+    let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); WIDE + LANES]; 3];
+    for block in 0..N / LANES {
+        let mut smoothed = [L::zero(); 5];
+        let mut derived = [L::zero(); 5];
+        for (k, plane) in w.planes.iter().enumerate() {
+            let rows = five_rows::<R, LANES>(plane, start + block * LANES, w.stride).map(|row| widen(&row));
+            (smoothed[k], derived[k]) = (smooth(rows), derive(rows));
+        }
+        let columns = [smooth(smoothed), smooth(derived), derive(smoothed)];
+        for (sums, column) in sums.iter_mut().zip(columns) {
+            sums[block * LANES..][..LANES].copy_from_slice(&column.store());
         }
     }
     let mut out = [[0.0; N]; 3];
-    for i in 0..N - 4 {
-        out[0][i] = d1 * (along_x[i + 3] - along_x[i + 1]) + d2 * (along_x[i + 4] - along_x[i]);
-        out[1][i] =
-            s0 * along_y[i + 2] + s1 * (along_y[i + 1] + along_y[i + 3]) + s2 * (along_y[i] + along_y[i + 4]);
-        out[2][i] =
-            s0 * along_z[i + 2] + s1 * (along_z[i + 1] + along_z[i + 3]) + s2 * (along_z[i] + along_z[i + 4]);
+    for block in 0..N / LANES {
+        let shifted = |axis: usize| -> [L; 5] {
+            std::array::from_fn(|i| {
+                let from = block * LANES + i;
+                L::load(&std::array::from_fn(|lane| sums[axis][from + lane]))
+            })
+        };
+        let lanes = [derive(shifted(0)), smooth(shifted(1)), smooth(shifted(2))];
+        for (out, lanes) in out.iter_mut().zip(lanes) {
+            out[block * LANES..][..LANES].copy_from_slice(&lanes.to_f32());
+        }
     }
     out
 }
@@ -175,19 +186,15 @@ fn store<const N: usize>(
 /// Gradient of one voxel from its 125 depths (`[dz][dy][dx]`), for neighbourhoods that leave the
 /// volume or hold values that are not finite.
 pub(super) fn gradient_of_depths(depths: &[[[f32; 5]; 5]; 5]) -> [f32; 3] {
-    let smooth = [SMOOTH[2], SMOOTH[1], SMOOTH[0], SMOOTH[1], SMOOTH[2]];
-    let derive = [-DERIVE[1], -DERIVE[0], 0.0, DERIVE[0], DERIVE[1]];
-    let mut g = [0.0_f32; 3];
-    for (z, plane) in depths.iter().enumerate() {
-        for (y, row) in plane.iter().enumerate() {
-            for (x, v) in row.iter().enumerate() {
-                g[0] += derive[x] * smooth[y] * smooth[z] * v;
-                g[1] += smooth[x] * derive[y] * smooth[z] * v;
-                g[2] += smooth[x] * smooth[y] * derive[z] * v;
-            }
-        }
-    }
-    g
+    let lane = |v: f32| [v; LANES];
+    let row = |z: usize, x: usize| -> [[f32; LANES]; 5] { std::array::from_fn(|y| lane(depths[z][y][x])) };
+    let column = |x: usize, of: fn([[f32; LANES]; 5]) -> [f32; LANES]| -> [[f32; LANES]; 5] {
+        std::array::from_fn(|z| of(row(z, x)))
+    };
+    let along_x = derive(std::array::from_fn(|x| smooth(column(x, smooth))));
+    let along_y = smooth(std::array::from_fn(|x| smooth(column(x, derive))));
+    let along_z = smooth(std::array::from_fn(|x| derive(column(x, smooth))));
+    [along_x[0], along_y[0], along_z[0]]
 }
 
 /// Turns gradients into outward normal codes.
@@ -270,14 +277,11 @@ impl Kernel for EncodeKernel<'_> {
 
     #[inline(always)]
     fn run<const AVX2: bool>(self) {
-        let [x, y, z] = &self.g.axes;
         // Whole groups of 8 vectorise; slots past the end hold old gradients and are not used.
-        let groups = self.len.div_ceil(8);
-        for group in 0..groups {
-            let at = group * 8;
-            for i in at..at + 8 {
-                self.codes[i] = normal::encode([x[i], y[i], z[i]]);
-            }
+        let len = self.len.next_multiple_of(8).min(SLICE_VOXELS);
+        let [x, y, z] = self.g.axes.each_ref().map(|axis| &axis[..len]);
+        for (i, code) in self.codes[..len].iter_mut().enumerate() {
+            *code = normal::encode([x[i], y[i], z[i]]);
         }
     }
 }

@@ -23,6 +23,7 @@ mod column;
 mod error;
 mod gradient;
 mod histogram;
+mod lanes;
 mod layout;
 mod merge;
 mod parallel;
@@ -183,7 +184,7 @@ struct Job<'a> {
 
 impl Job<'_> {
     /// Types that can stand in the ring as they are, if the range has only a lower end.
-    fn run_direct<T: Ordered + gradient::RingSample>(&self) -> Result<BuildReport, BuildError> {
+    fn run_direct<T: Ordered + lanes::RingSample>(&self) -> Result<BuildReport, BuildError> {
         let (selection, range, histogram_s) = self.choose::<T>()?;
         if range.is_open_above() {
             self.run(Direct(range), selection, histogram_s)

@@ -55,3 +55,23 @@ pub(super) fn movemask(bytes: [u8; 32]) -> u32 {
 pub(super) fn movemask(bytes: [u8; 32]) -> u32 {
     bytes.iter().enumerate().fold(0, |m, (i, b)| m | u32::from(b >> 7) << i)
 }
+
+/// Rows `start`, `start + stride` ... `start + 4 stride` of a plane, `N` samples each, with one check for
+/// all of them instead of one each.
+///
+/// # Panics
+/// If the last row does not end within the plane.
+#[inline(always)]
+pub(super) fn five_rows<R: bytemuck::Pod, const N: usize>(
+    plane: &[R],
+    start: usize,
+    stride: usize,
+) -> [[R; N]; 5] {
+    let most = plane.len().wrapping_sub(N);
+    assert!(plane.len() >= N && start <= most && stride <= (most - start) / 4, "a window leaves its plane");
+    std::array::from_fn(|row| {
+        // SAFETY: row <= 4, so start + row * stride + N <= start + 4 * stride + N <= plane.len() by the
+        // check above, and any bytes are a value of a Pod type.
+        unsafe { plane.as_ptr().add(start + row * stride).cast::<[R; N]>().read_unaligned() }
+    })
+}

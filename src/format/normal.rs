@@ -28,40 +28,78 @@ pub fn decode(code: u16) -> [f32; 3] {
 
 /// Nearest code of a direction (any length, not zero, finite): of the four codes around the exact
 /// point, the one whose direction is closest.
+///
+/// Written without branches, so that loops over it vectorise.
 #[inline(always)]
 pub fn encode(direction: [f32; 3]) -> u16 {
     let [x, y, z] = direction;
-    // Scaling by the largest component first keeps every later product in range.
-    let largest = x.abs().max(y.abs()).max(z.abs());
-    let (x, y, z) = (x / largest, y / largest, z / largest);
     let l1 = x.abs() + y.abs() + z.abs();
-    let (px, py) = (x / l1, y / l1);
-    let folded_x = (1.0 - py.abs()).copysign(px);
-    let folded_y = (1.0 - px.abs()).copysign(py);
-    let (u, v) = if z < 0.0 { (folded_x, folded_y) } else { (px, py) };
-    let scale = SCALE as f32;
-    let (u, v) = ((u * scale).clamp(-scale, scale), (v * scale).clamp(-scale, scale));
+    let unit = [x / l1, y / l1, z / l1];
+    let (fold_u, fold_v) = ((1.0 - unit[1].abs()).copysign(unit[0]), (1.0 - unit[0].abs()).copysign(unit[1]));
+    let below = unit[2] < 0.0;
+    // Neither exceeds SCALE: l1 is at least as large as each of its terms.
+    let u = if below { fold_u } else { unit[0] } * SCALE_F32;
+    let v = if below { fold_v } else { unit[1] } * SCALE_F32;
     let (u0, v0) = (u.floor(), v.floor());
-    let (u1, v1) = ((u0 + 1.0).min(scale), (v0 + 1.0).min(scale));
-    let mut best = (u0, v0, closeness([x, y, z], u0, v0));
-    for (cu, cv) in [(u1, v0), (u0, v1), (u1, v1)] {
-        let c = closeness([x, y, z], cu, cv);
-        best = if c > best.2 { (cu, cv, c) } else { best };
+    let (u1, v1) = (next_step(u0), next_step(v0));
+    let mut best = Candidate::new(unit, u0, v0);
+    for candidate in
+        [Candidate::new(unit, u1, v0), Candidate::new(unit, u0, v1), Candidate::new(unit, u1, v1)]
+    {
+        best = best.or_closer(candidate);
     }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "integers in -127..=127")]
-    let (qu, qv) = ((best.0 as i32) as u8, (best.1 as i32) as u8);
-    u16::from(qu) | u16::from(qv) << 8
+    low_byte(best.u) | low_byte(best.v) << 8
 }
 
-/// Cosine (times the length of `d`) between `d` and the direction of the code `(u, v)`.
+const SCALE_F32: f32 = SCALE as f32;
+
+/// The next code component, within the range.
 #[inline(always)]
-fn closeness(d: [f32; 3], u: f32, v: f32) -> f32 {
-    let scale = SCALE as f32;
-    let z = scale - u.abs() - v.abs();
-    let fold_u = if u < 0.0 { v.abs() - scale } else { scale - v.abs() };
-    let fold_v = if v < 0.0 { u.abs() - scale } else { scale - u.abs() };
-    let (a, b) = if z < 0.0 { (fold_u, fold_v) } else { (u, v) };
-    (d[0] * a + d[1] * b + d[2] * z) / (a * a + b * b + z * z).sqrt()
+fn next_step(c: f32) -> f32 {
+    if c < SCALE_F32 { c + 1.0 } else { SCALE_F32 }
+}
+
+/// Two's complement low byte of an integer-valued float of small magnitude: adding 1.5 x 2^23 leaves the
+/// integer in the low bits of the pattern.
+#[inline(always)]
+fn low_byte(c: f32) -> u16 {
+    #[expect(clippy::cast_possible_truncation, reason = "the low byte is what is wanted")]
+    {
+        ((c + 12_582_912.0).to_bits() & 0xff) as u16
+    }
+}
+
+/// A code near the wanted direction: cosine squared (times the direction's length squared) as a fraction.
+#[derive(Clone, Copy)]
+struct Candidate {
+    u: f32,
+    v: f32,
+    dot_squared: f32,
+    length_squared: f32,
+}
+
+impl Candidate {
+    #[inline(always)]
+    fn new(d: [f32; 3], u: f32, v: f32) -> Self {
+        let z = SCALE_F32 - u.abs() - v.abs();
+        let below = z < 0.0;
+        let a = if below { (SCALE_F32 - v.abs()).copysign(u) } else { u };
+        let b = if below { (SCALE_F32 - u.abs()).copysign(v) } else { v };
+        let dot = d[0] * a + d[1] * b + d[2] * z;
+        Self { u, v, dot_squared: dot * dot, length_squared: a * a + b * b + z * z }
+    }
+
+    #[inline(always)]
+    fn or_closer(self, other: Self) -> Self {
+        let closer = other.dot_squared * self.length_squared > self.dot_squared * other.length_squared;
+        let pick = |theirs, ours| if closer { theirs } else { ours };
+        Self {
+            u: pick(other.u, self.u),
+            v: pick(other.v, self.v),
+            dot_squared: pick(other.dot_squared, self.dot_squared),
+            length_squared: pick(other.length_squared, self.length_squared),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -2,4 +2,5 @@
 
 pub mod info;
 pub mod pack;
+pub mod render;
 pub mod verify;

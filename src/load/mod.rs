@@ -11,6 +11,7 @@
 mod error;
 mod frame;
 mod map;
+mod memory;
 mod model;
 mod stream;
 mod verify;
@@ -19,6 +20,7 @@ mod view;
 pub use error::LoadError;
 pub use frame::Frame;
 pub use map::Mapping;
+pub use memory::MemoryTree;
 pub(crate) use model::open_regular;
 pub use model::{Model, ModelView};
 pub use stream::{Cursor, Fault, ReadAt};

@@ -3,18 +3,21 @@
 //! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
 //! its budget allows and never sees a path. Sources are shared by the builder's threads.
 
+pub mod dicom;
 mod error;
 mod files;
 mod natural;
 mod open;
 mod raw;
 mod scalar;
+mod synthetic;
 
 pub use error::SourceError;
 pub use natural::natural_cmp;
 pub use open::open;
 pub use raw::{RawOptions, RawVolume};
 pub use scalar::{Endian, Scalar, ScalarType};
+pub use synthetic::SyntheticHead;
 
 use std::ops::Range;
 

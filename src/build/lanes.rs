@@ -1,0 +1,233 @@
+//! Eight lanes of sums: the arithmetic of the gradient kernel, portable and with AVX2.
+//!
+//! Both forms do the same operations in the same order: integers are exact, singles are rounded after
+//! every operation (nothing is fused), so they agree bit by bit.
+#![allow(unsafe_code)]
+
+/// Number of lanes.
+pub(super) const LANES: usize = 8;
+
+/// Eight sums side by side.
+pub(super) trait Lanes: Copy {
+    /// One sum, as it is kept between the passes.
+    type Sum: bytemuck::Pod;
+    fn zero() -> Self;
+    fn load(sums: &[Self::Sum; LANES]) -> Self;
+    fn store(self) -> [Self::Sum; LANES];
+    fn plus(self, other: Self) -> Self;
+    fn minus(self, other: Self) -> Self;
+    fn times(self, tap: i8) -> Self;
+    fn to_f32(self) -> [f32; LANES];
+}
+
+/// A sample as it stands in the ring of slices.
+pub(super) trait RingSample: bytemuck::Pod {
+    /// Lanes for any machine.
+    type Portable: Lanes;
+    /// Lanes for a machine with AVX2, with the same sums.
+    type Fast: Lanes;
+    /// Widens eight samples; exact.
+    fn widen(samples: &[Self; LANES]) -> Self::Portable;
+    /// The same with AVX2.
+    fn widen_fast(samples: &[Self; LANES]) -> Self::Fast;
+    /// One sample; exact.
+    fn to_f32(self) -> f32;
+}
+
+impl Lanes for [i32; LANES] {
+    type Sum = i32;
+    fn zero() -> Self {
+        [0; LANES]
+    }
+    fn load(sums: &[i32; LANES]) -> Self {
+        *sums
+    }
+    fn store(self) -> [i32; LANES] {
+        self
+    }
+    fn plus(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i].wrapping_add(other[i]))
+    }
+    fn minus(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i].wrapping_sub(other[i]))
+    }
+    fn times(self, tap: i8) -> Self {
+        self.map(|v| v.wrapping_mul(i32::from(tap)))
+    }
+    #[expect(clippy::cast_precision_loss, reason = "one rounding, the only one")]
+    fn to_f32(self) -> [f32; LANES] {
+        self.map(|v| v as f32)
+    }
+}
+
+impl Lanes for [f32; LANES] {
+    type Sum = f32;
+    fn zero() -> Self {
+        [0.0; LANES]
+    }
+    fn load(sums: &[f32; LANES]) -> Self {
+        *sums
+    }
+    fn store(self) -> [f32; LANES] {
+        self
+    }
+    fn plus(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i] + other[i])
+    }
+    fn minus(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i] - other[i])
+    }
+    fn times(self, tap: i8) -> Self {
+        self.map(|v| v * f32::from(tap))
+    }
+    fn to_f32(self) -> [f32; LANES] {
+        self
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::{FastF32, FastI32};
+#[cfg(not(target_arch = "x86_64"))]
+pub(super) type FastI32 = [i32; LANES];
+#[cfg(not(target_arch = "x86_64"))]
+pub(super) type FastF32 = [f32; LANES];
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    // SAFETY (every block here): these types are used only by kernels instantiated with AVX2 = true,
+    // which run only where the feature was detected (see `simd::dispatch`); no memory is accessed.
+    use super::{LANES, Lanes};
+    use bytemuck::cast;
+    use std::arch::x86_64::*;
+
+    /// Eight 32-bit integers.
+    #[derive(Clone, Copy)]
+    pub(in super::super) struct FastI32(pub(super) __m256i);
+    /// Eight singles.
+    #[derive(Clone, Copy)]
+    pub(in super::super) struct FastF32(pub(super) __m256);
+
+    impl Lanes for FastI32 {
+        type Sum = i32;
+        #[inline(always)]
+        fn zero() -> Self {
+            Self(cast([0_i32; LANES]))
+        }
+        #[inline(always)]
+        fn load(sums: &[i32; LANES]) -> Self {
+            Self(cast(*sums))
+        }
+        #[inline(always)]
+        fn store(self) -> [i32; LANES] {
+            cast(self.0)
+        }
+        #[inline(always)]
+        fn plus(self, other: Self) -> Self {
+            // SAFETY: see the top of this module.
+            Self(unsafe { _mm256_add_epi32(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn minus(self, other: Self) -> Self {
+            // SAFETY: see the top of this module.
+            Self(unsafe { _mm256_sub_epi32(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn times(self, tap: i8) -> Self {
+            // SAFETY: see the top of this module.
+            Self(unsafe { _mm256_mullo_epi32(self.0, _mm256_set1_epi32(i32::from(tap))) })
+        }
+        #[inline(always)]
+        fn to_f32(self) -> [f32; LANES] {
+            // SAFETY: see the top of this module.
+            cast(unsafe { _mm256_cvtepi32_ps(self.0) })
+        }
+    }
+
+    impl Lanes for FastF32 {
+        type Sum = f32;
+        #[inline(always)]
+        fn zero() -> Self {
+            Self(cast([0.0_f32; LANES]))
+        }
+        #[inline(always)]
+        fn load(sums: &[f32; LANES]) -> Self {
+            Self(cast(*sums))
+        }
+        #[inline(always)]
+        fn store(self) -> [f32; LANES] {
+            cast(self.0)
+        }
+        #[inline(always)]
+        fn plus(self, other: Self) -> Self {
+            // SAFETY: see the top of this module.
+            Self(unsafe { _mm256_add_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn minus(self, other: Self) -> Self {
+            // SAFETY: see the top of this module.
+            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn times(self, tap: i8) -> Self {
+            // SAFETY: see the top of this module.
+            Self(unsafe { _mm256_mul_ps(self.0, _mm256_set1_ps(f32::from(tap))) })
+        }
+        #[inline(always)]
+        fn to_f32(self) -> [f32; LANES] {
+            cast(self.0)
+        }
+    }
+}
+
+/// Widening with one instruction where there is one.
+macro_rules! integer_sample {
+    ($($t:ty => $convert:ident),*) => {$(
+        impl RingSample for $t {
+            type Portable = [i32; LANES];
+            type Fast = FastI32;
+            #[inline(always)]
+            fn widen(samples: &[Self; LANES]) -> [i32; LANES] {
+                samples.map(i32::from)
+            }
+            #[inline(always)]
+            fn widen_fast(samples: &[Self; LANES]) -> FastI32 {
+                #[cfg(target_arch = "x86_64")]
+                {
+                    let mut low = [<$t>::MIN; 16 / size_of::<$t>()];
+                    low[..LANES].copy_from_slice(samples);
+                    // SAFETY: only instances with AVX2 = true call this; no memory is accessed.
+                    FastI32(unsafe { std::arch::x86_64::$convert(bytemuck::cast(low)) })
+                }
+                #[cfg(not(target_arch = "x86_64"))]
+                Self::widen(samples)
+            }
+            #[inline(always)]
+            fn to_f32(self) -> f32 {
+                f32::from(self)
+            }
+        }
+    )*};
+}
+integer_sample!(
+    u8 => _mm256_cvtepu8_epi32,
+    i8 => _mm256_cvtepi8_epi32,
+    u16 => _mm256_cvtepu16_epi32,
+    i16 => _mm256_cvtepi16_epi32
+);
+
+impl RingSample for f32 {
+    type Portable = [f32; LANES];
+    type Fast = FastF32;
+    #[inline(always)]
+    fn widen(samples: &[Self; LANES]) -> [f32; LANES] {
+        *samples
+    }
+    #[inline(always)]
+    fn widen_fast(samples: &[Self; LANES]) -> FastF32 {
+        FastF32::load(samples)
+    }
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        self
+    }
+}

@@ -1,0 +1,229 @@
+//! `oct render`, `oct thumbnail` and the traversal's self-check, over any node view.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::geom::{Affine, Dims};
+use crate::load::NodeView;
+use crate::render::picture::{self, Canvas};
+use crate::render::reference::BitVolume;
+use crate::render::selfcheck::{self, Mismatches};
+use crate::render::{Camera, GridSpace, Image, NamedView, Projection, RenderError, ViewPoint};
+
+/// What picture to make.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderRequest {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Where the camera stands.
+    pub point: ViewPoint,
+    /// How its lines of sight run.
+    pub projection: Projection,
+    /// Angle in degrees between the bottom and the top of the picture.
+    pub fov_deg: f64,
+    /// Threads, at least 1; the picture does not depend on them.
+    pub threads: usize,
+    /// Stop at nodes about as small as a pixel instead of at voxels.
+    pub lod: bool,
+    /// Soften the silhouette with four more rays per pixel on it.
+    pub smooth_edges: bool,
+    /// Make a depth image, too.
+    pub depth: bool,
+    /// Make a normal image, too.
+    pub normals: bool,
+}
+
+impl RenderRequest {
+    /// Default angle of perspective pictures, in degrees.
+    pub const FOV_DEG: f64 = 35.0;
+}
+
+impl Default for RenderRequest {
+    /// 1024 x 1024, parallel from the front, exact voxels, one thread.
+    fn default() -> Self {
+        Self {
+            width: 1024,
+            height: 1024,
+            point: ViewPoint::Named(NamedView::Front),
+            projection: Projection::Parallel,
+            fov_deg: Self::FOV_DEG,
+            threads: 1,
+            lod: false,
+            smooth_edges: false,
+            depth: false,
+            normals: false,
+        }
+    }
+}
+
+/// How a picture was made; the keys of `--json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RenderReport {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Threads used.
+    pub threads: usize,
+    /// Rays traced.
+    pub rays: u64,
+    /// Rays that hit the model.
+    pub hits: u64,
+    /// Seconds to place the camera and start the threads.
+    pub setup_s: f64,
+    /// Seconds of tracing.
+    pub trace_s: f64,
+    /// Seconds of shading.
+    pub shade_s: f64,
+    /// Seconds of all that, without writing the file.
+    pub wall_s: f64,
+    /// Rays per second of tracing.
+    pub rays_per_s: f64,
+    /// Traversal steps of all rays.
+    pub steps: u64,
+    /// Steps of the longest ray.
+    pub max_steps: u32,
+    /// Edge in voxels of the smallest boxes shown: 1 for exact voxels.
+    pub smallest_box: u32,
+    /// Bytes of the model that were looked at, if known.
+    pub bytes_touched: Option<u64>,
+    /// Depth in mm of grey 1 in the depth image: of the model's nearest point.
+    pub depth_near_mm: f64,
+    /// Depth in mm of grey 65535: `depth = near + (grey - 1) / 65534 * (far - near)`.
+    pub depth_far_mm: f64,
+}
+
+/// Makes a picture of a model placed by `dims` and `affine`.
+///
+/// The picture depends on the model and the request only: not on the machine, nor on the threads.
+///
+/// # Errors
+/// [`RenderError::Usage`] for a camera or size that makes no sense, [`RenderError::SingularAffine`] for a
+/// model without a volume.
+pub fn render<V: NodeView>(
+    view: &V,
+    dims: Dims,
+    affine: &Affine,
+    request: &RenderRequest,
+) -> Result<(Image, RenderReport), RenderError> {
+    let start = Instant::now();
+    picture::check_size(request.width, request.height)?;
+    let space = GridSpace::new(dims, affine)?;
+    let aspect = f64::from(request.width) / f64::from(request.height);
+    let support = |direction| space.support(view, direction);
+    let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
+    let (near, far) = camera.depth_range_mm(support);
+    let lod_edge_log2 =
+        if request.lod { level_of_detail(view, &space, &camera, request.height, near) } else { 0 };
+    let canvas = Canvas {
+        width: request.width,
+        height: request.height,
+        threads: request.threads,
+        lod_edge_log2,
+        smooth_edges: request.smooth_edges,
+        depth_range_mm: request.depth.then_some((near, far)),
+        normals: request.normals,
+    };
+    let (image, counts) = picture::paint(view, &space, &camera, canvas)?;
+    let wall = start.elapsed();
+    let trace_s = counts.trace.as_secs_f64();
+    let report = RenderReport {
+        width: request.width,
+        height: request.height,
+        threads: request.threads.max(1),
+        rays: counts.rays,
+        hits: counts.hits,
+        setup_s: wall.saturating_sub(counts.trace + counts.shade).as_secs_f64(),
+        trace_s,
+        shade_s: counts.shade.as_secs_f64(),
+        wall_s: wall.as_secs_f64(),
+        #[expect(clippy::cast_precision_loss, reason = "a rate")]
+        rays_per_s: if trace_s > 0.0 { counts.rays as f64 / trace_s } else { 0.0 },
+        steps: counts.steps,
+        max_steps: counts.max_steps,
+        smallest_box: 1 << lod_edge_log2,
+        bytes_touched: None,
+        depth_near_mm: near,
+        depth_far_mm: far,
+    };
+    Ok((image, report))
+}
+
+/// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point;
+/// 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals
+/// but no mean ones.
+fn level_of_detail<V: NodeView>(
+    view: &V,
+    space: &GridSpace,
+    camera: &Camera,
+    height: u32,
+    near_mm: f64,
+) -> u32 {
+    if view.voxel_normal(0).is_some() && view.node_normal(0).is_none() {
+        return 0;
+    }
+    let most_mm = 1.5 * camera.pixel_mm(height, near_mm);
+    let edge_mm = |k: u32| f64::from(1_u32 << k) * space.largest_spacing_mm();
+    let k = (1..=space.dims().depth()).take_while(|k| edge_mm(*k) <= most_mm).last().unwrap_or(0);
+    if k >= 2 { k } else { 0 }
+}
+
+/// Makes a square thumbnail: the named front view, framed, level of detail on, soft silhouette,
+/// transparent background.
+///
+/// # Errors
+/// As [`render`].
+pub fn thumbnail<V: NodeView>(
+    view: &V,
+    dims: Dims,
+    affine: &Affine,
+    size: u32,
+    threads: usize,
+) -> Result<(Image, RenderReport), RenderError> {
+    let request = RenderRequest {
+        width: size,
+        height: size,
+        threads,
+        lod: true,
+        smooth_edges: true,
+        ..RenderRequest::default()
+    };
+    render(view, dims, affine, &request)
+}
+
+/// Rays that one task of the self-check compares.
+const SELFCHECK_TASK: u64 = 1 << 15;
+
+/// Compares the traversal with the exact reference on random rays; [`Mismatches::total`] must be 0.
+///
+/// The rays depend on `rays` and `seed` only. Memory: one bit per grid cell, at most 128 MiB.
+///
+/// # Errors
+/// [`RenderError::Usage`] when the grid is too deep to be decoded or the threads do not start.
+pub fn selfcheck<V: NodeView>(
+    view: &V,
+    rays: u64,
+    seed: u64,
+    threads: usize,
+) -> Result<Mismatches, RenderError> {
+    let bits = BitVolume::decode(view).ok_or_else(|| RenderError::Usage {
+        reason: format!(
+            "a grid of 2^{} cells a side is too large to be compared cell by cell; choose a model of at most 2^{}",
+            view.depth(),
+            BitVolume::MAX_DEPTH
+        ),
+    })?;
+    let tasks = rays.div_ceil(SELFCHECK_TASK);
+    let task = |i: u64| {
+        let count = SELFCHECK_TASK.min(rays - i * SELFCHECK_TASK);
+        // Tasks far apart in the generator's sequence: its seeds are mixed, not counted up.
+        let task_seed = selfcheck::Random::new(seed ^ i.wrapping_mul(0xd134_2543_de82_ef95)).bits();
+        selfcheck::mismatches(view, &bits, count, task_seed)
+    };
+    let all = || (0..tasks).into_par_iter().map(task).reduce(Mismatches::default, Mismatches::plus);
+    Ok(picture::pool(threads)?.install(all))
+}

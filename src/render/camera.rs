@@ -1,0 +1,419 @@
+//! Cameras: the named views of a patient, and free ones.
+//!
+//! World axes are DICOM's: +x to the patient's left, +y to the back, +z to the head. The named views, with
+//! what they show on the picture's right and at its top:
+//!
+//! | view | looks along | right | top |
+//! |---|---|---|---|
+//! | front | +y, the viewer facing the patient | patient's left (+x) | head (+z) |
+//! | back | -y | patient's right (-x) | head |
+//! | left | -x, the viewer at the patient's left | back (+y) | head |
+//! | right | +x | front (-y) | head |
+//! | top | -z, from above the head | patient's left (+x) | back (+y): the face is at the bottom |
+//! | bottom | +z, from below the feet | patient's left (+x) | front (-y), as radiologists view slices |
+//! | iso | from the front, left and above | patient's left | head |
+
+use std::str::FromStr;
+
+use super::RenderError;
+use super::space::{add_scaled, cross, dot};
+
+/// How lines of sight run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Projection {
+    /// Side by side: sizes are comparable everywhere in the picture.
+    #[default]
+    Parallel,
+    /// From one point: near things are larger.
+    Perspective,
+}
+
+impl FromStr for Projection {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "parallel" => Ok(Self::Parallel),
+            "perspective" => Ok(Self::Perspective),
+            _ => Err(format!("unknown projection {text:?}; choose parallel or perspective")),
+        }
+    }
+}
+
+/// A named view; see the module for where each looks from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NamedView {
+    /// The patient's face.
+    #[default]
+    Front,
+    /// The patient's back.
+    Back,
+    /// The patient's left side.
+    Left,
+    /// The patient's right side.
+    Right,
+    /// The top of the head.
+    Top,
+    /// From below the feet.
+    Bottom,
+    /// Three quarters from the front, left and above.
+    Iso,
+}
+
+impl NamedView {
+    /// All of them, in the order of the command's help.
+    pub const ALL: [Self; 7] =
+        [Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom, Self::Iso];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Front => "front",
+            Self::Back => "back",
+            Self::Left => "left",
+            Self::Right => "right",
+            Self::Top => "top",
+            Self::Bottom => "bottom",
+            Self::Iso => "iso",
+        }
+    }
+
+    /// World directions that it looks along and has at the top (not yet at right angles for iso).
+    fn forward_and_up(self) -> ([f64; 3], [f64; 3]) {
+        let head = [0.0, 0.0, 1.0];
+        match self {
+            Self::Front => ([0.0, 1.0, 0.0], head),
+            Self::Back => ([0.0, -1.0, 0.0], head),
+            Self::Left => ([-1.0, 0.0, 0.0], head),
+            Self::Right => ([1.0, 0.0, 0.0], head),
+            Self::Top => ([0.0, 0.0, -1.0], [0.0, 1.0, 0.0]),
+            Self::Bottom => ([0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
+            Self::Iso => ([-0.55, 0.75, -0.38], head),
+        }
+    }
+}
+
+impl FromStr for NamedView {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|v| v.name() == text).ok_or_else(|| {
+            format!("unknown view {text:?}; choose front, back, left, right, top, bottom or iso")
+        })
+    }
+}
+
+/// Where the picture is taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ViewPoint {
+    /// A named view, framed so that the model fills the picture.
+    Named(NamedView),
+    /// A free camera, in world millimetres.
+    Free {
+        /// Position.
+        eye: [f64; 3],
+        /// A point in the middle of the picture.
+        look_at: [f64; 3],
+        /// A direction that is upwards in the picture; by default the head's, or, when looking along
+        /// that, the back's.
+        up: Option<[f64; 3]>,
+    },
+}
+
+/// Empty border around a framed model, as a part of its size.
+const MARGIN: f64 = 0.04;
+
+/// Widest and narrowest field of view in degrees.
+const FOV_RANGE_DEG: (f64, f64) = (0.1, 170.0);
+
+/// A camera ready to cast rays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    projection: Projection,
+    eye: [f64; 3],
+    right: [f64; 3],
+    up: [f64; 3],
+    forward: [f64; 3],
+    /// Half the picture's sides: in mm, or per mm of distance in perspective.
+    half_width: f64,
+    half_height: f64,
+}
+
+impl Camera {
+    /// Builds the camera of a view point for a picture of `aspect` = width / height.
+    ///
+    /// `fov_deg` is the angle between the bottom and the top of the picture. A free parallel camera shows
+    /// at every distance what a perspective one shows at the distance of `look_at`. `support` gives the
+    /// model's extent: the greatest `direction . p` over its points.
+    ///
+    /// # Errors
+    /// [`RenderError::Usage`] for coordinates that are not finite, an eye in the point looked at, an `up`
+    /// along the line of sight, or a field of view out of range.
+    pub fn new(
+        point: ViewPoint,
+        projection: Projection,
+        fov_deg: f64,
+        aspect: f64,
+        support: impl Fn([f64; 3]) -> f64,
+    ) -> Result<Self, RenderError> {
+        if !(FOV_RANGE_DEG.0..=FOV_RANGE_DEG.1).contains(&fov_deg) {
+            return usage(format!(
+                "the field of view is {fov_deg} degrees; choose {} to {}",
+                FOV_RANGE_DEG.0, FOV_RANGE_DEG.1
+            ));
+        }
+        let tangent = tan_deg(fov_deg / 2.0);
+        match point {
+            ViewPoint::Named(view) => {
+                let (forward, up) = view.forward_and_up();
+                let axes = Axes::new(forward, up)?;
+                Ok(match projection {
+                    Projection::Parallel => Self::framed_parallel(axes, aspect, support),
+                    Projection::Perspective => Self::framed_perspective(axes, tangent, aspect, support),
+                })
+            }
+            ViewPoint::Free { eye, look_at, up } => {
+                let given = [eye, look_at, up.unwrap_or([0.0; 3])];
+                if !given.iter().flatten().all(|v| v.is_finite()) {
+                    return usage("a camera coordinate is not a finite number".into());
+                }
+                let sight = add_scaled(look_at, -1.0, eye);
+                let distance = dot(sight, sight).sqrt();
+                if !distance.is_normal() {
+                    return usage(
+                        "the eye is in the point that it looks at; move one of them (--eye, --look-at)"
+                            .into(),
+                    );
+                }
+                let axes = match up {
+                    Some(up) => Axes::new(sight, up)?,
+                    None => {
+                        Axes::new(sight, [0.0, 0.0, 1.0]).or_else(|_| Axes::new(sight, [0.0, 1.0, 0.0]))?
+                    }
+                };
+                let half_height = match projection {
+                    Projection::Parallel => tangent * distance,
+                    Projection::Perspective => tangent,
+                };
+                Ok(Self::assemble(projection, eye, axes, half_height, aspect))
+            }
+        }
+    }
+
+    fn assemble(projection: Projection, eye: [f64; 3], axes: Axes, half_height: f64, aspect: f64) -> Self {
+        let Axes { right, up, forward } = axes;
+        Self { projection, eye, right, up, forward, half_width: half_height * aspect, half_height }
+    }
+
+    /// Parallel camera just before the model, which fills the picture but for a margin.
+    fn framed_parallel(axes: Axes, aspect: f64, support: impl Fn([f64; 3]) -> f64) -> Self {
+        let span = |v: [f64; 3]| (-support(v.map(|c| -c)), support(v));
+        let (left, right) = span(axes.right);
+        let (bottom, top) = span(axes.up);
+        let (near, far) = span(axes.forward);
+        let half = ((top - bottom) / 2.0).max((right - left) / 2.0 / aspect) * (1.0 + MARGIN);
+        let before = near - (far - near) * MARGIN;
+        let eye = axes.point((left + right) / 2.0, (bottom + top) / 2.0, before);
+        Self::assemble(Projection::Parallel, eye, axes, half, aspect)
+    }
+
+    /// Perspective camera at the least distance from which the whole model is seen.
+    fn framed_perspective(axes: Axes, tangent: f64, aspect: f64, support: impl Fn([f64; 3]) -> f64) -> Self {
+        // Of points (side, depth) along one picture axis and forward, an eye (e, f) sees those with
+        // |side - e| <= k (depth - f), that is e - k f >= side - k depth and e + k f <= side + k depth.
+        let fit = |axis: [f64; 3], k: f64| {
+            let most = support(add_scaled(axis, -k, axes.forward));
+            let least = -support(add_scaled(axis.map(|c| -c), -k, axes.forward));
+            ((most + least) / 2.0, (least - most) / (2.0 * k))
+        };
+        let inner = tangent / (1.0 + MARGIN);
+        let (across, f_across) = fit(axes.right, inner * aspect);
+        let (along, f_along) = fit(axes.up, inner);
+        let eye = axes.point(across, along, f_across.min(f_along));
+        Self::assemble(Projection::Perspective, eye, axes, tangent, aspect)
+    }
+
+    /// Line of sight through the picture point (x, y), each -1..=1, x to the right and y up: origin, and a
+    /// direction with length 1 along [`Camera::forward`], so that t is the depth in mm.
+    #[inline]
+    pub fn ray(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
+        let (across, along) = (x * self.half_width, y * self.half_height);
+        match self.projection {
+            Projection::Parallel => {
+                (add_scaled(add_scaled(self.eye, across, self.right), along, self.up), self.forward)
+            }
+            Projection::Perspective => {
+                (self.eye, add_scaled(add_scaled(self.forward, across, self.right), along, self.up))
+            }
+        }
+    }
+
+    /// Position in world mm; of a parallel camera, the middle of the plane that depth is counted from.
+    pub fn eye(&self) -> [f64; 3] {
+        self.eye
+    }
+
+    /// Unit vector along which it looks.
+    pub fn forward(&self) -> [f64; 3] {
+        self.forward
+    }
+
+    /// Height in mm of a pixel at a depth, for a picture `height` pixels high.
+    pub fn pixel_mm(&self, height: u32, depth_mm: f64) -> f64 {
+        let per_pixel = 2.0 * self.half_height / f64::from(height);
+        match self.projection {
+            Projection::Parallel => per_pixel,
+            Projection::Perspective => per_pixel * depth_mm.max(0.0),
+        }
+    }
+
+    /// Least and greatest depth in mm of a model with this support; nothing before the camera counts.
+    pub fn depth_range_mm(&self, support: impl Fn([f64; 3]) -> f64) -> (f64, f64) {
+        let at = dot(self.eye, self.forward);
+        let near = (-support(self.forward.map(|c| -c)) - at).max(0.0);
+        (near, (support(self.forward) - at).max(near))
+    }
+}
+
+/// Three unit vectors at right angles.
+#[derive(Clone, Copy)]
+struct Axes {
+    right: [f64; 3],
+    up: [f64; 3],
+    forward: [f64; 3],
+}
+
+impl Axes {
+    fn new(forward: [f64; 3], up: [f64; 3]) -> Result<Self, RenderError> {
+        let (Some(forward), Some(up)) = (unit(forward), unit(up)) else {
+            return usage("the up direction has no length; give another (--up)".into());
+        };
+        let right = cross(forward, up);
+        // Under a thousandth of a radian the picture's rotation would be noise.
+        if dot(right, right) < 1e-6 {
+            return usage("the up direction is along the line of sight; give another (--up)".into());
+        }
+        let Some(right) = unit(right) else {
+            return usage("the up direction is along the line of sight; give another (--up)".into());
+        };
+        Ok(Self { right, up: cross(right, forward), forward })
+    }
+
+    /// World point of coordinates along the three axes.
+    fn point(&self, right: f64, up: f64, forward: f64) -> [f64; 3] {
+        let across = add_scaled([0.0; 3], right, self.right);
+        add_scaled(add_scaled(across, up, self.up), forward, self.forward)
+    }
+}
+
+fn usage<T>(reason: String) -> Result<T, RenderError> {
+    Err(RenderError::Usage { reason })
+}
+
+/// The vector at length 1; `None` without a length.
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let largest = v.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+    if !largest.is_normal() {
+        return None;
+    }
+    let v = v.map(|c| c / largest);
+    let length = dot(v, v).sqrt();
+    Some(v.map(|c| c / length))
+}
+
+/// Tangent of 0..=85 degrees by the series of sine and cosine: the system's own differs between machines in
+/// the last bit, and with it would the pictures.
+fn tan_deg(degrees: f64) -> f64 {
+    let x = degrees * (std::f64::consts::PI / 180.0);
+    let (mut sin, mut cos, mut term) = (0.0, 0.0, 1.0);
+    for i in 0..32_u32 {
+        let signed = if i % 4 < 2 { term } else { -term };
+        if i % 2 == 0 {
+            cos += signed;
+        } else {
+            sin += signed;
+        }
+        term *= x / f64::from(i + 1);
+    }
+    sin / cos
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Support of a box.
+    fn of_box(low: [f64; 3], high: [f64; 3]) -> impl Fn([f64; 3]) -> f64 {
+        move |d| (0..3).map(|a| (d[a] * low[a]).max(d[a] * high[a])).sum()
+    }
+
+    fn named(view: NamedView, projection: Projection, aspect: f64) -> Camera {
+        let model = of_box([-10.0, 20.0, 5.0], [30.0, 26.0, 9.0]);
+        Camera::new(ViewPoint::Named(view), projection, 40.0, aspect, model).unwrap()
+    }
+
+    #[test]
+    fn named_views_have_the_documented_sides() {
+        for (view, forward, right, up) in [
+            (NamedView::Front, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+            (NamedView::Back, [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+            (NamedView::Left, [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]),
+            (NamedView::Right, [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]),
+            (NamedView::Top, [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]),
+            (NamedView::Bottom, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]),
+        ] {
+            let c = named(view, Projection::Parallel, 1.0);
+            assert_eq!((c.forward, c.right, c.up), (forward, right, up), "{view:?}");
+        }
+        let c = named(NamedView::Iso, Projection::Parallel, 1.0);
+        assert!(c.right[0] > 0.5 && c.up[2] > 0.8 && c.forward[1] > 0.5 && c.forward[2] < 0.0);
+    }
+
+    #[test]
+    fn framed_models_are_seen_whole_and_fill_the_picture() {
+        for view in NamedView::ALL {
+            for projection in [Projection::Parallel, Projection::Perspective] {
+                for aspect in [0.5, 1.0, 2.0] {
+                    let c = named(view, projection, aspect);
+                    let mut most = 0.0_f64;
+                    for corner in 0..8_u32 {
+                        let pick = |a: u32, l: f64, h: f64| if corner >> a & 1 == 1 { h } else { l };
+                        let p = [pick(0, -10.0, 30.0), pick(1, 20.0, 26.0), pick(2, 5.0, 9.0)];
+                        let v = add_scaled(p, -1.0, c.eye);
+                        let depth = dot(v, c.forward);
+                        let scale = if projection == Projection::Parallel { 1.0 } else { depth };
+                        let x = dot(v, c.right) / (c.half_width * scale);
+                        let y = dot(v, c.up) / (c.half_height * scale);
+                        assert!(depth > 0.0 && x.abs() < 1.0 && y.abs() < 1.0, "{c:?} {p:?} {x} {y}");
+                        most = most.max(x.abs()).max(y.abs());
+                    }
+                    assert!(most > 0.94, "{view:?} {projection:?} {aspect}: {most}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cameras_that_make_no_sense_are_refused_with_a_reason() {
+        let free = |eye, look_at, up| {
+            let point = ViewPoint::Free { eye, look_at, up };
+            Camera::new(point, Projection::Perspective, 40.0, 1.0, |_| 0.0).map_err(|e| e.to_string())
+        };
+        assert!(free([1.0; 3], [1.0; 3], None).unwrap_err().contains("the eye is in the point"));
+        assert!(
+            free([0.0; 3], [0.0, 0.0, 5.0], Some([0.0, 0.0, -2.0])).unwrap_err().contains("up direction")
+        );
+        assert!(free([0.0; 3], [0.0, 1.0, 5.0], Some([0.0; 3])).unwrap_err().contains("no length"));
+        assert!(free([f64::NAN; 3], [0.0; 3], None).unwrap_err().contains("finite"));
+        assert!(free([0.0; 3], [0.0, 0.0, 5.0], None).is_ok());
+        let c = Camera::new(ViewPoint::Named(NamedView::Front), Projection::Parallel, 180.0, 1.0, |_| 0.0);
+        assert!(c.unwrap_err().to_string().contains("field of view"));
+    }
+
+    #[test]
+    fn the_tangent_is_right() {
+        for degrees in [0.05, 1.0, 20.0, 45.0, 60.0, 85.0_f64] {
+            assert!((tan_deg(degrees) / degrees.to_radians().tan() - 1.0).abs() < 1e-13, "{degrees}");
+        }
+    }
+}

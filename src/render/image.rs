@@ -1,0 +1,166 @@
+//! Pictures in memory and as PNG files.
+
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use super::RenderError;
+
+/// A picture, rows from the top.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// sRGB with straight alpha; the background is 0, 0, 0, 0.
+    pub rgba: Vec<u8>,
+    /// Depth, when asked for: 0 for background, else 1..=65535 from the nearest to the farthest depth of
+    /// the model, evenly (the report states both in mm; depth is along the camera's forward axis).
+    pub depth: Option<Vec<u16>>,
+    /// World normals, when asked for: each component from -1..=1 to 1..=255, 128 for 0; background 0, 0, 0.
+    pub normals: Option<Vec<u8>>,
+}
+
+impl Image {
+    /// Writes the picture as a PNG with a transparent background.
+    ///
+    /// The file appears whole or not at all: it is written beside its place and renamed.
+    ///
+    /// # Errors
+    /// [`RenderError::Write`] when the folder is missing or the disk refuses.
+    pub fn write_png(&self, path: &Path) -> Result<(), RenderError> {
+        let format = Format { colour: png::ColorType::Rgba, bits: png::BitDepth::Eight, srgb: true };
+        write_atomically(path, |out| self.encode(out, format, &self.rgba))
+    }
+
+    /// Writes the depth as a 16-bit grey PNG.
+    ///
+    /// # Errors
+    /// [`RenderError::Usage`] when the picture was made without depth; else as [`Image::write_png`].
+    pub fn write_depth_png(&self, path: &Path) -> Result<(), RenderError> {
+        let Some(depth) = &self.depth else { return absent("depth") };
+        let bytes: Vec<u8> = depth.iter().flat_map(|d| d.to_be_bytes()).collect();
+        let format = Format { colour: png::ColorType::Grayscale, bits: png::BitDepth::Sixteen, srgb: false };
+        write_atomically(path, |out| self.encode(out, format, &bytes))
+    }
+
+    /// Writes the normals as an RGB PNG.
+    ///
+    /// # Errors
+    /// [`RenderError::Usage`] when the picture was made without normals; else as [`Image::write_png`].
+    pub fn write_normals_png(&self, path: &Path) -> Result<(), RenderError> {
+        let Some(normals) = &self.normals else { return absent("normals") };
+        let format = Format { colour: png::ColorType::Rgb, bits: png::BitDepth::Eight, srgb: false };
+        write_atomically(path, |out| self.encode(out, format, normals))
+    }
+
+    fn encode(&self, out: &mut dyn Write, format: Format, bytes: &[u8]) -> io::Result<()> {
+        let mut encoder = png::Encoder::new(out, self.width, self.height);
+        encoder.set_color(format.colour);
+        encoder.set_depth(format.bits);
+        if format.srgb {
+            encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        }
+        let mut writer = encoder.write_header().map_err(io::Error::from)?;
+        writer.write_image_data(bytes).map_err(io::Error::from)?;
+        writer.finish().map_err(io::Error::from)
+    }
+}
+
+/// Kind of PNG.
+#[derive(Clone, Copy)]
+struct Format {
+    colour: png::ColorType,
+    bits: png::BitDepth,
+    srgb: bool,
+}
+
+fn absent<T>(what: &str) -> Result<T, RenderError> {
+    Err(RenderError::Usage { reason: format!("the picture was made without {what}; ask for it") })
+}
+
+/// Fills a temporary file beside `path` and renames it there; on failure nothing is left.
+fn write_atomically(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), RenderError> {
+    let write = || -> io::Result<()> {
+        let folder = match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".picture-").suffix(".tmp");
+        #[cfg(unix)]
+        {
+            // As for any new file: the user's mask decides; temporary files are private otherwise.
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        let file = builder.tempfile_in(folder)?;
+        let mut out = BufWriter::new(file);
+        fill(&mut out)?;
+        let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|e| e.error)?;
+        Ok(())
+    };
+    write().map_err(|cause| RenderError::Write { path: path.to_path_buf(), cause })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn small() -> Image {
+        Image {
+            width: 2,
+            height: 1,
+            rgba: vec![10, 20, 30, 255, 0, 0, 0, 0],
+            depth: Some(vec![65535, 0]),
+            normals: Some(vec![128, 1, 128, 0, 0, 0]),
+        }
+    }
+
+    fn read(path: &Path) -> (png::ColorType, png::BitDepth, Vec<u8>) {
+        let decoder = png::Decoder::new(io::BufReader::new(std::fs::File::open(path).unwrap()));
+        let mut reader = decoder.read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut bytes).unwrap();
+        bytes.truncate(info.buffer_size());
+        (info.color_type, info.bit_depth, bytes)
+    }
+
+    #[test]
+    fn pictures_are_written_whole_and_replace_what_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        std::fs::write(&path, b"old").unwrap();
+        let image = small();
+        image.write_png(&path).unwrap();
+        assert_eq!(read(&path), (png::ColorType::Rgba, png::BitDepth::Eight, image.rgba.clone()));
+        let depth = folder.path().join("d.png");
+        image.write_depth_png(&depth).unwrap();
+        assert_eq!(read(&depth).2, [255, 255, 0, 0]);
+        let normals = folder.path().join("n.png");
+        image.write_normals_png(&normals).unwrap();
+        assert_eq!(read(&normals).2, [128, 1, 128, 0, 0, 0]);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
+    }
+
+    #[test]
+    fn failures_name_the_file_and_leave_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = small().write_png(&folder.path().join("missing/a.png")).unwrap_err().to_string();
+        assert!(error.contains("missing/a.png") && error.contains("check the folder"), "{error}");
+        // The target is a folder: the rename fails after the file was written.
+        let taken = folder.path().join("taken");
+        std::fs::create_dir(&taken).unwrap();
+        assert!(small().write_png(&taken).is_err());
+        let broken = Image { rgba: vec![0; 3], ..small() };
+        assert!(broken.write_png(&folder.path().join("b.png")).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        let plain = Image { depth: None, ..small() };
+        assert!(plain.write_depth_png(&folder.path().join("d.png")).is_err());
+    }
+}

@@ -1,0 +1,374 @@
+//! From a camera to pixels: rays in tiles over a private pool of threads.
+//!
+//! A pixel depends on its own ray only and is written to its own place, so a picture has the same bytes at
+//! any number of threads.
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use crate::format::normal;
+use crate::load::NodeView;
+
+use super::image::Image;
+use super::ray::Face;
+use super::shade::Shader;
+use super::space::GridSpace;
+use super::traverse::{Trace, first_hit_sealed};
+use super::{Camera, RenderError};
+
+/// Side of a tile in pixels: neighbouring rays share cache lines of the octree.
+const TILE: usize = 16;
+const TILE_PIXELS: usize = TILE * TILE;
+
+/// Pixels traced between two shading passes; bounds the memory for hits to 4 MiB, or a row of tiles.
+const BAND_PIXELS: usize = 1 << 18;
+
+/// Stack of a worker; nothing here recurses.
+const WORKER_STACK_BYTES: usize = 512 << 10;
+
+/// Longest side and most pixels of a picture.
+const MAX_SIDE: u32 = 32_768;
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// What to paint besides the camera.
+#[derive(Clone, Copy, Debug)]
+pub struct Canvas {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Threads to use, at least 1.
+    pub threads: usize,
+    /// Nodes with an edge of 2^this or less count as surface; 0 for exact voxels.
+    pub lod_edge_log2: u32,
+    /// Trace four more rays where the silhouette passes through a pixel.
+    pub smooth_edges: bool,
+    /// Depth range in mm for a depth image, if one is wanted.
+    pub depth_range_mm: Option<(f64, f64)>,
+    /// Is a normal image wanted?
+    pub normals: bool,
+}
+
+/// Counts and times of a painted picture.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counts {
+    /// Rays traced.
+    pub rays: u64,
+    /// Rays that hit.
+    pub hits: u64,
+    /// Traversal steps of all rays.
+    pub steps: u64,
+    /// Steps of the longest.
+    pub max_steps: u32,
+    /// Wall time of tracing.
+    pub trace: Duration,
+    /// Wall time of shading.
+    pub shade: Duration,
+}
+
+impl Counts {
+    fn add(mut self, trace: &Trace) -> Self {
+        self.rays += 1;
+        self.hits += u64::from(trace.hit.is_some());
+        self.steps += u64::from(trace.steps);
+        self.max_steps = self.max_steps.max(trace.steps);
+        self
+    }
+
+    fn plus(mut self, other: Self) -> Self {
+        self.rays += other.rays;
+        self.hits += other.hits;
+        self.steps += other.steps;
+        self.max_steps = self.max_steps.max(other.max_steps);
+        self.trace += other.trace;
+        self.shade += other.shade;
+        self
+    }
+}
+
+/// A pixel's hit in 16 bytes.
+#[derive(Clone, Copy)]
+struct Seen {
+    box_number: u64,
+    /// Depth in mm; NaN for background.
+    depth: f32,
+    /// Axis and side of the face, or [`Seen::NO_FACE`].
+    face: u8,
+    is_voxel: bool,
+}
+
+impl Seen {
+    const NO_FACE: u8 = u8::MAX;
+    const NOTHING: Self = Self { box_number: 0, depth: f32::NAN, face: Self::NO_FACE, is_voxel: false };
+
+    #[expect(clippy::cast_possible_truncation, reason = "a depth image has 16 bits")]
+    fn new(trace: &Trace) -> Self {
+        trace.hit.map_or(Self::NOTHING, |hit| Self {
+            box_number: hit.box_number,
+            depth: (hit.t as f32).min(f32::MAX),
+            face: hit.face.map_or(Self::NO_FACE, |f| 2 * f.axis + u8::from(f.high)),
+            is_voxel: hit.edge_log2 == 0,
+        })
+    }
+
+    fn is_hit(self) -> bool {
+        !self.depth.is_nan()
+    }
+
+    fn face(self) -> Option<Face> {
+        (self.face != Self::NO_FACE).then(|| Face::new(usize::from(self.face / 2), self.face % 2 == 1))
+    }
+}
+
+/// Checks a picture's size.
+///
+/// # Errors
+/// [`RenderError::Usage`] for no pixels or too many.
+pub fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
+    let pixels = u64::from(width) * u64::from(height);
+    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
+        return Err(RenderError::Usage {
+            reason: format!(
+                "a picture of {width}x{height} is not possible; choose sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
+            ),
+        });
+    }
+    Ok(())
+}
+
+/// A private pool of this many workers with small stacks; the process-wide pool is never used.
+///
+/// # Errors
+/// [`RenderError::Usage`] when the system does not start that many threads.
+pub fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.max(1))
+        .stack_size(WORKER_STACK_BYTES)
+        .build()
+        .map_err(|cause| RenderError::Usage {
+            reason: format!("{threads} threads cannot be started ({cause}); choose fewer"),
+        })
+}
+
+/// Row `y` of a band whose hits stand tile after tile.
+fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
+    let first = y / TILE * width.div_ceil(TILE) * TILE_PIXELS + y % TILE * TILE;
+    (0..width)
+        .map(move |x| seen.get(first + x / TILE * TILE_PIXELS + x % TILE).copied().unwrap_or(Seen::NOTHING))
+}
+
+/// Everything that a pixel's worker reads.
+struct Painter<'a, V> {
+    view: &'a V,
+    space: &'a GridSpace,
+    camera: &'a Camera,
+    canvas: Canvas,
+    shader: Shader,
+}
+
+/// Paints a model as a camera sees it.
+///
+/// Memory: the image, and 4 MiB for hits.
+///
+/// # Errors
+/// [`RenderError::Usage`] when the size is not possible or the threads do not start.
+pub fn paint<V: NodeView>(
+    view: &V,
+    space: &GridSpace,
+    camera: &Camera,
+    canvas: Canvas,
+) -> Result<(Image, Counts), RenderError> {
+    check_size(canvas.width, canvas.height)?;
+    let painter = Painter { view, space, camera, canvas, shader: Shader::new() };
+    Ok(pool(canvas.threads)?.install(|| painter.paint()))
+}
+
+impl<V: NodeView> Painter<'_, V> {
+    fn paint(&self) -> (Image, Counts) {
+        let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
+        let mut image = Image {
+            width: self.canvas.width,
+            height: self.canvas.height,
+            rgba: vec![0; width * height * 4],
+            depth: self.canvas.depth_range_mm.map(|_| vec![0; width * height]),
+            normals: self.canvas.normals.then(|| vec![0; width * height * 3]),
+        };
+        let tiles_across = width.div_ceil(TILE);
+        let tile_rows = (BAND_PIXELS / (tiles_across * TILE_PIXELS)).clamp(1, height.div_ceil(TILE));
+        let mut seen = vec![Seen::NOTHING; tile_rows * tiles_across * TILE_PIXELS];
+        let mut counts = Counts::default();
+        let mut top = 0;
+        while top < height {
+            let rows = (tile_rows * TILE).min(height - top);
+            let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
+            let band = seen.get_mut(..used).unwrap_or_default();
+            counts = counts.plus(self.trace_band(band, top, rows));
+            counts.shade += self.shade_band(band, &mut image, top, rows);
+            top += rows;
+        }
+        if self.canvas.smooth_edges {
+            counts = counts.plus(self.smooth_edges(&mut image));
+        }
+        (image, counts)
+    }
+
+    /// Traces the rays of `rows` rows from `top` on; `seen` is filled tile after tile.
+    fn trace_band(&self, seen: &mut [Seen], top: usize, rows: usize) -> Counts {
+        let start = Instant::now();
+        let width = self.canvas.width as usize;
+        let tiles_across = width.div_ceil(TILE);
+        let mut counts = seen
+            .par_chunks_mut(TILE_PIXELS)
+            .enumerate()
+            .map(|(tile, seen)| {
+                let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
+                let mut counts = Counts::default();
+                for (i, pixel) in seen.iter_mut().enumerate() {
+                    let (x, y) = (left + i % TILE, above + i / TILE);
+                    if x < width && y < rows {
+                        let trace = self.trace(x as f64 + 0.5, (top + y) as f64 + 0.5);
+                        counts = counts.add(&trace);
+                        *pixel = Seen::new(&trace);
+                    }
+                }
+                counts
+            })
+            .reduce(Counts::default, Counts::plus);
+        counts.trace = start.elapsed();
+        counts
+    }
+
+    /// Colours the rows of a traced band.
+    fn shade_band(&self, seen: &[Seen], image: &mut Image, top: usize, rows: usize) -> Duration {
+        let start = Instant::now();
+        let width = self.canvas.width as usize;
+        image.rgba.par_chunks_mut(width * 4).skip(top).take(rows).enumerate().for_each(|(y, row)| {
+            let (out, _) = row.as_chunks_mut::<4>();
+            for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
+                if pixel.is_hit() {
+                    let sight = self.sight(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
+                    let [r, g, b] = self.light(pixel, sight).map(|c| self.shader.encode(c));
+                    *out = [r, g, b, 255];
+                }
+            }
+        });
+        if let (Some(depth), Some((near, far))) = (&mut image.depth, self.canvas.depth_range_mm) {
+            let scale = if far > near { 65_534.0 / (far - near) } else { 0.0 };
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+            let code = |d: f32| 1 + ((f64::from(d) - near) * scale + 0.5).clamp(0.0, 65_534.0) as u16;
+            depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
+                for (pixel, out) in row_of(seen, width, y).zip(row) {
+                    *out = if pixel.is_hit() { code(pixel.depth) } else { 0 };
+                }
+            });
+        }
+        if let Some(normals) = &mut image.normals {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+            let code = |c: f64| (128.5 + c * 127.0).clamp(1.0, 255.0) as u8;
+            normals.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
+                let (out, _) = row.as_chunks_mut::<3>();
+                for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
+                    if pixel.is_hit() {
+                        let sight = self.sight(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
+                        *out = self.normal(pixel, sight).map(code);
+                    }
+                }
+            });
+        }
+        start.elapsed()
+    }
+
+    /// Pixels whose neighbour is on the other side of the silhouette get the mean of four more rays.
+    fn smooth_edges(&self, image: &mut Image) -> Counts {
+        let start = Instant::now();
+        let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
+        let rgba = &image.rgba;
+        let solid = |x: usize, y: usize| rgba.get((y * width + x) * 4 + 3).is_some_and(|a| *a > 0);
+        let edges: Vec<usize> = (0..width * height)
+            .into_par_iter()
+            .filter(|i| {
+                let (x, y) = (i % width, i / width);
+                let here = solid(x, y);
+                (x > 0 && solid(x - 1, y) != here)
+                    || (x + 1 < width && solid(x + 1, y) != here)
+                    || (y > 0 && solid(x, y - 1) != here)
+                    || (y + 1 < height && solid(x, y + 1) != here)
+            })
+            .collect();
+        let (pixels, counts): (Vec<[u8; 4]>, Vec<Counts>) = edges
+            .par_iter()
+            .map(|i| {
+                let (x, y) = ((i % width) as f64, (i / width) as f64);
+                let mut counts = Counts::default();
+                let mut sum = [0.0; 3];
+                let mut hits = 0_u16;
+                for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
+                    let trace = self.trace(x + dx, y + dy);
+                    counts = counts.add(&trace);
+                    let seen = Seen::new(&trace);
+                    if seen.is_hit() {
+                        hits += 1;
+                        let light = self.light(seen, self.sight(x + dx, y + dy).1);
+                        sum = std::array::from_fn(|c| sum[c] + light[c]);
+                    }
+                }
+                // Straight alpha: colour is the mean of what was hit, alpha its share.
+                let [r, g, b] = sum.map(|c| self.shader.encode(c / f64::from(hits.max(1))));
+                let alpha = [0, 64, 128, 191, 255][usize::from(hits)];
+                (if hits == 0 { [0; 4] } else { [r, g, b, alpha] }, counts)
+            })
+            .unzip();
+        for (i, pixel) in edges.into_iter().zip(pixels) {
+            if let Some(out) = image.rgba.get_mut(i * 4..i * 4 + 4) {
+                out.copy_from_slice(&pixel);
+            }
+        }
+        let mut counts = counts.into_iter().fold(Counts::default(), Counts::plus);
+        counts.trace = start.elapsed();
+        counts
+    }
+
+    /// Line of sight through a point of the picture in pixels from its top left corner.
+    #[inline]
+    fn sight(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
+        let (width, height) = (f64::from(self.canvas.width), f64::from(self.canvas.height));
+        self.camera.ray((2.0 * x - width) / width, (height - 2.0 * y) / height)
+    }
+
+    #[inline]
+    fn trace(&self, x: f64, y: f64) -> Trace {
+        let (origin, direction) = self.sight(x, y);
+        // A camera's rays are finite and have a direction; one that overflows in the grid sees nothing.
+        match self.space.ray(origin, direction) {
+            Ok(Some(ray)) => first_hit_sealed(self.view, &ray, self.canvas.lod_edge_log2),
+            Ok(None) | Err(_) => Trace { hit: None, steps: 0 },
+        }
+    }
+
+    fn light(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
+        self.shader.light(self.normal(seen, sight), sight)
+    }
+
+    /// World normal: the stored one, else that of the face, else towards the eye.
+    fn normal(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
+        let code = if seen.is_voxel {
+            self.view.voxel_normal(seen.box_number.wrapping_sub(self.view.node_count()))
+        } else {
+            self.view.node_normal(seen.box_number)
+        };
+        let box_frame = match (code, seen.face()) {
+            (Some(code), _) => normal::decode_l1(code).map(f64::from),
+            (None, Some(face)) => {
+                let mut n = [0.0; 3];
+                n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
+                n
+            }
+            (None, None) => {
+                let length = super::space::dot(sight, sight).sqrt();
+                return sight.map(|c| -c / length);
+            }
+        };
+        self.space.normal_to_world(box_frame)
+    }
+}

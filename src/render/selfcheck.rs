@@ -1,0 +1,182 @@
+//! The traversal against the reference on many random rays, for tests and for users who want to see it.
+
+use crate::load::NodeView;
+
+use super::ray::Ray;
+use super::reference::{self, BitVolume};
+use super::traverse::{first_hit, first_hit_sealed, step_limit};
+
+/// Counts of a comparison; all mismatch counts are 0 for a sound build.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Mismatches {
+    /// Rays compared, those that miss the grid included.
+    pub rays: u64,
+    /// Rays that hit skin according to the reference.
+    pub hits: u64,
+    /// Both hit, but different voxels.
+    pub voxel: u64,
+    /// Same voxel, different face.
+    pub face: u64,
+    /// Only the traversal hit.
+    pub false_hits: u64,
+    /// Only the reference hit.
+    pub false_misses: u64,
+    /// The hit's box number is not that of its voxel, or its t is off the entered plane by over 2^-16 cell.
+    pub inconsistent: u64,
+    /// Rays whose sealed hit is not the voxel of the sealed reference walk.
+    pub sealed: u64,
+    /// Rays that took more steps than allowed.
+    pub over_limit: u64,
+    /// Steps of all rays, and of the longest.
+    pub steps: u64,
+    /// Most steps of one ray.
+    pub max_steps: u32,
+}
+
+impl Mismatches {
+    /// All disagreements together.
+    pub fn total(&self) -> u64 {
+        let hits = self.voxel + self.face + self.false_hits + self.false_misses;
+        hits + self.inconsistent + self.sealed + self.over_limit
+    }
+
+    /// Counts of both.
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            rays: self.rays + other.rays,
+            hits: self.hits + other.hits,
+            voxel: self.voxel + other.voxel,
+            face: self.face + other.face,
+            false_hits: self.false_hits + other.false_hits,
+            false_misses: self.false_misses + other.false_misses,
+            inconsistent: self.inconsistent + other.inconsistent,
+            sealed: self.sealed + other.sealed,
+            over_limit: self.over_limit + other.over_limit,
+            steps: self.steps + other.steps,
+            max_steps: self.max_steps.max(other.max_steps),
+        }
+    }
+
+    /// Compares one ray and counts it.
+    pub fn compare<V: NodeView>(&mut self, view: &V, volume: &BitVolume, ray: &Ray) {
+        self.rays += 1;
+        let trace = first_hit(view, ray, 0);
+        let want = reference::walk(volume, ray, false, |_| {});
+        self.hits += u64::from(want.is_some());
+        self.steps += u64::from(trace.steps);
+        self.max_steps = self.max_steps.max(trace.steps);
+        let sealed = first_hit_sealed(view, ray, 0);
+        let want_sealed = reference::walk(volume, ray, true, |_| {});
+        self.sealed += u64::from(sealed.hit.map(|h| h.cell) != want_sealed.map(|h| h.cell));
+        self.over_limit += u64::from(sealed.steps > step_limit(ray.depth()));
+        self.over_limit += u64::from(trace.steps > step_limit(ray.depth()));
+        match (trace.hit, want) {
+            (None, None) => {}
+            (Some(_), None) => self.false_hits += 1,
+            (None, Some(_)) => self.false_misses += 1,
+            (Some(got), Some(want)) if got.cell != want.cell => self.voxel += 1,
+            (Some(got), Some(want)) if got.face != want.face => self.face += 1,
+            (Some(got), Some(_)) => {
+                let found = number_of(view, got.cell) == Some(got.box_number);
+                self.inconsistent += u64::from(!found || !lies_on_face(ray, &got));
+            }
+        }
+    }
+}
+
+/// Number of the voxel box at a cell, by descending from the root.
+fn number_of<V: NodeView>(view: &V, cell: [u32; 3]) -> Option<u64> {
+    (0..view.depth()).rev().try_fold(0, |number, level| {
+        let bit = |a: usize| cell[a] >> level & 1;
+        view.child(number, bit(0) | bit(1) << 1 | bit(2) << 2)
+    })
+}
+
+/// Is the hit's t the time at which the quantised ray is at the entered face, to 2^-16 cell?
+fn lies_on_face(ray: &Ray, hit: &super::traverse::Hit) -> bool {
+    let per_t = ray.t_after(1, 1) - ray.t_start();
+    let units = (hit.t - ray.t_start()) / per_t;
+    if units == 0.0 {
+        return true; // starts in the voxel, or enters it with the grid
+    }
+    let Some(face) = hit.face else { return false };
+    let a = usize::from(face.axis);
+    #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
+    let at = ray.origin()[a] as f64 + units * ray.direction()[a] as f64;
+    let plane = f64::from(hit.cell[a] + u32::from(face.high)) * 65536.0;
+    (at - plane).abs() <= 1.0
+}
+
+/// A small generator of even 64-bit numbers (Weyl sequence, Stafford's mixer 13): the same everywhere.
+#[derive(Clone, Debug)]
+pub struct Random(u64);
+
+impl Random {
+    /// Starts from a seed.
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// Next 64 bits.
+    #[inline]
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ z >> 31
+    }
+
+    /// Next number in 0..1, a multiple of 2^-53.
+    #[inline]
+    #[expect(clippy::cast_precision_loss, reason = "53 bits")]
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / 9_007_199_254_740_992.0
+    }
+
+    /// Next number in low..high.
+    #[inline]
+    pub fn range(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+}
+
+/// A random ray at a grid of 2^depth cells: from outside or inside, towards a point in the grid; one in
+/// four has its origin or direction on a lattice, where ties happen.
+pub fn random_ray(random: &mut Random, depth: u32) -> Option<Ray> {
+    let side = f64::from(1_u32 << depth);
+    let kind = random.bits();
+    let (low, high) = if kind & 1 == 0 { (0.0, side) } else { (-1.5 * side, 2.5 * side) };
+    let mut origin = [0.0; 3].map(|_: f64| random.range(low, high));
+    let target = [0.0; 3].map(|_: f64| random.range(0.0, side));
+    let mut direction: [f64; 3] = std::array::from_fn(|a| target[a] - origin[a]);
+    match kind >> 1 & 15 {
+        0 => origin = origin.map(f64::round),
+        1 => origin = origin.map(|v| (v * 2.0).round() / 2.0),
+        2 => {
+            origin = origin.map(f64::round);
+            direction = direction.map(f64::round);
+        }
+        3 => {
+            let steps = side / 4.0;
+            direction = direction.map(|v| (v / steps).round());
+            origin = origin.map(|v| (v * 4.0).round() / 4.0);
+        }
+        _ => {}
+    }
+    Ray::new(depth, origin, direction, 0.0).ok().flatten()
+}
+
+/// Compares traversal and reference on `rays` random rays; the same seed gives the same rays.
+///
+/// Cost: about a microsecond per ray and 100 cells of side.
+pub fn mismatches<V: NodeView>(view: &V, volume: &BitVolume, rays: u64, seed: u64) -> Mismatches {
+    let mut random = Random::new(seed);
+    let mut counts = Mismatches::default();
+    for _ in 0..rays {
+        match random_ray(&mut random, volume.depth()) {
+            Some(ray) => counts.compare(view, volume, &ray),
+            None => counts.rays += 1,
+        }
+    }
+    counts
+}

@@ -1,0 +1,113 @@
+//! Light and colour: a lamp at the eye, a bone-grey surface, sRGB out.
+//!
+//! All arithmetic is IEEE addition, multiplication, division and square root in a fixed order, so pixels
+//! are the same on every machine; powers are not taken from the system.
+
+/// Part of the light that reaches every surface: keeps edges visible on a black background, and dark enough
+/// to be seen on a white one.
+const AMBIENT: f64 = 0.07;
+
+/// How much of the light falls off with the squared cosine instead of the cosine: a lamp at the eye makes
+/// shapes flat in the middle, and this gives them back some relief.
+const RELIEF: f64 = 0.6;
+
+/// Colour of a surface that faces the light, in linear RGB (sRGB 236, 226, 208).
+const SURFACE: [f64; 3] = [0.838_8, 0.760_5, 0.630_8];
+
+/// Entries of the table from linear light to sRGB.
+const STEPS: usize = 4096;
+
+/// Turns normals into colours.
+#[derive(Clone, Debug)]
+pub struct Shader {
+    srgb: Vec<u8>,
+}
+
+impl Default for Shader {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Shader {
+    /// Prepares the sRGB table.
+    pub fn new() -> Self {
+        let mut srgb = Vec::with_capacity(STEPS + 1);
+        let mut code = 0_u8;
+        for i in 0..=STEPS {
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            let light = i as f64 / STEPS as f64;
+            while code < 255 && linear((f64::from(code) + 0.5) / 255.0) < light {
+                code += 1;
+            }
+            srgb.push(code);
+        }
+        Self { srgb }
+    }
+
+    /// Linear RGB of a surface with this unit normal, seen along `sight` (any length, not null).
+    ///
+    /// Both sides of a surface are lit alike, so that a model can be looked at from within.
+    #[inline]
+    pub fn light(&self, normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
+        let along = normal[0] * sight[0] + normal[1] * sight[1] + normal[2] * sight[2];
+        let length = (sight[0] * sight[0] + sight[1] * sight[1] + sight[2] * sight[2]).sqrt();
+        let cosine = (along / length).abs().min(1.0);
+        let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
+        let strength = AMBIENT + (1.0 - AMBIENT) * falloff;
+        SURFACE.map(|c| c * strength)
+    }
+
+    /// sRGB code of linear light 0..=1.
+    #[inline]
+    pub fn encode(&self, light: f64) -> u8 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        let at = (light.clamp(0.0, 1.0) * STEPS as f64 + 0.5) as usize;
+        self.srgb.get(at).copied().unwrap_or(255)
+    }
+}
+
+/// Linear light of an sRGB value 0..=1 (IEC 61966-2-1).
+fn linear(s: f64) -> f64 {
+    if s <= 0.040_45 {
+        return s / 12.92;
+    }
+    let x = (s + 0.055) / 1.055;
+    // x^2.4 = x^2 * (x^2)^(1/5), the root by Newton's method.
+    let square = x * x;
+    let mut root = 1.0;
+    for _ in 0..40 {
+        let power = root * root * root * root;
+        root -= (power * root - square) / (5.0 * power);
+    }
+    square * root
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_is_the_standard_curve() {
+        for i in 0..=255_u8 {
+            let s = f64::from(i) / 255.0;
+            let want = if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) };
+            assert!((linear(s) - want).abs() < 1e-12);
+        }
+        let shader = Shader::new();
+        // 0.5 -> 188, 0.2140 -> 127 or 128, and the ends.
+        assert_eq!((shader.encode(0.0), shader.encode(0.5), shader.encode(1.0)), (0, 188, 255));
+        assert_eq!(SURFACE.map(|c| shader.encode(c)), [236, 226, 208]);
+    }
+
+    #[test]
+    fn faces_towards_the_eye_are_brightest_and_edges_keep_some_light() {
+        let shader = Shader::new();
+        let facing = shader.light([0.0, -1.0, 0.0], [0.0, 3.0, 0.0]);
+        let half = shader.light([0.8, -0.6, 0.0], [0.0, 1.0, 0.0]);
+        let edge = shader.light([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        assert!(facing[0] > half[0] && half[0] > edge[0] && edge[0] > 0.05);
+        assert_eq!(facing, SURFACE);
+        assert_eq!(shader.light([0.0, 1.0, 0.0], [0.0, 3.0, 0.0]), facing);
+    }
+}

@@ -1,0 +1,193 @@
+//! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
+
+use crate::geom::{Affine, Dims};
+use crate::load::NodeView;
+
+use super::RenderError;
+use super::ray::{BadRay, Ray};
+
+/// A model's place in the world.
+#[derive(Clone, Debug)]
+pub struct GridSpace {
+    dims: Dims,
+    grid_to_world: Affine,
+    world_to_grid: Affine,
+    /// Rows of `B^-T` (SPEC 4.6): box-frame normals to world.
+    normal_rows: [[f64; 3]; 3],
+    spacing_mm: [f64; 3],
+}
+
+/// Boxes that [`GridSpace::support`] looks at before it settles for a looser bound; a sound model needs
+/// a few hundred.
+const SUPPORT_VISITS: u32 = 1 << 16;
+
+impl GridSpace {
+    /// Places a volume by its affine (voxel index to LPS mm).
+    ///
+    /// # Errors
+    /// [`RenderError::SingularAffine`] when the axes are parallel, nearly so, or not finite.
+    pub fn new(dims: Dims, affine: &Affine) -> Result<Self, RenderError> {
+        let spacing_mm = affine.spacing_mm();
+        let mut world_to_grid = affine.inverse().ok_or(RenderError::SingularAffine)?;
+        // A voxel's centre is an integer index and the middle of its grid cell.
+        for row in &mut world_to_grid.rows {
+            row[3] += 0.5;
+        }
+        let mut grid_to_world = *affine;
+        let corner = affine.apply([-0.5; 3]);
+        let mut unit = *affine;
+        for (row, corner) in grid_to_world.rows.iter_mut().zip(corner) {
+            row[3] = corner;
+        }
+        for row in &mut unit.rows {
+            row.iter_mut().zip(spacing_mm).for_each(|(v, spacing)| *v /= spacing);
+        }
+        let inverse = unit.inverse().ok_or(RenderError::SingularAffine)?;
+        let normal_rows = std::array::from_fn(|i| inverse.column(i));
+        Ok(Self { dims, grid_to_world, world_to_grid, normal_rows, spacing_mm })
+    }
+
+    /// Size of the volume.
+    pub fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    /// Longest edge of a voxel in mm.
+    pub fn largest_spacing_mm(&self) -> f64 {
+        self.spacing_mm.iter().fold(0.0, |m: f64, s| m.max(*s))
+    }
+
+    /// World position of a grid point.
+    pub fn to_world(&self, grid: [f64; 3]) -> [f64; 3] {
+        self.grid_to_world.apply(grid)
+    }
+
+    /// The quantised form of a world ray; its parameter t is that of the world ray.
+    ///
+    /// # Errors
+    /// [`BadRay`] for a ray that is not finite or has no direction.
+    #[inline]
+    pub fn ray(&self, origin: [f64; 3], direction: [f64; 3]) -> Result<Option<Ray>, BadRay> {
+        let (o, d) = (self.world_to_grid.apply(origin), self.world_to_grid.apply_vector(direction));
+        Ray::new(self.dims.depth(), o, d, 0.0)
+    }
+
+    /// Unit world normal of a box-frame vector that is not null.
+    #[inline]
+    pub fn normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
+        let world = self.normal_rows.map(|r| r[0] * n[0] + r[1] * n[1] + r[2] * n[2]);
+        let length = dot(world, world).sqrt();
+        if length > 0.0 { world.map(|c| c / length) } else { world }
+    }
+
+    /// Greatest value of `direction . p` over the skin's points p, to within 1/2048 of the grid and never
+    /// too small. Of an empty model: over the volume's box.
+    ///
+    /// Descends only where a box could still exceed the best so far: a few hundred nodes.
+    pub fn support<V: NodeView>(&self, view: &V, direction: [f64; 3]) -> f64 {
+        let depth = self.dims.depth();
+        let finest = depth.saturating_sub(11);
+        let weight: [f64; 3] = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
+        let constant = dot(direction, self.grid_to_world.origin());
+        let bound = |low: [u32; 3], edge: u32| {
+            (0..3).fold(constant, |sum, a| {
+                let at = if weight[a] > 0.0 { low[a] + edge } else { low[a] };
+                sum + weight[a] * f64::from(at)
+            })
+        };
+        if view.voxel_count() == 0 || (depth > 0 && view.infobyte(0) == 0) {
+            let corner = self.dims.to_array();
+            return (0..3).fold(constant, |sum, a| sum + weight[a].max(0.0) * f64::from(corner[a]));
+        }
+        let mut best = f64::NEG_INFINITY;
+        let mut waiting = vec![(bound([0; 3], 1 << depth), 0_u64, [0_u32; 3], depth)];
+        let mut visits = 0;
+        while let Some((most, number, low, level)) = waiting.pop() {
+            visits += 1;
+            if most <= best {
+                continue;
+            }
+            if level <= finest || visits > SUPPORT_VISITS {
+                best = most;
+                continue;
+            }
+            let half = 1_u32 << (level - 1);
+            let first = waiting.len();
+            for octant in 0..8_u32 {
+                if let Some(child) = view.child(number, octant) {
+                    let at = std::array::from_fn(|a| low[a] + (octant >> a & 1) * half);
+                    waiting.push((bound(at, half), child, at, level - 1));
+                }
+            }
+            // The most promising child is taken first.
+            waiting[first..].sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        if best.is_finite() { best } else { bound([0; 3], 1 << depth) }
+    }
+}
+
+/// Scalar product.
+#[inline]
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Vector product.
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// `a + s b`.
+#[inline]
+pub(super) fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
+    [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::morton;
+    use crate::load::MemoryTree;
+
+    #[test]
+    fn voxel_centres_are_cell_centres_and_normals_stay_perpendicular() {
+        // Sheared, anisotropic and mirrored.
+        let affine = Affine { rows: [[0.5, 0.0, 0.3, 10.0], [0.0, -0.5, 0.2, -20.0], [0.0, 0.1, 2.0, 30.0]] };
+        let space = GridSpace::new(Dims::new(8, 8, 8).unwrap(), &affine).unwrap();
+        let centre = affine.apply([3.0, 4.0, 5.0]);
+        let ray = space.ray(centre, affine.column(2)).unwrap().unwrap();
+        assert_eq!(ray.origin(), [7 << 15, 9 << 15, 11 << 15]);
+        // The normal of an x face is perpendicular to the other two columns and on the side of the first.
+        let n = space.normal_to_world([1.0, 0.0, 0.0]);
+        assert!(dot(n, affine.column(1)).abs() < 1e-12 && dot(n, affine.column(2)).abs() < 1e-12);
+        assert!(dot(n, affine.column(0)) > 0.0 && (dot(n, n) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn support_is_that_of_all_voxels() {
+        let dims = Dims::new(40, 20, 64).unwrap();
+        let codes: Vec<u64> =
+            (0..60_u32).map(|i| morton::encode(i * 13 % 40, i * 7 % 20, i * 29 % 64)).collect();
+        let tree = MemoryTree::new(dims, &codes).unwrap();
+        let affine = Affine { rows: [[0.5, 0.0, 0.3, 1.0], [0.0, -0.5, 0.2, -2.0], [0.0, 0.1, 2.0, 3.0]] };
+        let space = GridSpace::new(dims, &affine).unwrap();
+        for d in [[1.0, 0.0, 0.0], [-1.0, 0.5, 0.2], [0.0, -1.0, 0.0], [0.3, 0.3, -0.9]] {
+            let mut want = f64::NEG_INFINITY;
+            for code in &codes {
+                let low = morton::decode(*code);
+                for corner in 0..8_u32 {
+                    let at: [f64; 3] = std::array::from_fn(|a| f64::from(low[a] + (corner >> a & 1)));
+                    want = want.max(dot(d, space.to_world(at)));
+                }
+            }
+            assert!((space.support(&tree, d) - want).abs() < 1e-9, "{d:?}");
+        }
+    }
+
+    #[test]
+    fn singular_affines_are_refused() {
+        let dims = Dims::new(2, 2, 2).unwrap();
+        let flat = Affine { rows: [[1.0, 1.0, 0.0, 0.0], [0.0, 1e-12, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
+        assert!(matches!(GridSpace::new(dims, &flat), Err(RenderError::SingularAffine)));
+    }
+}

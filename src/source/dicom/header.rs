@@ -1,0 +1,287 @@
+//! The elements of one image that a volume needs, parsed (PS3.3 C.7.6, C.11.1; PS3.5 section 6.2).
+
+use super::syntax::TransferSyntax;
+use crate::source::Endian;
+
+/// A tag: group in the high 16 bits, element in the low.
+pub(super) type Tag = u32;
+
+/// Longest value that is looked at; every kept element is far shorter in a sound file.
+pub(super) const MAX_VALUE_BYTES: usize = 1024;
+
+/// Which of the three pixel elements a file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PixelElement {
+    /// (7FE0,0010) Pixel Data: integers or encapsulated frames.
+    Integer,
+    /// (7FE0,0008) Float Pixel Data.
+    Float,
+    /// (7FE0,0009) Double Float Pixel Data.
+    Double,
+}
+
+/// Where the pixels lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelData {
+    /// Which element.
+    pub element: PixelElement,
+    /// Offset of the first byte of the value in the file.
+    pub offset: u64,
+    /// Declared length in bytes; `None` for undefined, which means encapsulated frames.
+    pub declared: Option<u32>,
+    /// Bytes of the value that the file really has.
+    pub available: u64,
+    /// Is the value representation OW (words)? Matters for 8-bit pixels in big-endian files only.
+    pub words: bool,
+}
+
+/// What one DICOM file says of its image; `None` where an element is missing or illegible.
+///
+/// No patient data is kept: no names, dates, or free text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DicomHeader {
+    /// How elements and pixels are encoded.
+    pub transfer_syntax: TransferSyntax,
+    /// SOP class UID (0008,0016), or the meta header's.
+    pub sop_class: String,
+    /// Study Instance UID.
+    pub study_uid: String,
+    /// Series Instance UID.
+    pub series_uid: String,
+    /// Image Type, values joined by backslashes.
+    pub image_type: String,
+    /// Modality, for example `CT`.
+    pub modality: String,
+    /// Photometric Interpretation, for example `MONOCHROME2`.
+    pub photometric: String,
+    /// Acquisition Number.
+    pub acquisition: Option<i32>,
+    /// Instance Number.
+    pub instance: Option<i32>,
+    /// Samples per Pixel.
+    pub samples: Option<u16>,
+    /// Planar Configuration.
+    pub planar: Option<u16>,
+    /// Rows (height).
+    pub rows: Option<u16>,
+    /// Columns (width).
+    pub columns: Option<u16>,
+    /// Bits Allocated.
+    pub bits_allocated: Option<u16>,
+    /// Bits Stored.
+    pub bits_stored: Option<u16>,
+    /// High Bit.
+    pub high_bit: Option<u16>,
+    /// Pixel Representation: 0 unsigned, 1 two's complement.
+    pub pixel_representation: Option<u16>,
+    /// Number of Frames; `Some(Err)` when present but not a number.
+    pub frames: Option<Result<u32, ()>>,
+    /// Image Position (Patient): centre of the first pixel in LPS mm.
+    pub position: Option<[f64; 3]>,
+    /// Image Orientation (Patient): direction along a row, then down a column.
+    pub orientation: Option<[f64; 6]>,
+    /// Pixel Spacing in mm: between rows, then between columns.
+    pub pixel_spacing: Option<[f64; 2]>,
+    /// Slice Thickness in mm; not the distance of slices.
+    pub slice_thickness: Option<f64>,
+    /// Spacing Between Slices in mm.
+    pub spacing_between: Option<f64>,
+    /// Rescale Slope.
+    pub slope: Option<f64>,
+    /// Rescale Intercept.
+    pub intercept: Option<f64>,
+    /// Pixel Padding Value, as its 16 bits in the file.
+    pub padding: Option<u16>,
+    /// Pixel Padding Range Limit, as its 16 bits.
+    pub padding_limit: Option<u16>,
+    /// Is there a Modality LUT Sequence? Then values are not linear.
+    pub modality_lut: bool,
+    /// Pixels, if the file has any.
+    pub pixels: Option<PixelData>,
+}
+
+impl DicomHeader {
+    pub(super) fn new(transfer_syntax: TransferSyntax) -> Self {
+        Self {
+            transfer_syntax,
+            sop_class: String::new(),
+            study_uid: String::new(),
+            series_uid: String::new(),
+            image_type: String::new(),
+            modality: String::new(),
+            photometric: String::new(),
+            acquisition: None,
+            instance: None,
+            samples: None,
+            planar: None,
+            rows: None,
+            columns: None,
+            bits_allocated: None,
+            bits_stored: None,
+            high_bit: None,
+            pixel_representation: None,
+            frames: None,
+            position: None,
+            orientation: None,
+            pixel_spacing: None,
+            slice_thickness: None,
+            spacing_between: None,
+            slope: None,
+            intercept: None,
+            padding: None,
+            padding_limit: None,
+            modality_lut: false,
+            pixels: None,
+        }
+    }
+
+    /// What the object is, in words without patient data: `CT image`, `DICOMDIR`, ...
+    pub fn kind(&self) -> String {
+        let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
+        let known = match class {
+            "1.3.10" => "DICOMDIR",
+            "5.1.4.1.1.1" => "CR image",
+            "5.1.4.1.1.2" => "CT image",
+            "5.1.4.1.1.2.1" => "enhanced CT",
+            "5.1.4.1.1.4" => "MR image",
+            "5.1.4.1.1.4.1" => "enhanced MR",
+            "5.1.4.1.1.7" => "secondary capture",
+            "5.1.4.1.1.66.4" => "segmentation",
+            "5.1.4.1.1.30" => "parametric map",
+            "5.1.4.1.1.128" => "PET image",
+            "5.1.4.1.1.481.2" => "RT dose",
+            "5.1.4.1.1.481.3" => "RT structure set",
+            "5.1.4.1.1.481.5" => "RT plan",
+            _ if class.starts_with("5.1.4.1.1.88.") => "structured report",
+            _ if self.modality.is_empty() => "DICOM object",
+            _ => return format!("{} object", self.modality),
+        };
+        known.into()
+    }
+
+    /// Is it a localizer (scout)? Value 3 of Image Type says so.
+    pub fn is_localizer(&self) -> bool {
+        self.image_type.split('\\').any(|part| part == "LOCALIZER")
+    }
+
+    /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
+    /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
+    pub(super) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
+        let word = || {
+            let bytes = *value.first_chunk::<2>()?;
+            Some(if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
+        };
+        match tag {
+            0x0008_0008 => self.image_type = text(value),
+            0x0008_0016 => self.sop_class = text(value),
+            0x0008_0060 => self.modality = text(value),
+            0x0018_0050 => self.slice_thickness = number(value),
+            0x0018_0088 => self.spacing_between = number(value),
+            0x0020_000d => self.study_uid = text(value),
+            0x0020_000e => self.series_uid = text(value),
+            0x0020_0012 => self.acquisition = text(value).parse().ok(),
+            0x0020_0013 => self.instance = text(value).parse().ok(),
+            0x0020_0032 => self.position = numbers(value),
+            0x0020_0037 => self.orientation = numbers(value),
+            0x0028_0002 => self.samples = word(),
+            0x0028_0004 => self.photometric = text(value),
+            0x0028_0006 => self.planar = word(),
+            0x0028_0008 => {
+                let digits = text(value);
+                self.frames = (!digits.is_empty()).then(|| digits.parse().map_err(|_| ()));
+            }
+            0x0028_0010 => self.rows = word(),
+            0x0028_0011 => self.columns = word(),
+            0x0028_0030 => self.pixel_spacing = numbers(value),
+            0x0028_0100 => self.bits_allocated = word(),
+            0x0028_0101 => self.bits_stored = word(),
+            0x0028_0102 => self.high_bit = word(),
+            0x0028_0103 => self.pixel_representation = word(),
+            0x0028_0120 => self.padding = word(),
+            0x0028_0121 => self.padding_limit = word(),
+            0x0028_1052 => self.intercept = number(value),
+            0x0028_1053 => self.slope = number(value),
+            0x0028_3000 => self.modality_lut = true,
+            _ => {}
+        }
+    }
+
+    /// Does [`DicomHeader::keep`] look at this tag?
+    pub(super) fn wants(tag: Tag) -> bool {
+        matches!(
+            tag,
+            0x0008_0008
+                | 0x0008_0016
+                | 0x0008_0060
+                | 0x0018_0050
+                | 0x0018_0088
+                | 0x0020_000d
+                | 0x0020_000e
+                | 0x0020_0012
+                | 0x0020_0013
+                | 0x0020_0032
+                | 0x0020_0037
+                | 0x0028_0002
+                | 0x0028_0004
+                | 0x0028_0006
+                | 0x0028_0008
+                | 0x0028_0010
+                | 0x0028_0011
+                | 0x0028_0030
+                | 0x0028_0100
+                ..=0x0028_0103 | 0x0028_0120 | 0x0028_0121 | 0x0028_1052 | 0x0028_1053 | 0x0028_3000
+        )
+    }
+}
+
+/// Text without padding; bytes outside ASCII become `?` (no kept element may have any).
+pub(super) fn text(value: &[u8]) -> String {
+    let plain: String = value
+        .iter()
+        .map(|b| if b.is_ascii_graphic() || *b == b' ' || *b == 0 { char::from(*b) } else { '?' })
+        .collect();
+    plain.trim_matches([' ', '\0']).into()
+}
+
+/// One finite decimal; the first of several.
+fn number(value: &[u8]) -> Option<f64> {
+    text(value).split('\\').next().and_then(|part| part.trim().parse().ok()).filter(|v: &f64| v.is_finite())
+}
+
+/// Exactly `N` finite decimals separated by backslashes.
+fn numbers<const N: usize>(value: &[u8]) -> Option<[f64; N]> {
+    let text = text(value);
+    let mut parts = text.split('\\').map(|part| part.trim().parse::<f64>().ok().filter(|v| v.is_finite()));
+    let mut out = [0.0; N];
+    for slot in &mut out {
+        *slot = parts.next()??;
+    }
+    parts.next().is_none().then_some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_parse_or_are_missing() {
+        assert_eq!(numbers::<3>(b"1\\-2.5e1\\ 3 "), Some([1.0, -25.0, 3.0]));
+        for bad in [&b"1\\2"[..], b"1\\2\\3\\4", b"1\\\\3", b"1\\nan\\3", b"1\\inf\\3", b"", b"\xff\\1\\2"] {
+            assert_eq!(numbers::<3>(bad), None, "{bad:?}");
+        }
+        assert_eq!(number(b" -1024\0"), Some(-1024.0));
+        assert_eq!(text(b"MONOCHROME2 \0"), "MONOCHROME2");
+    }
+
+    #[test]
+    fn every_kept_tag_is_wanted() {
+        let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
+        let untouched = header.clone();
+        for tag in (0x0002_0000..0x0030_0000).filter(|tag| !DicomHeader::wants(*tag)) {
+            header.keep(tag, b"1\0", Endian::Little);
+        }
+        assert_eq!(header, untouched);
+        header.keep(0x0028_0010, &[2, 0], Endian::Big);
+        assert_eq!(header.rows, Some(512));
+    }
+}

@@ -1,0 +1,248 @@
+//! Real series and odd files: each is opened or refused for the right reason, and the stored values of
+//! every uncompressed file are those that another reader decoded (EXPECTED.tsv beside the data).
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use infobyte::source::dicom::{Obstacle, PixelLayout, ScanError, scan};
+use infobyte::source::{ScalarType, VolumeSource, open};
+use sha2::{Digest, Sha256};
+
+#[path = "support/data.rs"]
+mod data;
+use data::real_data;
+
+fn open_error(path: PathBuf) -> String {
+    match open(&[path], None) {
+        Ok(source) => panic!("opened as {:?}", source.info()),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn close(got: f64, expected: f64, tolerance: f64) {
+    assert!((got - expected).abs() <= tolerance, "{got} is not {expected}");
+}
+
+/// Smallest and largest sample of a 16-bit volume.
+fn range_of(source: &dyn VolumeSource) -> (i64, i64) {
+    let info = source.info();
+    let [nx, ny, nz] = info.dims.to_array();
+    let mut out = vec![0; nx as usize * ny as usize * 2];
+    let (mut low, mut high) = (i64::MAX, i64::MIN);
+    for z in 0..nz {
+        source.read_rows(z, 0..ny, 0..nx, &mut out).unwrap();
+        for sample in out.chunks_exact(2) {
+            let bits: u16 = bytemuck::pod_read_unaligned(sample);
+            let value =
+                if info.scalar == ScalarType::I16 { i64::from(bits.cast_signed()) } else { i64::from(bits) };
+            (low, high) = (low.min(value), high.max(value));
+        }
+    }
+    (low, high)
+}
+
+#[test]
+fn a_head_ct_is_ordered_by_position_with_its_spacing_and_rescale() {
+    let Some(folder) = real_data("ct-philips-28") else { return };
+    let source = open(std::slice::from_ref(&folder), None).unwrap();
+    let info = source.info();
+    println!("{info:#?}");
+    assert_eq!(info.dims.to_array(), [512, 512, 28]);
+    assert_eq!(info.scalar, ScalarType::U16);
+    assert_eq!((info.rescale.slope, info.rescale.intercept), (1.0, -1024.0));
+    close(info.spacing_mm[0], 0.451, 5e-4);
+    close(info.spacing_mm[1], 0.451, 5e-4);
+    close(info.spacing_mm[2], 5.0, 1e-3);
+    assert!(info.affine.determinant() > 0.0);
+    // Each slice must lie where its own header says, and hold its own pixels.
+    let mut out = vec![0; 512 * 512 * 2];
+    for entry in fs::read_dir(&folder).unwrap() {
+        let file = File::open(entry.unwrap().path()).unwrap();
+        let header = scan(&file).unwrap();
+        let position = header.position.unwrap();
+        let z = info.affine.inverse().unwrap().apply(position);
+        close(z[0], 0.0, 1e-3);
+        close(z[1], 0.0, 1e-3);
+        close(z[2], z[2].round(), 1e-3);
+        let slice = (0..28_u32).find(|i| (f64::from(*i) - z[2]).abs() < 0.5).unwrap();
+        source.read_rows(slice, 0..512, 0..512, &mut out).unwrap();
+        let mut stored = vec![0; out.len()];
+        file.read_exact_at(&mut stored, header.pixels.unwrap().offset).unwrap();
+        PixelLayout::of(&header).unwrap().decode(&mut stored);
+        assert!(stored == out, "slice {z:?}");
+    }
+}
+
+#[test]
+fn regular_series_open_and_the_largest_of_several_is_taken() {
+    for (item, dims, spacing) in [
+        ("mr-sag-35", [256, 256, 35], [1.016, 1.016, 4.8]),
+        ("mr-mixed-folder", [256, 256, 24], [0.898, 0.898, 6.0]),
+        ("ct-short/tilt-4", [512, 512, 4], [0.418, 0.418, 5.0]),
+        ("mr-encodings/explicit-le", [256, 256, 4], [1.0, 1.0, 1.0]),
+        ("mr-encodings/implicit-le", [256, 256, 4], [1.0, 1.0, 1.0]),
+        ("mr-mag-phase-4", [768, 768, 2], [0.299, 0.299, 1.0]),
+    ] {
+        let Some(folder) = real_data(item) else { continue };
+        let source = open(&[folder], None).unwrap_or_else(|e| panic!("{item}: {e}"));
+        let info = source.info();
+        println!(
+            "{item}: {} {} {:?} {:?} {:?}",
+            info.dims, info.scalar, info.spacing_mm, info.rescale, info.warnings
+        );
+        assert_eq!(info.dims.to_array(), dims, "{item}");
+        for (got, expected) in info.spacing_mm.into_iter().zip(spacing) {
+            close(got, expected, 1e-2);
+        }
+        assert!(info.affine.determinant() > 0.0, "{item}");
+        let warned = info.warnings.join("\n");
+        let (low, high) = range_of(source.as_ref());
+        match item {
+            "mr-mixed-folder" => {
+                assert!(warned.contains("4 sets of images") && (low, high) == (0, 780), "{warned}")
+            }
+            "mr-sag-35" => assert_eq!((low, high), (0, 1948)),
+            "mr-mag-phase-4" => assert!(warned.contains("2 sets of images"), "{warned}"),
+            "ct-short/tilt-4" => assert!(warned.contains("gantry tilt") && high == 254, "{warned}"),
+            _ => assert_eq!((low, high), (0, 254), "{item}"),
+        }
+    }
+}
+
+#[test]
+fn series_that_form_no_volume_are_refused_with_the_reason() {
+    for (item, wanted) in [
+        ("ct-ge-tilt-irregular", &["13 x 4.002", "13 x 6.999", "1 x 1.081"][..]),
+        ("ct-short/uneven-5-5-10mm", &["1 slice(s) seem to be missing", "2 x 5.000", "1 x 10.000"]),
+        ("ct-short/tilt-missing-slice", &["1 slice(s) seem to be missing"]),
+        ("ct-short/same-position-4", &["all 4 images are at one position"]),
+        ("ct-j2k-2", &["2 file(s)", "JPEG 2000"]),
+        ("mr-encodings/j2k-lossless", &["JPEG 2000 lossless"]),
+        ("mr-encodings/jpeg-lossless", &["JPEG lossless"]),
+        ("mr-encodings/jpeg-ls", &["JPEG-LS lossless"]),
+        ("mr-encodings/rle", &["RLE lossless"]),
+        ("multiframe/ct-enhanced-2f.dcm", &["multi-frame", "2 frames"]),
+        ("multiframe/mr-xa30-t1-96f.dcm", &["multi-frame", "96 frames"]),
+        ("multiframe/emri-10f.dcm", &["multi-frame", "10 frames"]),
+        ("multiframe/emri-10f-bigendian.dcm", &["multi-frame", "10 frames"]),
+        ("multiframe/emri-10f-rle.dcm", &["RLE lossless"]),
+        ("multiframe/emri-10f-jpegls.dcm", &["JPEG-LS lossless"]),
+        ("multiframe/ct-2f-fragmented-no-bot-jpeg12.dcm", &["JPEG extended 12-bit"]),
+        ("raw-cthead", &["no DICOM image is among the 113 file(s)", "--dims"]),
+        ("raw-lidc-u8/lidc2_256x256x133_u8.raw", &["is not DICOM", "--dims", "--dtype"]),
+        ("nrrd-brain/brain1_image.nrrd", &["is an NRRD file"]),
+        ("nifti-ct-i32/example_ct.nii.gz", &["is a gzip file"]),
+        ("mesh/bunny-open.ply", &["is a PLY mesh"]),
+        ("mesh", &["no DICOM image"]),
+    ] {
+        let Some(path) = real_data(item) else { continue };
+        let error = open_error(path);
+        println!("{error}");
+        for part in wanted {
+            assert!(error.contains(part), "{item}: {part} is not in: {error}");
+        }
+    }
+}
+
+/// One word for what a file is, as this reader sees it.
+fn classify(path: &Path) -> String {
+    let header = match scan(&File::open(path).unwrap()) {
+        Ok(header) => header,
+        Err(ScanError::NotDicom) => return "no DICOM".into(),
+        Err(ScanError::Damaged { reason, .. }) => return format!("damaged: {reason}"),
+        Err(e) => panic!("{e}"),
+    };
+    match PixelLayout::of(&header) {
+        Ok(layout) => {
+            format!("{}x{} {}, {}", layout.columns, layout.rows, layout.scalar(), header.transfer_syntax)
+        }
+        Err(obstacle) => obstacle.to_string(),
+    }
+}
+
+#[test]
+fn every_odd_file_is_classified() {
+    let Some(root) = real_data("dicom-odd") else { return };
+    let mut table = String::new();
+    let mut names: Vec<_> = fs::read_dir(&root).unwrap().map(|e| e.unwrap().path()).collect();
+    names.extend(fs::read_dir(root.join("../dicom-ct-15-syntaxes")).unwrap().map(|e| e.unwrap().path()));
+    names.sort();
+    for path in &names {
+        let _ = writeln!(table, "{}\t{}", path.file_name().unwrap().display(), classify(path));
+    }
+    println!("{table}");
+    for (name, wanted) in [
+        ("bad-frame-count.dcm", "the number of frames is not a positive number"),
+        ("bad-sequence-jpeg-lossless.dcm", "compressed pixels (JPEG lossless"),
+        ("cr-mono1-no-preamble.dcm", "440x440 u16"),
+        ("deflated-8bit.dcm", "deflated files"),
+        ("dicomdir", "DICOMDIR without pixels"),
+        ("explicit-un-j2k.dcm", "compressed pixels (JPEG 2000 lossless)"),
+        ("float-pixels.dcm", "floating-point pixels"),
+        ("htj2k-rgb.dcm", "compressed pixels (HTJ2K lossless)"),
+        ("j2k-sign-mismatch.dcm", "compressed pixels (JPEG 2000 lossless)"),
+        ("jpegls-near-16.dcm", "compressed pixels (JPEG-LS near-lossless)"),
+        ("modality-lut.dcm", "values that go through a modality LUT"),
+        ("no-meta-header.dcm", "no DICOM"),
+        ("no-pixel-spacing.dcm", "compressed pixels (RLE lossless)"),
+        ("padded-pixels.dcm", "64x64 i16"),
+        ("palette-colour.dcm", "colour images (PALETTE COLOR, 1 samples"),
+        ("rgb-odd-length.dcm", "colour images (RGB, 3 samples"),
+        ("seg-1bit.dcm", "pixels of 1 bits allocated"),
+        ("signed16-full-range.dcm", "512x512 i16"),
+        ("truncated-pixels.dcm", "the pixels are cut short: 8130 bytes of 8192"),
+        ("deflated.dcm", "deflated files"),
+        ("explicit-be.dcm", "512x512 i16, explicit big-endian"),
+        ("explicit-le.dcm", "512x512 i16, explicit little-endian"),
+        ("implicit-le.dcm", "512x512 i16, implicit little-endian"),
+        ("j2k-90.dcm", "compressed pixels (JPEG 2000 lossless)"),
+        ("jpeg-extended-51.dcm", "compressed pixels (JPEG extended 12-bit)"),
+        ("rle.dcm", "compressed pixels (RLE lossless)"),
+    ] {
+        let line = table.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix('\t')).unwrap();
+        assert!(line.starts_with(wanted), "{name}: {line}");
+    }
+}
+
+#[test]
+fn stored_values_of_every_native_file_match_another_readers() {
+    let Some(list) = real_data("EXPECTED.tsv") else { return };
+    let root = list.parent().unwrap().to_path_buf();
+    let mut matched = 0;
+    for line in fs::read_to_string(&list).unwrap().lines().skip(1) {
+        let fields: Vec<&str> = line.split('\t').collect();
+        let (name, shape, hash) = (fields[0], fields[2], fields[7]);
+        let file = File::open(root.join(name)).unwrap();
+        let Ok(header) = scan(&file) else { continue };
+        // The stored values are plain also where a table maps them afterwards.
+        let plain = infobyte::source::dicom::DicomHeader { modality_lut: false, ..header };
+        let layout = match PixelLayout::of(&plain) {
+            Ok(layout) => layout,
+            Err(obstacle) => {
+                let native = plain.transfer_syntax.is_native() && !hash.is_empty();
+                let other = matches!(
+                    obstacle,
+                    Obstacle::MultiFrame(_)
+                        | Obstacle::Colour { .. }
+                        | Obstacle::Float
+                        | Obstacle::BitsAllocated(1)
+                );
+                assert!(!native || other, "{name}: {obstacle}");
+                continue;
+            }
+        };
+        assert_eq!(shape, format!("{}x{}", layout.rows, layout.columns), "{name}");
+        let mut stored = vec![0; layout.rows as usize * layout.columns as usize * layout.scalar().bytes()];
+        file.read_exact_at(&mut stored, plain.pixels.unwrap().offset).unwrap();
+        layout.decode(&mut stored);
+        // Native to little-endian is the same swap as back.
+        infobyte::source::Endian::Little.to_native(layout.scalar().bytes(), &mut stored);
+        let got: String = Sha256::digest(&stored).iter().map(|b| format!("{b:02x}")).collect();
+        assert_eq!(got, hash, "{name}");
+        matched += 1;
+    }
+    println!("{matched} files match");
+    assert!(matched > 150, "only {matched} native files were compared");
+}

@@ -1,0 +1,221 @@
+//! Writes small DICOM files from parts, sound or hostile, for tests.
+
+/// How elements are written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Syntax {
+    /// 1.2.840.10008.1.2
+    ImplicitLe,
+    /// 1.2.840.10008.1.2.1
+    ExplicitLe,
+    /// 1.2.840.10008.1.2.2
+    ExplicitBe,
+}
+
+impl Syntax {
+    pub(crate) const ALL: [Self; 3] = [Self::ImplicitLe, Self::ExplicitLe, Self::ExplicitBe];
+
+    pub(crate) fn uid(self) -> &'static str {
+        match self {
+            Self::ImplicitLe => "1.2.840.10008.1.2",
+            Self::ExplicitLe => "1.2.840.10008.1.2.1",
+            Self::ExplicitBe => "1.2.840.10008.1.2.2",
+        }
+    }
+}
+
+/// Bytes of a dataset under construction.
+pub(crate) struct Writer {
+    pub(crate) bytes: Vec<u8>,
+    syntax: Syntax,
+}
+
+/// The low 16 bits.
+fn low(bits: u32) -> u16 {
+    u16::try_from(bits & 0xffff).unwrap()
+}
+
+fn length_of(n: usize) -> u32 {
+    u32::try_from(n).unwrap()
+}
+
+const LONG: [&str; 4] = ["OB", "OW", "SQ", "UN"];
+
+impl Writer {
+    /// Preamble and meta header; the dataset follows in `syntax`, whatever `uid` claims.
+    pub(crate) fn with_meta(syntax: Syntax, uid: &str) -> Self {
+        let mut meta = Self { bytes: vec![0; 128], syntax: Syntax::ExplicitLe };
+        meta.bytes.extend(b"DICM");
+        meta.element(0x0002_0001, "OB", &[0, 1]);
+        meta.text(0x0002_0010, "UI", uid);
+        meta.syntax = syntax;
+        meta
+    }
+
+    /// A dataset without preamble and meta header.
+    pub(crate) fn bare(syntax: Syntax) -> Self {
+        Self { bytes: Vec::new(), syntax }
+    }
+
+    pub(crate) fn u16(&mut self, v: u16) {
+        self.bytes.extend(if self.syntax == Syntax::ExplicitBe { v.to_be_bytes() } else { v.to_le_bytes() });
+    }
+
+    pub(crate) fn u32(&mut self, v: u32) {
+        self.bytes.extend(if self.syntax == Syntax::ExplicitBe { v.to_be_bytes() } else { v.to_le_bytes() });
+    }
+
+    /// Tag, VR and length only; `u32::MAX` for undefined.
+    pub(crate) fn head(&mut self, tag: u32, vr: &str, length: u32) {
+        self.u16(low(tag >> 16));
+        self.u16(low(tag));
+        if self.syntax == Syntax::ImplicitLe || tag >> 16 == 0xfffe {
+            return self.u32(length);
+        }
+        self.bytes.extend(vr.as_bytes());
+        if LONG.contains(&vr) {
+            self.u16(0);
+            self.u32(length);
+        } else {
+            self.u16(low(length));
+        }
+    }
+
+    pub(crate) fn element(&mut self, tag: u32, vr: &str, value: &[u8]) {
+        self.head(tag, vr, length_of(value.len()));
+        self.bytes.extend(value);
+    }
+
+    /// A text value, padded to even length.
+    pub(crate) fn text(&mut self, tag: u32, vr: &str, value: &str) {
+        let mut bytes = value.as_bytes().to_vec();
+        if bytes.len() % 2 == 1 {
+            bytes.push(if vr == "UI" { 0 } else { b' ' });
+        }
+        self.element(tag, vr, &bytes);
+    }
+
+    pub(crate) fn us(&mut self, tag: u32, value: u16) {
+        self.head(tag, "US", 2);
+        self.u16(value);
+    }
+
+    /// Sequences of every shape: undefined in undefined, defined in undefined, empty, private UN.
+    pub(crate) fn clutter(&mut self) {
+        self.head(0x0008_1140, "SQ", u32::MAX);
+        self.head(0xfffe_e000, "", u32::MAX);
+        self.text(0x0008_0060, "CS", "XX");
+        self.head(0x0040_a170, "SQ", u32::MAX);
+        self.head(0xfffe_e000, "", 0);
+        self.head(0xfffe_e0dd, "", 0);
+        self.us(0x0028_0010, 9999);
+        self.head(0xfffe_e00d, "", 0);
+        self.head(0xfffe_e000, "", 12);
+        self.bytes.extend([0xaa; 12]);
+        self.head(0xfffe_e0dd, "", 0);
+        self.head(0x0009_1001, "UN", 5);
+        self.bytes.extend(b"odd\xff\xff");
+        if self.syntax == Syntax::ExplicitLe {
+            // Undefined UN: implicit little-endian inside.
+            self.head(0x0009_1002, "UN", u32::MAX);
+            let mut inner = Self::bare(Syntax::ImplicitLe);
+            inner.head(0xfffe_e000, "", u32::MAX);
+            inner.us(0x0009_1003, 7);
+            inner.head(0xfffe_e00d, "", 0);
+            inner.head(0xfffe_e0dd, "", 0);
+            self.bytes.extend(inner.bytes);
+        }
+        self.head(0x0009_1010, "OB", 70_000);
+        self.bytes.extend(vec![0x5a; 70_000]);
+    }
+}
+
+/// One slice of a CT series.
+pub(crate) struct Image<'a> {
+    pub(crate) syntax: Syntax,
+    pub(crate) meta: bool,
+    pub(crate) clutter: bool,
+    pub(crate) series: &'a str,
+    pub(crate) instance: u32,
+    pub(crate) position: [f64; 3],
+    pub(crate) orientation: &'a str,
+    pub(crate) size: [u16; 2],
+    pub(crate) bits: [u16; 2],
+    pub(crate) signed: bool,
+    pub(crate) rescale: Option<[&'a str; 2]>,
+    pub(crate) padding: Option<u16>,
+    /// Stored values, row by row, as 32 bits of which the low ones count.
+    pub(crate) values: &'a [u32],
+}
+
+impl Default for Image<'_> {
+    fn default() -> Self {
+        Self {
+            syntax: Syntax::ExplicitLe,
+            meta: true,
+            clutter: false,
+            series: "1.2.3",
+            instance: 1,
+            position: [0.0; 3],
+            orientation: "1\\0\\0\\0\\1\\0",
+            size: [2, 2],
+            bits: [16, 16],
+            signed: false,
+            rescale: Some(["1", "-1024"]),
+            padding: None,
+            values: &[1, 2, 3, 4],
+        }
+    }
+}
+
+impl Image<'_> {
+    /// The whole file.
+    pub(crate) fn bytes(&self) -> Vec<u8> {
+        let mut w = if self.meta {
+            Writer::with_meta(self.syntax, self.syntax.uid())
+        } else {
+            Writer::bare(self.syntax)
+        };
+        w.text(0x0008_0008, "CS", "ORIGINAL\\PRIMARY\\AXIAL");
+        w.text(0x0008_0016, "UI", "1.2.840.10008.5.1.4.1.1.2");
+        w.text(0x0008_0060, "CS", "CT");
+        if self.clutter {
+            w.clutter();
+        }
+        w.text(0x0010_0010, "PN", "Nobody^Real");
+        w.text(0x0018_0050, "DS", "2.5");
+        w.text(0x0020_000e, "UI", self.series);
+        w.text(0x0020_0013, "IS", &self.instance.to_string());
+        let [x, y, z] = self.position;
+        w.text(0x0020_0032, "DS", &format!("{x}\\{y}\\{z}"));
+        w.text(0x0020_0037, "DS", self.orientation);
+        w.us(0x0028_0002, 1);
+        w.text(0x0028_0004, "CS", "MONOCHROME2");
+        w.us(0x0028_0010, self.size[1]);
+        w.us(0x0028_0011, self.size[0]);
+        w.text(0x0028_0030, "DS", "0.75\\0.5");
+        w.us(0x0028_0100, self.bits[0]);
+        w.us(0x0028_0101, self.bits[1]);
+        w.us(0x0028_0102, self.bits[1] - 1);
+        w.us(0x0028_0103, self.signed.into());
+        if let Some(padding) = self.padding {
+            w.us(0x0028_0120, padding);
+        }
+        if let Some([slope, intercept]) = self.rescale {
+            w.text(0x0028_1052, "DS", intercept);
+            w.text(0x0028_1053, "DS", slope);
+        }
+        let width = usize::from(self.bits[0] / 8);
+        let odd = self.values.len() * width % 2;
+        w.head(0x7fe0_0010, if width == 1 { "OB" } else { "OW" }, length_of(self.values.len() * width + odd));
+        for value in self.values {
+            let mut bytes = value.to_le_bytes()[..width].to_vec();
+            if self.syntax == Syntax::ExplicitBe {
+                bytes.reverse();
+            }
+            w.bytes.extend(bytes);
+        }
+        w.bytes.extend(vec![0; odd]);
+        w.text(0xfffc_fffc, "OB", "tail");
+        w.bytes
+    }
+}
