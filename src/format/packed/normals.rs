@@ -23,7 +23,7 @@ const CLASSES: usize = 16;
 #[derive(Clone, Debug)]
 struct Component {
     zero: Vec<Bit>,
-    sign: Vec<Bit>,
+    sign: [Bit; OTHERS],
     more: Vec<[Bit; CLASSES - 1]>,
     within: [Bit; CLASSES],
 }
@@ -32,7 +32,7 @@ impl Component {
     fn new() -> Self {
         Self {
             zero: vec![Bit::NEW; CONTEXTS],
-            sign: vec![Bit::NEW; CONTEXTS],
+            sign: [Bit::NEW; OTHERS],
             more: vec![[Bit::NEW; CLASSES - 1]; CONTEXTS],
             within: [Bit::NEW; CLASSES],
         }
@@ -40,10 +40,11 @@ impl Component {
 
     /// Codes a residual in -254..=254.
     fn code(&mut self, coder: &mut impl BitCoder, context: usize, value: i32) -> Result<i32, FormatError> {
+        let other = context % OTHERS;
         if coder.code(&mut self.zero[context], value == 0)? {
             return Ok(0);
         }
-        let negative = coder.code(&mut self.sign[context % OTHERS], value < 0)?;
+        let negative = coder.code(&mut self.sign[other], value < 0)?;
         let rest = value.unsigned_abs().wrapping_sub(1).min(255);
         let due = class_of(rest);
         let mut class = 0;
@@ -55,7 +56,7 @@ impl Component {
         }
         // The value within its class: the highest bit in a context, the rest even.
         let bits = if class < 4 { 0 } else { class / 2 - 1 };
-        let mut read = if class < 4 { class } else { 2 | class % 2 };
+        let mut read = if class < 4 { class } else { 2 | (class % 2) };
         for i in (0..bits).rev() {
             let mut even = Bit::NEW;
             let bit_context = if i + 1 == bits { &mut self.within[class as usize] } else { &mut even };

@@ -50,7 +50,8 @@ impl From<FormatError> for Stop {
 
 /// Packs a mapped file. The input is verified first, so that only sound models are archived.
 ///
-/// Memory: under 24 MiB for any model. Cost: about 1.5 microseconds per skin voxel.
+/// Memory: under 24 MiB for any model (5.5 MiB measured on one of 8.3 million skin voxels). Cost: about
+/// 0.4 microseconds per skin voxel.
 ///
 /// # Errors
 /// The input is damaged, foreign or packed already; the output cannot be written. Nothing is left at
