@@ -213,8 +213,10 @@ impl Job<'_> {
                 let Some(split) = histogram::otsu::<T>(self.source, self.histogram_threads())? else {
                     return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
                 };
-                // On a falling scale the samples below the split are the high values.
-                Selection { kind: SelectionKind::Otsu, lo: rescale.apply(split), hi: open }
+                // On a falling scale the samples below the split are the high values, and the split itself is
+                // not one of them.
+                let lowest = if rescale.slope > 0.0 { split } else { range::highest_below::<T>(split) };
+                Selection { kind: SelectionKind::Otsu, lo: rescale.apply(lowest), hi: open }
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
