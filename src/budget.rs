@@ -118,6 +118,23 @@ impl fmt::Display for Bytes {
     }
 }
 
+/// A byte count as [`parse_size`] reads it back, never less: `6784KiB`, `8MiB`.
+#[derive(Clone, Copy, Debug)]
+pub struct SizeArgument(
+    /// The count.
+    pub u64,
+);
+
+impl fmt::Display for SizeArgument {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.div_ceil(1 << 10) {
+            kib if kib.is_multiple_of(1 << 20) => write!(f, "{}GiB", kib >> 20),
+            kib if kib.is_multiple_of(1 << 10) => write!(f, "{}MiB", kib >> 10),
+            kib => write!(f, "{kib}KiB"),
+        }
+    }
+}
+
 /// Peak resident set of this process in bytes, as the kernel accounts it (`VmHWM`); 0 where the
 /// system does not tell.
 pub fn peak_rss_bytes() -> u64 {
@@ -151,6 +168,14 @@ mod tests {
         assert_eq!(parse_size("4096"), Ok(4096));
         for bad in ["", "MiB", "8 parsecs", "-1", "0", "1e400", "nan"] {
             assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn sizes_for_the_command_line_are_read_back_and_never_less() {
+        for (bytes, text) in [(8 << 20, "8MiB"), (1 << 30, "1GiB"), (6_946_817, "6785KiB"), (1, "1KiB")] {
+            assert_eq!(SizeArgument(bytes).to_string(), text);
+            assert!(parse_size(text).unwrap() >= bytes);
         }
     }
 

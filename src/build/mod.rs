@@ -315,6 +315,11 @@ impl Job<'_> {
             base_bytes: current_rss_bytes(),
             source_bytes: self.source.resident_bytes(),
         })
+        .map_err(|minimum_bytes| BuildError::BudgetTooSmall {
+            name: info.description.name.clone(),
+            limit_bytes: self.options.memory_bytes,
+            minimum_bytes,
+        })
     }
 
     fn scan<F: Flavour>(
