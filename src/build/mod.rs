@@ -228,9 +228,11 @@ impl Job<'_> {
         }
     }
 
-    /// As many threads as their histograms fit the budget, at least one.
+    /// As many threads as their histograms fit the budget, at least one. Room for one worker of the scan is
+    /// kept, as the allocator may not give back what the histograms held.
     fn histogram_threads(&self) -> usize {
-        let fixed = current_rss_bytes() + plan::PROCESS_GROWTH + histogram::SHARED_BYTES;
+        let scan = merge::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
+        let fixed = current_rss_bytes() + plan::PROCESS_GROWTH + histogram::SHARED_BYTES + scan;
         let each = histogram::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
         let fit = self.options.memory_bytes.saturating_sub(fixed) / each;
         usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.options.threads.max(1))
