@@ -92,10 +92,10 @@ fn raw(path: &Path, dims: [u32; 3], scalar: ScalarType, fill: Fill) {
         for y in 0..dims[1] {
             // One wave a row and a cheap ramp along it: rows are long here.
             let wave = (f64::from(y) * 0.11).sin() * 30.0 + (f64::from(z) * 0.17).cos() * 20.0 + 60.0;
-            let noise = random.below(8) as f64;
+            let noise = random.below(2) as f64;
             for x in 0..dims[0] {
                 let v = match fill {
-                    Fill::Waves => wave + noise + f64::from(x % 97) * 0.4,
+                    Fill::Waves => wave + noise + f64::from(x % 256) * 0.15,
                     Fill::Checkerboard => f64::from((x + y + z) % 2) * 100.0 + f64::from(x % 20),
                     Fill::Solid => 100.0,
                 };
