@@ -126,24 +126,24 @@ const BOTH: [&str; 2] = ["--channels", "normal,value"];
 fn wide_volumes_of_every_width_of_sample_stay_within_the_cap() {
     for scalar in [ScalarType::U8, ScalarType::U16, ScalarType::F32] {
         let extra = [&BOTH[..], &["--iso", "80"]].concat();
-        volume([1024, 160, 24], scalar, Fill::Waves, &[8, 16, 32, 64], &extra);
+        volume([1024, 160, 10], scalar, Fill::Waves, &[8, 16, 32, 64], &extra);
     }
     let range = [&BOTH[..], &["--range", "60..90", "--connectivity", "6"]].concat();
-    volume([2048, 160, 14], ScalarType::F64, Fill::Waves, &[8, 16, 32, 64], &range);
+    volume([2048, 160, 8], ScalarType::F64, Fill::Waves, &[8, 16, 32, 64], &range);
 }
 
 #[test]
 fn the_worst_volumes_stay_within_the_cap() {
     let extra = [&BOTH[..], &["--iso", "50"]].concat();
-    volume([1024, 160, 40], ScalarType::U8, Fill::Checkerboard, &[8, 64], &extra);
-    volume([512, 160, 40], ScalarType::F64, Fill::Checkerboard, &[8, 64], &extra);
-    volume([2048, 160, 36], ScalarType::U16, Fill::Solid, &[8, 64], &extra);
+    volume([1024, 160, 16], ScalarType::U8, Fill::Checkerboard, &[8, 64], &extra);
+    volume([512, 160, 16], ScalarType::F64, Fill::Checkerboard, &[8, 64], &extra);
+    volume([2048, 160, 12], ScalarType::U16, Fill::Solid, &[8, 64], &extra);
 }
 
 #[test]
 fn the_threshold_is_found_within_the_cap() {
     for scalar in [ScalarType::U8, ScalarType::I16, ScalarType::F64] {
-        volume([1024, 160, 24], scalar, Fill::Waves, &[8, 64], &["--otsu"]);
+        volume([1024, 160, 10], scalar, Fill::Waves, &[8, 64], &["--otsu"]);
     }
 }
 
