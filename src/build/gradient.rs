@@ -213,10 +213,10 @@ impl NormalRule {
     /// Writes the codes of a brick slice's skin voxels to `codes`, in the order of the gradients.
     ///
     /// Outward is against the gradient of depth. `repair` gives the gradient of the voxel in row y,
-    /// column x where the fast kernel could not: not interior, or not finite. A gradient that vanishes, or
-    /// points against the exposed faces, is replaced by the sum of the exposed faces' directions; should
-    /// that vanish too (a plate one voxel thick), the gradient is kept, or else the first exposed axis is
-    /// taken: never a zero normal.
+    /// column x where the fast kernel could not: not interior, or not finite. A normal against the exposed
+    /// faces is turned round: the voxel is the far side of something thin, or a pit in noise. Where the
+    /// gradient vanishes, the sum of the exposed faces' directions stands in, and should that vanish too (a
+    /// plate one voxel thick), the first exposed axis: never a zero normal, never one into the model.
     pub(super) fn codes<R>(
         &self,
         window: &SliceWindow<'_, R>,
@@ -265,14 +265,11 @@ impl NormalRule {
         let faces = open & (BORDER - 1);
         let e = OUTWARD[usize::from(faces)];
         let against = n[0] * e[0] + n[1] * e[1] + n[2] * e[2] < 0.0;
-        if n != [0.0; 3] && !against {
-            return n;
+        if n != [0.0; 3] {
+            return if against { n.map(|c| -c) } else { n };
         }
         if e != [0.0; 3] {
             return e;
-        }
-        if n != [0.0; 3] {
-            return n;
         }
         let axis = (0..3).find(|a| faces >> (2 * a) & 1 == 1).unwrap_or(2);
         std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 })
