@@ -226,44 +226,107 @@ impl NormalRule {
         repair: impl Fn(usize, u32) -> [f32; 3],
     ) {
         let mut at = 0;
-        for y in 0..32 {
+        for (y, exposed) in exposed.iter().enumerate() {
             let mut bits = window.skin[y];
-            let faces = &exposed[y].faces;
+            if bits == 0 {
+                continue;
+            }
+            let open = exposed.by_voxel(!window.interior[y]);
             while bits != 0 {
-                let x = bits.trailing_zeros();
+                let x = bits.trailing_zeros() as usize;
                 bits &= bits - 1;
-                let open = |face: usize| (faces[face] >> x & 1) as i32;
-                let e = [open(1) - open(0), open(3) - open(2), open(5) - open(4)].map(|v| v as f32);
-                let outward =
-                    |g: [f32; 3]| -> [f32; 3] { std::array::from_fn(|a| -g[a] * self.per_spacing[a]) };
-                let dot = |n: [f32; 3]| n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
-                let raw = std::array::from_fn(|a| g.axes[a][at & (SLICE_VOXELS - 1)]);
-                let finite = |g: [f32; 3]| (g[0] + g[1] + g[2]).is_finite();
-                let raw = if window.interior[y] >> x & 1 == 1 && finite(raw) { raw } else { repair(y, x) };
-                let mut n = outward(raw);
-                if n == [0.0; 3] || dot(n) < 0.0 {
-                    n = fallback(n, e, |face| open(face) != 0);
+                let slot = at & (SLICE_VOXELS - 1);
+                let e = OUTWARD[usize::from(open[x & 31])];
+                let mut n: [f32; 3] = std::array::from_fn(|a| -g.axes[a][slot] * self.per_spacing[a]);
+                let dot = n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
+                // Not so for a border voxel (its `e` is NaN), a vanishing, inward or infinite gradient.
+                if !(dot > 0.0 && dot < f32::INFINITY) {
+                    n = self.unusual(n, open[x & 31], || repair(y, x as u32));
                 }
                 for a in 0..3 {
-                    g.axes[a][at & (SLICE_VOXELS - 1)] = n[a];
+                    g.axes[a][slot] = n[a];
                 }
                 at += 1;
             }
         }
         dispatch(EncodeKernel { g, codes, len: at });
     }
+
+    /// The rare cases of [`NormalRule::codes`]: `n` is the plain outward vector, `open` the voxel's faces.
+    #[cold]
+    fn unusual(&self, n: [f32; 3], open: u8, repair: impl Fn() -> [f32; 3]) -> [f32; 3] {
+        let finite = |v: [f32; 3]| (v[0] + v[1] + v[2]).is_finite();
+        let mut n = n;
+        if open & BORDER != 0 || !finite(n) {
+            let g = repair();
+            n = std::array::from_fn(|a| -g[a] * self.per_spacing[a]);
+        }
+        let faces = open & (BORDER - 1);
+        let e = OUTWARD[usize::from(faces)];
+        let against = n[0] * e[0] + n[1] * e[1] + n[2] * e[2] < 0.0;
+        if n != [0.0; 3] && !against {
+            return n;
+        }
+        if e != [0.0; 3] {
+            return e;
+        }
+        if n != [0.0; 3] {
+            return n;
+        }
+        let axis = (0..3).find(|a| faces >> (2 * a) & 1 == 1).unwrap_or(2);
+        std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 })
+    }
 }
 
-/// Normal of a voxel whose gradient says nothing.
-fn fallback(n: [f32; 3], exposed: [f32; 3], open: impl Fn(usize) -> bool) -> [f32; 3] {
-    if exposed != [0.0; 3] {
-        return exposed;
+/// Index bit of voxels outside the interior, beside the six faces'.
+const BORDER: u8 = 1 << 6;
+
+/// Sum of the directions of the exposed faces, by the six bits of their mask; NaN for border voxels.
+const OUTWARD: [[f32; 3]; 128] = {
+    let mut table = [[f32::NAN; 3]; 128];
+    let mut faces = 0;
+    while faces < 64 {
+        let mut axis = 0;
+        while axis < 3 {
+            let (low, high) = (faces >> (2 * axis) & 1, faces >> (2 * axis + 1) & 1);
+            table[faces][axis] = high as f32 - low as f32;
+            axis += 1;
+        }
+        faces += 1;
     }
-    if n != [0.0; 3] {
-        return n;
+    table
+};
+
+/// Eight bits to the lowest bits of eight bytes.
+const SPREAD_TO_BYTES: [u64; 256] = {
+    let mut table = [0; 256];
+    let mut bits = 0;
+    while bits < 256 {
+        let mut i = 0;
+        while i < 8 {
+            table[bits] |= (bits as u64 >> i & 1) << (8 * i);
+            i += 1;
+        }
+        bits += 1;
     }
-    let axis = (0..3).find(|a| open(2 * a)).unwrap_or(2);
-    std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 })
+    table
+};
+
+impl Exposed {
+    /// Voxel by voxel: bit f set where face f is exposed, and [`BORDER`] where `border` is set.
+    #[inline(always)]
+    fn by_voxel(&self, border: u32) -> [u8; 32] {
+        let mut out = [0; 32];
+        for (k, eight) in out.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+            let part = |mask: u32| SPREAD_TO_BYTES[(mask >> (8 * k) & 0xff) as usize];
+            let mut word = part(border) << 6;
+            for (f, mask) in self.faces.iter().enumerate() {
+                word |= part(*mask) << f;
+            }
+            *eight = word.to_le_bytes();
+        }
+        out
+    }
 }
 
 struct EncodeKernel<'a> {
