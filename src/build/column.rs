@@ -8,6 +8,10 @@
 //!
 //! A column reads 2 rows and 2 columns beyond its tile on every side. Memory is that of
 //! [`ColumnPlan::worker_bytes`], whatever the volume holds.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "coordinates are below 2^16, places within a brick below 2^15"
+)]
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -234,7 +238,6 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
             }
             let z = ahead - reach;
             if z >= z0 {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "z0 <= z < z1")]
                 self.scan_slice(&frame, z as u32)?;
             }
         }
@@ -621,7 +624,7 @@ mod tests {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 *row = if seed == 19 {
                     u32::MAX
-                } else if i as u32 % (seed + 1) == 0 {
+                } else if (i as u32).is_multiple_of(seed + 1) {
                     state & (state >> 7)
                 } else {
                     0

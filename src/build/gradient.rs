@@ -176,8 +176,8 @@ fn store<const N: usize>(
         now &= now - 1;
         let place = base + (skin & ((1_u32 << x) - 1)).count_ones() as usize;
         let lane = (x - first) as usize;
-        for axis in 0..3 {
-            out.axes[axis][place & (SLICE_VOXELS - 1)] = lanes[axis][lane & (N - 1)];
+        for (axis, lanes) in out.axes.iter_mut().zip(lanes) {
+            axis[place & (SLICE_VOXELS - 1)] = lanes[lane & (N - 1)];
         }
     }
     done
@@ -233,18 +233,19 @@ impl NormalRule {
             }
             let open = exposed.by_voxel(!window.interior[y]);
             while bits != 0 {
-                let x = bits.trailing_zeros() as usize;
+                let x = bits.trailing_zeros();
+                let open = open[(x & 31) as usize];
                 bits &= bits - 1;
                 let slot = at & (SLICE_VOXELS - 1);
-                let e = OUTWARD[usize::from(open[x & 31])];
+                let e = OUTWARD[usize::from(open)];
                 let mut n: [f32; 3] = std::array::from_fn(|a| -g.axes[a][slot] * self.per_spacing[a]);
                 let dot = n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
                 // Not so for a border voxel (its `e` is NaN), a vanishing, inward or infinite gradient.
                 if !(dot > 0.0 && dot < f32::INFINITY) {
-                    n = self.unusual(n, open[x & 31], || repair(y, x as u32));
+                    n = self.unusual(n, open, || repair(y, x));
                 }
-                for a in 0..3 {
-                    g.axes[a][slot] = n[a];
+                for (axis, n) in g.axes.iter_mut().zip(n) {
+                    axis[slot] = n;
                 }
                 at += 1;
             }
