@@ -118,6 +118,23 @@ impl fmt::Display for Bytes {
     }
 }
 
+/// A byte count as [`parse_size`] reads it back, never less: `6784KiB`, `8MiB`.
+#[derive(Clone, Copy, Debug)]
+pub struct SizeArgument(
+    /// The count.
+    pub u64,
+);
+
+impl fmt::Display for SizeArgument {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.div_ceil(1 << 10) {
+            kib if kib.is_multiple_of(1 << 20) => write!(f, "{}GiB", kib >> 20),
+            kib if kib.is_multiple_of(1 << 10) => write!(f, "{}MiB", kib >> 10),
+            kib => write!(f, "{kib}KiB"),
+        }
+    }
+}
+
 /// Peak resident set of this process in bytes, as the kernel accounts it (`VmHWM`); 0 where the
 /// system does not tell.
 pub fn peak_rss_bytes() -> u64 {
@@ -127,6 +144,23 @@ pub fn peak_rss_bytes() -> u64 {
 /// Present resident set of this process in bytes (`VmRSS`); 0 where the system does not tell.
 pub fn current_rss_bytes() -> u64 {
     proc_status_bytes("VmRSS:")
+}
+
+/// Resident part of the mapping that starts where `mapped` does, in bytes; `None` where none does, or
+/// where the system does not tell.
+///
+/// Cost: the kernel walks the pages of all mappings once.
+pub fn mapped_rss_bytes(mapped: &[u8]) -> Option<u64> {
+    let smaps = std::fs::read_to_string("/proc/self/smaps").ok()?;
+    resident_of(&smaps, mapped.as_ptr().addr())
+}
+
+/// The `Rss` of the mapping that starts at `address`.
+fn resident_of(smaps: &str, address: usize) -> Option<u64> {
+    let start = format!("{address:08x}-");
+    let mut lines = smaps.lines().skip_while(|line| !line.starts_with(&start));
+    let rss = lines.find_map(|line| line.strip_prefix("Rss:"))?;
+    rss.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
 fn proc_status_bytes(key: &str) -> u64 {
@@ -152,6 +186,23 @@ mod tests {
         for bad in ["", "MiB", "8 parsecs", "-1", "0", "1e400", "nan"] {
             assert!(parse_size(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn sizes_for_the_command_line_are_read_back_and_never_less() {
+        for (bytes, text) in [(8 << 20, "8MiB"), (1 << 30, "1GiB"), (6_946_817, "6785KiB"), (1, "1KiB")] {
+            assert_eq!(SizeArgument(bytes).to_string(), text);
+            assert!(parse_size(text).unwrap() >= bytes);
+        }
+    }
+
+    #[test]
+    fn the_resident_part_of_one_mapping_is_found() {
+        let smaps = "7f00aa000-7f00bb000 r--p 00000000 08:01 12 /a\nSize: 68 kB\nRss:          12 kB\n\
+                     7f00bb000-7f00cc000 r--p 00000000 08:01 13 /b\nSize: 68 kB\nRss:          64 kB\n";
+        assert_eq!(resident_of(smaps, 0x7_f00b_b000), Some(64 << 10));
+        assert_eq!(resident_of(smaps, 0x7_f00a_a000), Some(12 << 10));
+        assert_eq!(resident_of(smaps, 0x7_f00c_c000), None);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::budget::Bytes;
+use crate::budget::SizeArgument;
 use crate::error::ExitKind;
 use crate::format::FormatError;
 use crate::source::SourceError;
@@ -18,8 +18,10 @@ pub enum BuildError {
     #[error(transparent)]
     Source(#[from] SourceError),
     /// The cap is too small even for one thread.
-    #[error("--memory {limit} is too small for this volume; the smallest that works is --memory {minimum}", limit = Bytes(*limit_bytes), minimum = Bytes(*minimum_bytes))]
+    #[error("{name}: --memory {limit} is too small for this volume; the smallest that works is --memory {minimum}", limit = SizeArgument(*limit_bytes), minimum = SizeArgument(*minimum_bytes))]
     BudgetTooSmall {
+        /// The input.
+        name: String,
         /// The cap.
         limit_bytes: u64,
         /// The smallest cap that works.

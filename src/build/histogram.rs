@@ -12,6 +12,10 @@ use crate::source::{ScalarType, VolumeSource};
 pub(super) const BINS: usize = 1 << 16;
 /// Bytes that a worker reads at a time, and that its counts take.
 const READ_BYTES: usize = 256 << 10;
+/// Bytes that a worker reads at a time when it looks for extremes. Below the size from which the C library's
+/// allocator maps a buffer of its own: freeing a mapped one raises that size, and the larger buffers of the
+/// counting pass would then stay resident after it, at the expense of the scan.
+const EXTREMES_READ_BYTES: usize = 64 << 10;
 /// Memory of one worker, and of the shared sum.
 pub(super) const WORKER_BYTES: u64 = (READ_BYTES + 4 * BINS) as u64;
 pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
@@ -24,7 +28,7 @@ pub(super) fn extremes<T: Ordered>(
     let total = Mutex::new((f64::INFINITY, f64::NEG_INFINITY));
     for_each_part::<T, _>(
         source,
-        threads,
+        (threads, EXTREMES_READ_BYTES),
         &|| (f64::INFINITY, f64::NEG_INFINITY),
         &|seen, samples| {
             for sample in samples {
@@ -68,7 +72,7 @@ pub(super) fn otsu<T: Ordered>(source: &dyn VolumeSource, threads: usize) -> Res
     };
     for_each_part::<T, _>(
         source,
-        threads,
+        (threads, READ_BYTES),
         &|| (vec![0_u32; BINS], 0_u64),
         &|(local, seen), samples| {
             *seen += samples.len() as u64;
@@ -122,13 +126,13 @@ fn best_split(counts: &[u64]) -> Option<usize> {
 /// Feeds every sample of the volume to workers, some rows at a time; each worker's state is joined last.
 fn for_each_part<T: Ordered, L>(
     source: &dyn VolumeSource,
-    threads: usize,
+    (threads, read_bytes): (usize, usize),
     start: &(dyn Fn() -> L + Sync),
     work: &(dyn Fn(&mut L, &[T]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
     let dims = source.info().dims;
-    let in_buffer = |n: usize| u32::try_from(READ_BYTES / (n * size_of::<T>())).unwrap_or(u32::MAX);
+    let in_buffer = |n: usize| u32::try_from(read_bytes / (n * size_of::<T>())).unwrap_or(u32::MAX);
     let cols = dims.nx().min(in_buffer(1));
     let rows = dims.ny().min(in_buffer(cols as usize).max(1));
     let parts = |n: u32, step: u32| u64::from(n.div_ceil(step));

@@ -213,8 +213,10 @@ impl Job<'_> {
                 let Some(split) = histogram::otsu::<T>(self.source, self.histogram_threads())? else {
                     return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
                 };
-                // On a falling scale the samples below the split are the high values.
-                Selection { kind: SelectionKind::Otsu, lo: rescale.apply(split), hi: open }
+                // On a falling scale the samples below the split are the high values, and the split itself is
+                // not one of them.
+                let lowest = if rescale.slope > 0.0 { split } else { range::highest_below::<T>(split) };
+                Selection { kind: SelectionKind::Otsu, lo: rescale.apply(lowest), hi: open }
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
@@ -226,9 +228,11 @@ impl Job<'_> {
         }
     }
 
-    /// As many threads as their histograms fit the budget, at least one.
+    /// As many threads as their histograms fit the budget, at least one. Room for one worker of the scan is
+    /// kept, as the allocator may not give back what the histograms held.
     fn histogram_threads(&self) -> usize {
-        let fixed = current_rss_bytes() + plan::PROCESS_GROWTH + histogram::SHARED_BYTES;
+        let scan = merge::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
+        let fixed = current_rss_bytes() + plan::PROCESS_GROWTH + histogram::SHARED_BYTES + scan;
         let each = histogram::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
         let fit = self.options.memory_bytes.saturating_sub(fixed) / each;
         usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.options.threads.max(1))
@@ -312,6 +316,11 @@ impl Job<'_> {
             limit_bytes: self.options.memory_bytes,
             base_bytes: current_rss_bytes(),
             source_bytes: self.source.resident_bytes(),
+        })
+        .map_err(|minimum_bytes| BuildError::BudgetTooSmall {
+            name: info.description.name.clone(),
+            limit_bytes: self.options.memory_bytes,
+            minimum_bytes,
         })
     }
 

@@ -106,6 +106,12 @@ impl<T: Ordered> SampleRange<T> {
 /// scaling by the largest, stay far from overflow.
 const DEPTH_LIMIT: f64 = 1e30;
 
+/// Highest sample below `bound`, or the lowest of all if there is none.
+pub(super) fn highest_below<T: Ordered>(bound: f64) -> f64 {
+    let first = first_position::<T>(|p| T::at(p).to_f64() >= bound);
+    T::at(first.map_or(T::ENDS.1, |p| (p - 1).max(T::ENDS.0))).to_f64()
+}
+
 /// First position where a monotone predicate (false ... false true ... true) holds.
 fn first_position<T: Ordered>(holds: impl Fn(i128) -> bool) -> Option<i128> {
     let (mut low, mut high) = T::ENDS;
@@ -146,6 +152,16 @@ mod tests {
         let r = SampleRange::<f32>::of_selection(&select(0.1, f64::INFINITY), Rescale::IDENTITY).unwrap();
         assert!(f64::from(r.lo) >= 0.1 && f64::from(r.lo.next_down()) < 0.1);
         assert!(r.is_open_above() && r.contains(f32::INFINITY) && !r.contains(f32::NAN));
+    }
+
+    #[test]
+    fn the_sample_below_a_bound_is_the_next_one_down() {
+        assert_eq!(highest_below::<u8>(3.0), 2.0);
+        assert_eq!(highest_below::<i16>(-2.5), -3.0);
+        assert_eq!(highest_below::<u8>(0.0), 0.0);
+        assert_eq!(highest_below::<u8>(1e9), 255.0);
+        assert_eq!(highest_below::<f32>(1.0), f64::from(1.0_f32.next_down()));
+        assert_eq!(highest_below::<f64>(0.0), -f64::from_bits(1));
     }
 
     #[test]

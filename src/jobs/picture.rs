@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::render::{RenderReport, RenderRequest, render, thumbnail};
+use crate::budget::mapped_rss_bytes;
 use crate::error::Error;
 use crate::load::Model;
 
@@ -19,7 +20,8 @@ pub fn render_file(
 ) -> Result<RenderReport, Error> {
     let model = Model::open(model)?;
     let request = RenderRequest { depth: depth.is_some(), normals: normals.is_some(), ..*request };
-    let (image, report) = render(&model.view(), model.dims(), &model.affine(), &request)?;
+    let (image, mut report) = render(&model.view(), model.dims(), &model.affine(), &request)?;
+    report.bytes_touched = mapped_rss_bytes(model.bytes());
     image.write_png(output)?;
     if let Some(path) = depth {
         image.write_depth_png(path)?;
@@ -36,7 +38,8 @@ pub fn render_file(
 /// The model cannot be used, or the picture cannot be written.
 pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) -> Result<RenderReport, Error> {
     let model = Model::open(model)?;
-    let (image, report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
+    let (image, mut report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
+    report.bytes_touched = mapped_rss_bytes(model.bytes());
     image.write_png(output)?;
     Ok(report)
 }

@@ -89,7 +89,8 @@ pub struct RenderReport {
     pub max_steps: u32,
     /// Edge in voxels of the smallest boxes shown: 1 for exact voxels.
     pub smallest_box: u32,
-    /// Bytes of the model that were looked at, if known.
+    /// Bytes of the model's file that came into memory, in whole pages and with those that the kernel maps
+    /// around them: a little more than was looked at. `None` for a model that is not a mapped file.
     pub bytes_touched: Option<u64>,
     /// Depth in mm of grey 1 in the depth image: of the model's nearest point.
     pub depth_near_mm: f64,

@@ -1,4 +1,5 @@
 //! Writes small DICOM files from parts, sound or hostile, for tests.
+#![allow(dead_code, reason = "each test file uses its own part")]
 
 /// How elements are written.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,0 +1,181 @@
+//! `--memory` is a promise about the whole process as the operating system accounts it, for any volume,
+//! type and number of threads. If this fails, a conversion that fits a small machine on one day is killed
+//! by it on another.
+//!
+//! Two figures are held to the cap: the high-water mark that the program reports of itself, and the one
+//! that GNU time takes of it from outside (where it is installed). The library is in use as it is in the
+//! test's own binary, whose code is larger than a release; `OCT_BINARY` names another to be measured.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+
+#[path = "support/command.rs"]
+mod command;
+#[path = "support/dicom.rs"]
+mod dicom;
+#[path = "support/volume.rs"]
+mod volume;
+
+use command::{binary, text};
+use dicom::Image;
+use infobyte::source::ScalarType;
+use volume::{Random, encode};
+
+const MIB: u64 = 1 << 20;
+
+/// Where GNU time may be; shells have a smaller `time` of their own.
+fn gnu_time() -> Option<PathBuf> {
+    let path = PathBuf::from("/usr/bin/time");
+    let version = Command::new(&path).arg("--version").output().ok()?;
+    let text = String::from_utf8_lossy(&[version.stdout, version.stderr].concat()).into_owned();
+    text.contains("GNU").then_some(path)
+}
+
+/// Builds `input` and returns the report and the peak that GNU time saw.
+fn measured(input: &Path, output: &Path, extra: &[&str]) -> (Value, Option<u64>) {
+    let peak_file = output.with_extension("peak");
+    let mut command = match gnu_time() {
+        Some(time) => {
+            let mut command = Command::new(time);
+            command.args(["-f", "%M", "-o"]).arg(&peak_file).arg(binary());
+            command
+        }
+        None => Command::new(binary()),
+    };
+    let args = ["build", &text(input), "-o", &text(output), "--json"];
+    let done = command.args(args).args(extra).stdin(Stdio::null()).output().unwrap();
+    let stderr = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.success(), "{input:?} {extra:?}: {stderr}");
+    let peak = fs::read_to_string(&peak_file).ok().map(|kib| kib.trim().parse::<u64>().unwrap() * 1024);
+    (serde_json::from_slice(&done.stdout).unwrap(), peak)
+}
+
+/// Builds within `cap_mib` and holds every figure to it; returns what was left, in bytes.
+fn held_to(input: &Path, output: &Path, cap_mib: u64, extra: &[&str]) -> u64 {
+    let cap = format!("{cap_mib}MiB");
+    let (report, outside) = measured(input, output, &[extra, &["--memory", &cap]].concat());
+    let number = |key: &str| report[key].as_u64().unwrap_or_else(|| panic!("{key} of {report}"));
+    let limit = cap_mib * MIB;
+    let inside = number("peak_rss_bytes");
+    assert_eq!(number("memory_budget_bytes"), limit);
+    assert!(inside > 0, "the system does not tell the peak");
+    let name = format!("{} {}", input.file_name().unwrap().display(), extra.join(" "));
+    for (what, bytes) in [("plan", number("memory_plan_bytes")), ("VmHWM", inside)]
+        .into_iter()
+        .chain(outside.map(|bytes| ("GNU time", bytes)))
+    {
+        assert!(bytes <= limit, "{name}: {what} {bytes} exceeds {limit} ({} over)", bytes - limit);
+    }
+    let worst = inside.max(outside.unwrap_or(0));
+    println!("{name}: {worst} of {limit}, plan {}", number("memory_plan_bytes"));
+    limit - worst
+}
+
+/// What a volume is filled with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fill {
+    /// Curved surfaces with noise on them.
+    Waves,
+    /// Half of all voxels are skin: most records per brick.
+    Checkerboard,
+    /// Everything is inside: skin at the border only.
+    Solid,
+}
+
+fn raw(path: &Path, dims: [u32; 3], scalar: ScalarType, fill: Fill) {
+    let mut random = Random::new(3);
+    let mut bytes = Vec::new();
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            // One wave a row and a cheap ramp along it: rows are long here.
+            let wave = (f64::from(y) * 0.11).sin() * 30.0 + (f64::from(z) * 0.17).cos() * 20.0 + 60.0;
+            let noise = random.below(8) as f64;
+            for x in 0..dims[0] {
+                let v = match fill {
+                    Fill::Waves => wave + noise + f64::from(x % 97) * 0.4,
+                    Fill::Checkerboard => f64::from((x + y + z) % 2) * 100.0 + f64::from(x % 20),
+                    Fill::Solid => 100.0,
+                };
+                encode(scalar, v, &mut bytes);
+            }
+        }
+    }
+    fs::write(path, bytes).unwrap();
+}
+
+/// All caps and thread counts for one volume.
+fn volume(dims: [u32; 3], scalar: ScalarType, fill: Fill, caps_mib: &[u64], extra: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join(format!("{fill:?}-{scalar}.raw"));
+    raw(&input, dims, scalar, fill);
+    let size = dims.map(|n| n.to_string()).join("x");
+    for cap in caps_mib {
+        for threads in ["1", "2", "5"] {
+            let all = ["--dims", &size, "--dtype", scalar.name(), "--threads", threads];
+            held_to(&input, &folder.path().join("m.oct"), *cap, &[&all, extra].concat());
+        }
+    }
+}
+
+const BOTH: [&str; 2] = ["--channels", "normal,value"];
+
+#[test]
+fn wide_volumes_of_every_width_of_sample_stay_within_the_cap() {
+    for scalar in [ScalarType::U8, ScalarType::U16, ScalarType::F32] {
+        let extra = [&BOTH[..], &["--iso", "80"]].concat();
+        volume([1024, 160, 24], scalar, Fill::Waves, &[8, 16, 32, 64], &extra);
+    }
+    let range = [&BOTH[..], &["--range", "60..90", "--connectivity", "6"]].concat();
+    volume([2048, 160, 14], ScalarType::F64, Fill::Waves, &[8, 16, 32, 64], &range);
+}
+
+#[test]
+fn the_worst_volumes_stay_within_the_cap() {
+    let extra = [&BOTH[..], &["--iso", "50"]].concat();
+    volume([1024, 160, 40], ScalarType::U8, Fill::Checkerboard, &[8, 64], &extra);
+    volume([512, 160, 40], ScalarType::F64, Fill::Checkerboard, &[8, 64], &extra);
+    volume([2048, 160, 36], ScalarType::U16, Fill::Solid, &[8, 64], &extra);
+}
+
+#[test]
+fn the_threshold_is_found_within_the_cap() {
+    for scalar in [ScalarType::U8, ScalarType::I16, ScalarType::F64] {
+        volume([1024, 160, 24], scalar, Fill::Waves, &[8, 64], &["--otsu"]);
+    }
+}
+
+#[test]
+fn a_dicom_series_stays_within_the_cap() {
+    let folder = tempfile::tempdir().unwrap();
+    let series = folder.path().join("series");
+    fs::create_dir(&series).unwrap();
+    for z in 0..40_u32 {
+        let values: Vec<u32> = (0..512 * 512_u32)
+            .map(|i| {
+                let (x, y) = (f64::from(i % 512), f64::from(i / 512));
+                let wave = (x * 0.05).sin() + (y * 0.04).cos() + (f64::from(z) * 0.2).sin();
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0..=4000")]
+                {
+                    (2000.0 + wave * 600.0) as u32
+                }
+            })
+            .collect();
+        let image = Image {
+            instance: z + 1,
+            position: [0.0, 0.0, f64::from(z)],
+            size: [512, 512],
+            clutter: z == 7,
+            values: &values,
+            ..Image::default()
+        };
+        fs::write(series.join(format!("{z}.dcm")), image.bytes()).unwrap();
+    }
+    for threads in ["1", "2", "5"] {
+        let extra = [&BOTH[..], &["--iso", "1000", "--threads", threads]].concat();
+        held_to(&series, &folder.path().join("m.oct"), 8, &extra);
+    }
+    held_to(&series, &folder.path().join("m.oct"), 8, &["--threads", "2"]);
+}

@@ -1,0 +1,85 @@
+//! Runs the `oct` command as a user would, and reads what it says.
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+/// The binary under test: `OCT_BINARY` if set (a release build, say), else that of this test run.
+pub(crate) fn binary() -> PathBuf {
+    std::env::var_os("OCT_BINARY").map_or_else(|| env!("CARGO_BIN_EXE_oct").into(), PathBuf::from)
+}
+
+/// What a run left behind.
+#[derive(Debug)]
+pub(crate) struct Run {
+    /// Exit code; -1 when a signal ended it.
+    pub(crate) code: i32,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Run {
+    fn of(output: &Output) -> Self {
+        let text = |b: &[u8]| String::from_utf8_lossy(b).into_owned();
+        Self {
+            code: output.status.code().unwrap_or(-1),
+            stdout: text(&output.stdout),
+            stderr: text(&output.stderr),
+        }
+    }
+
+    /// The one JSON object on stdout.
+    pub(crate) fn json(&self) -> Value {
+        assert_eq!(self.code, 0, "{self:?}");
+        let value: Value = serde_json::from_str(&self.stdout).unwrap_or_else(|e| panic!("{e}: {self:?}"));
+        assert!(value.is_object(), "{value}");
+        value
+    }
+
+    /// Checks a refusal: the exit code, nothing on stdout, and one sentence on one line that holds `words`.
+    pub(crate) fn refused(&self, code: i32, words: &[&str]) {
+        assert_eq!(self.code, code, "{self:?}");
+        assert_eq!(self.stdout, "", "a refusal prints nothing on stdout: {self:?}");
+        assert!(!self.stderr.contains("panicked"), "{self:?}");
+        let sentence = self.stderr.strip_suffix('\n').unwrap_or_else(|| panic!("no full line: {self:?}"));
+        assert!(sentence.starts_with("oct: ") && !sentence.contains('\n'), "not one line: {self:?}");
+        for word in words {
+            assert!(sentence.contains(word), "{word:?} is missing: {sentence}");
+        }
+    }
+}
+
+/// Runs `oct` with arguments.
+pub(crate) fn oct<S: AsRef<OsStr>>(args: &[S]) -> Run {
+    Run::of(&Command::new(binary()).args(args).stdin(Stdio::null()).output().unwrap())
+}
+
+/// Runs a shell script with `$OCT` the binary and `$1`, `$2` ... the arguments.
+pub(crate) fn shell<S: AsRef<OsStr>>(script: &str, args: &[S]) -> Run {
+    let mut command = Command::new("sh");
+    command.arg("-c").arg(script).arg("sh").args(args).env("OCT", binary()).stdin(Stdio::null());
+    Run::of(&command.output().unwrap())
+}
+
+/// Path as text.
+pub(crate) fn text(path: &Path) -> String {
+    path.to_str().unwrap().to_owned()
+}
+
+/// Names in a folder, hidden ones too, sorted.
+pub(crate) fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries.map(|e| text(Path::new(&e.unwrap().file_name()))).collect();
+    names.sort();
+    names
+}
+
+/// The smallest budget that a refusal names, as it would be typed.
+pub(crate) fn smallest_budget(refusal: &str) -> &str {
+    let (_, after) = refusal.split_once("smallest that works is --memory ").expect(refusal);
+    after.split([',', ';', ' ', '\n']).next().unwrap()
+}

@@ -1,0 +1,143 @@
+//! Volumes in memory, and numbers from a seed to fill them with.
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use std::ops::Range;
+
+use infobyte::geom::{Dims, Orientation};
+use infobyte::source::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+
+/// Numbers from a seed, the same on every machine (xorshift with a multiplied output).
+pub(crate) struct Random(u64);
+
+impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+        for _ in 0..4 {
+            random.below(2);
+        }
+        random
+    }
+
+    /// The next number below `n`.
+    pub(crate) fn below(&mut self, n: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 24) % n
+    }
+
+    /// The next number in 0..1.
+    #[expect(clippy::cast_precision_loss, reason = "below 2^30")]
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.below(1 << 30) as f64 / f64::from(1_u32 << 30)
+    }
+
+    /// One of several things.
+    pub(crate) fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+        of[usize::try_from(self.below(of.len() as u64)).unwrap()]
+    }
+}
+
+/// The sample of type `scalar` next to `v`, as little-endian bytes.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts from floats saturate")]
+pub(crate) fn encode(scalar: ScalarType, v: f64, out: &mut Vec<u8>) {
+    match scalar {
+        ScalarType::U8 => out.extend((v as u8).to_le_bytes()),
+        ScalarType::I8 => out.extend((v as i8).to_le_bytes()),
+        ScalarType::U16 => out.extend((v as u16).to_le_bytes()),
+        ScalarType::I16 => out.extend((v as i16).to_le_bytes()),
+        ScalarType::U32 => out.extend((v as u32).to_le_bytes()),
+        ScalarType::I32 => out.extend((v as i32).to_le_bytes()),
+        ScalarType::F32 => out.extend((v as f32).to_le_bytes()),
+        ScalarType::F64 => out.extend(v.to_le_bytes()),
+    }
+}
+
+/// The value of a little-endian sample.
+pub(crate) fn decode(scalar: ScalarType, b: &[u8]) -> f64 {
+    match scalar {
+        ScalarType::U8 => f64::from(b[0]),
+        ScalarType::I8 => f64::from(b[0].cast_signed()),
+        ScalarType::U16 => f64::from(u16::from_le_bytes(b.try_into().unwrap())),
+        ScalarType::I16 => f64::from(i16::from_le_bytes(b.try_into().unwrap())),
+        ScalarType::U32 => f64::from(u32::from_le_bytes(b.try_into().unwrap())),
+        ScalarType::I32 => f64::from(i32::from_le_bytes(b.try_into().unwrap())),
+        ScalarType::F32 => f64::from(f32::from_le_bytes(b.try_into().unwrap())),
+        ScalarType::F64 => f64::from_le_bytes(b.try_into().unwrap()),
+    }
+}
+
+/// A volume held as little-endian bytes, x fastest.
+pub(crate) struct MemoryVolume {
+    info: VolumeInfo,
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl MemoryVolume {
+    /// A volume of the samples next to `values`.
+    pub(crate) fn new(dims: [u32; 3], scalar: ScalarType, values: &[f64]) -> Self {
+        let size = Dims::new(dims[0], dims[1], dims[2]).unwrap();
+        assert_eq!(values.len() as u64, size.voxels());
+        let mut bytes = Vec::with_capacity(values.len() * scalar.bytes());
+        values.iter().for_each(|v| encode(scalar, *v, &mut bytes));
+        let spacing_mm = [1.0; 3];
+        let description =
+            SourceDescription { format: "memory".into(), name: "volume".into(), ..Default::default() };
+        let info = VolumeInfo {
+            dims: size,
+            scalar,
+            rescale: Rescale::IDENTITY,
+            spacing_mm,
+            affine: Orientation::LPS.affine(spacing_mm),
+            description,
+            warnings: Vec::new(),
+        };
+        Self { info, bytes }
+    }
+
+    /// With another map to physical values.
+    pub(crate) fn rescaled(mut self, rescale: Rescale) -> Self {
+        self.info.rescale = rescale;
+        self
+    }
+
+    /// The samples as they really are after encoding.
+    pub(crate) fn samples(&self) -> Vec<f64> {
+        let scalar = self.info.scalar;
+        self.bytes.chunks_exact(scalar.bytes()).map(|b| decode(scalar, b)).collect()
+    }
+
+    /// The bytes in big-endian order.
+    pub(crate) fn big_endian(&self) -> Vec<u8> {
+        let mut bytes = self.bytes.clone();
+        bytes.chunks_exact_mut(self.info.scalar.bytes()).for_each(<[u8]>::reverse);
+        bytes
+    }
+}
+
+impl VolumeSource for MemoryVolume {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        let [nx, ny, _] = self.info.dims.to_array().map(|n| n as usize);
+        let width = self.info.scalar.bytes();
+        let piece = cols.len() * width;
+        assert_eq!(out.len(), rows.len() * piece, "the buffer is exactly as long as what is asked for");
+        for (row, part) in rows.zip(out.chunks_exact_mut(piece)) {
+            let at = ((z as usize * ny + row as usize) * nx + cols.start as usize) * width;
+            part.copy_from_slice(&self.bytes[at..at + piece]);
+            if cfg!(target_endian = "big") {
+                part.chunks_exact_mut(width).for_each(<[u8]>::reverse);
+            }
+        }
+        Ok(())
+    }
+}
