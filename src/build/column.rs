@@ -366,13 +366,13 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
         });
         let origin = row0 * f.stride + (x0 - f.cols.start) as usize;
         let window = SliceWindow { planes, stride: f.stride, origin, skin, interior: &interior };
-        gradients(&window, &mut self.gradients);
+        gradients(&window, self.shared.rule.taps, &mut self.gradients);
         let bits = BitRows { bits: &self.bits, none: &self.no_bits, words: f.words, z, nz: self.dims[2] };
         let faces: [Exposed; BRICK_ROWS] = std::array::from_fn(|y| {
             if skin[y] == 0 { Exposed::default() } else { exposed(&bits.around(y), brick) }
         });
         let (dims, flavour) = (self.dims, self.shared.flavour);
-        let unit = border_unit::<F>();
+        let (unit, taps) = (border_unit::<F>(), self.shared.rule.taps);
         self.shared.rule.codes(&window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
             let (cx, cy) = (i64::from(x0 + x), i64::from(f.column.y.start) + y as i64);
             let depths = std::array::from_fn(|k| {
@@ -391,7 +391,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
                     })
                 })
             });
-            gradient_of_depths(&depths)
+            gradient_of_depths(taps, &depths)
         });
     }
 
