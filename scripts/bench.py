@@ -31,10 +31,8 @@ def cat(path):
 def demo(oct_path, side, folder):
     """Writes the synthetic head as raw samples; returns path and build options."""
     path = os.path.join(folder, f"head-{side}.raw")
-    done = measure.run(measure.demo_command(oct_path, side, "--write-raw", path))
-    if done.code != 0:
-        raise SystemExit(f"{oct_path} demo --write-raw failed ({done.message()}); give a FILE instead")
-    return path, ["--dims", f"{side}x{side}x{side}", "--dtype", "i16", "--iso=400"]
+    measure.write_demo(oct_path, side, path)
+    return path, ["--dims", f"{side}x{side}x{side}", "--dtype", "i16", f"--iso={measure.DEMO_ISO}"]
 
 
 def main():

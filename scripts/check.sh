@@ -15,6 +15,25 @@ step() {
     printf -- '-- %d s\n' $((SECONDS - start))
 }
 
+# The reader in Python knows only the specification; both have to tell the same of a model built here.
+second_reader() {
+    local folder
+    folder=$(mktemp -d)
+    "$oct" demo --size 128 -o "$folder/head.oct" --quiet
+    "$oct" info "$folder/head.oct" --json > "$folder/info.json"
+    python3 scripts/read_oct.py "$folder/head.oct" > "$folder/read.json"
+    "$oct" selfcheck "$folder/head.oct" --rays 1000000
+    python3 - "$folder" <<'COMPARE'
+import json, sys
+info, read = (json.load(open(f"{sys.argv[1]}/{name}.json")) for name in ("info", "read"))
+keys = ["checksum", "skin_voxels", "nodes", "bytes", "dims", "level_nodes", "affine", "range", "channels", "dtype"]
+wrong = [f"{k}: {info.get(k)} and {read.get(k)}" for k in keys if info.get(k) != read.get(k)]
+print("\n".join(wrong) or f"both readers agree in {', '.join(keys)}")
+sys.exit(bool(wrong))
+COMPARE
+    rm -r "$folder"
+}
+
 step "format" cargo fmt --all -- --check
 step "lints, warnings are errors" cargo clippy --locked --all-targets -- -D warnings
 step "documentation, warnings are errors" env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --document-private-items
@@ -22,8 +41,18 @@ if [ "$tests" = yes ]; then
     step "tests" cargo test --locked
 fi
 step "release build" cargo build --locked --release
+oct=${CARGO_TARGET_DIR:-target}/release/oct
+step "a second reader of the format, and random rays against the exact reference" second_reader
+
+# Where control groups can be made (root), the kernel itself ends a build that takes more than cap + 1 MiB.
+kernel=()
+if python3 scripts/memory.py --side 32 --wide 0 --dtypes u8 --budgets 16MiB --cgroup >/dev/null 2>&1; then
+    kernel=(--cgroup)
+else
+    echo "no control group can be made here: peaks are measured, not enforced"
+fi
 step "memory cap: the synthetic head, 512 cubed, in 8 MiB" \
-    python3 scripts/memory.py --demo 512 --only-demo --no-refusals --budgets 8MiB --threads 1,2
+    python3 scripts/memory.py "${kernel[@]}" --demo 512 --only-demo --no-refusals --budgets 8MiB --threads 1,2
 step "memory cap: raw volumes of every kind, 8 and 16 MiB" \
-    python3 scripts/memory.py --side 128 --wide 1024 --no-refusals --budgets 8MiB,16MiB --threads 1,2
+    python3 scripts/memory.py "${kernel[@]}" --side 128 --wide 1024 --no-refusals --budgets 8MiB,16MiB --threads 1,2
 printf '\nall checks passed in %d s\n' "$SECONDS"

@@ -114,9 +114,14 @@ def table(head, rows):
             print("  ".join("-" * w for w in widths))
 
 
-def demo_command(oct_path, side, *options):
-    """Command for the synthetic head, `side` cubed; the one place that knows how `oct demo` is called."""
-    return [oct_path, "demo", "--size", side, *options]
+DEMO_ISO = 400  # the skull, in Hounsfield units
+
+
+def write_demo(oct_path, side, path):
+    """Writes the synthetic head, `side` cubed, as raw i16 samples."""
+    done = run([oct_path, "demo", "--size", side, "--write-raw", path])
+    if done.code != 0:
+        raise SystemExit(f"{oct_path} demo --write-raw failed ({done.code}): {done.message()}")
 
 
 def find_oct(given):

@@ -7,8 +7,9 @@ made here and compares the peak resident size of the whole process with --memory
 
 Three volumes: `ball` (a noisy ball, CT-like), `noise` (every second voxel inside: all skin, the worst
 case for records and scratch) and `wide` (large slices, which do not fit a small budget whole). For each,
-the file must also be the same at every budget and thread count. --demo N adds `oct demo`, the synthetic
-head computed as it is read; with --only-demo nothing else runs. With --cgroup (root, Linux) each build
+the file must also be the same at every budget and thread count. --demo N adds the synthetic head as
+`oct demo --write-raw` writes it; with --only-demo nothing else runs. (`oct demo` itself shows a picture
+after its build, so the peak of that process is not the build's.) With --cgroup (root, Linux) each build
 runs in a memory control group of its own, limited to the cap plus 1 MiB; there the page cache counts
 too, so only the kernel's verdict matters, not the time.
 
@@ -128,12 +129,9 @@ def digest(path):
 def build(oct_path, raw, out, volume, budget, threads, cgroup):
     """One build under one budget."""
     kind, dims, dtype = volume
-    if kind == "demo":
-        command = measure.demo_command(oct_path, dims[0])
-    else:
-        command = [oct_path, "build", raw, "--dims", "x".join(map(str, dims)), "--dtype", dtype,
-                   f"--iso={iso(dtype)}"]
-    command += ["-o", out, "--memory", budget, "--threads", threads, "--json"]
+    level = measure.DEMO_ISO if kind == "demo" else iso(dtype)
+    command = [oct_path, "build", raw, "-o", out, "--dims", "x".join(map(str, dims)), "--dtype", dtype,
+               f"--iso={level}", "--memory", budget, "--threads", threads, "--json"]
     if not cgroup:
         return measure.run(command)
     with Group(measure.size_bytes(budget) + (1 << 20)) as procs:
@@ -165,7 +163,9 @@ def main():
     with tempfile.TemporaryDirectory(prefix="oct-memory-") as folder:
         raw, out = os.path.join(folder, "volume.raw"), os.path.join(folder, "model.oct")
         for kind, dims, dtype in volumes:
-            if kind != "demo":
+            if kind == "demo":
+                measure.write_demo(oct_path, dims[0], raw)
+            else:
                 write_volume(raw, kind, dims, dtype)
             hashes = set()
             for budget in args.budgets.split(","):

@@ -88,7 +88,7 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
     let value: f64 =
         number.parse().map_err(|_| format!("'{text}' is not a size; write for example 8MiB, 64M or 1GiB"))?;
     let bytes = value * f64::from(1_u32 << 10).powi(shift / 10);
-    if !(bytes >= 1.0 && bytes < 1e18) {
+    if !(1.0..1e18).contains(&bytes) {
         return Err(format!("'{text}' is out of range for a size"));
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in 1..1e18")]

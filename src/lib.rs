@@ -23,6 +23,7 @@
 pub mod atomic;
 pub mod budget;
 pub mod build;
+mod cpu;
 pub mod error;
 pub mod format;
 pub mod geom;

@@ -76,17 +76,11 @@ fn wrong_directions_and_bad_targets_are_refused_and_leave_nothing() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4, "nothing is left behind");
 }
 
-/// Files of every format version stay readable. `INFOBYTE_ADD_FIXTURES=1` writes those that are
-/// missing; none is ever rewritten.
+/// Files of every format version stay readable; `tests/fixtures.rs` says how they are made.
 #[test]
 fn the_files_of_every_version_are_read_as_they_were_written() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
     let (mapped, packed) = (folder.join("v1.0-mapped.oct"), folder.join("v1.0-packed.oct"));
-    if std::env::var_os("INFOBYTE_ADD_FIXTURES").is_some() && !mapped.exists() {
-        fs::create_dir_all(&folder).unwrap();
-        fs::write(&mapped, shell([36, 20, 18], FULL, 2026)).unwrap();
-        pack::pack(&mapped, &packed).unwrap();
-    }
     for path in [&mapped, &packed] {
         let report = verify::verify(path).unwrap();
         assert_eq!((report.frame.header.voxels, report.frame.header.nodes), FIXTURE_COUNTS);

@@ -1,4 +1,5 @@
 //! One brick of 32^3 voxels: from its fragments in scan order to infobytes and channels in Morton order.
+#![expect(clippy::cast_possible_truncation, reason = "places within a brick are below 2^15")]
 
 use super::error::BuildError;
 use super::layout::BRICK_LEVELS;
@@ -51,7 +52,6 @@ impl Sums {
 
     /// Mean value (SPEC 4.7).
     #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "a mean of 16-bit values")]
     pub(super) fn mean_value(&self) -> u16 {
         ((2 * self.value + self.count) / (2 * self.count.max(1))) as u16
     }
@@ -123,7 +123,7 @@ impl BrickReader {
                 return Err(scratch.error(std::io::Error::other("its contents were changed by someone else")));
             }
         }
-        self.to_morton(normals, values.is_some());
+        self.sort_to_morton(normals, values.is_some());
         Ok(())
     }
 
@@ -160,7 +160,7 @@ impl BrickReader {
     }
 
     /// Skin bits row by row to Morton words, then every record to its voxel's rank.
-    fn to_morton(&mut self, normals: bool, values: bool) {
+    fn sort_to_morton(&mut self, normals: bool, values: bool) {
         for (block, word) in self.words.iter_mut().enumerate() {
             let [bx, by, bz] = morton::decode(block as u64).map(|c| 4 * c as usize);
             *word = 0;

@@ -56,6 +56,7 @@ fn word_of<T: Scalar, const AVX2: bool>(block: &[T; 64], range: SampleRange<T>) 
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "numbers made up for the test")]
 mod tests {
     use super::*;
 

@@ -8,6 +8,10 @@
 //!
 //! A column reads 2 rows and 2 columns beyond its tile on every side. Memory is that of
 //! [`ColumnPlan::worker_bytes`], whatever the volume holds.
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "coordinates are below 2^16, places within a brick below 2^15"
+)]
 
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -187,7 +191,8 @@ struct Frame {
     /// Rows and columns read: the tile and its halo, within the volume.
     rows: Range<u32>,
     cols: Range<u32>,
-    /// Samples per row and per slice in the ring.
+    /// Samples of a row, from one row of the ring to the next, and of a slice in the ring.
+    width: usize,
     stride: usize,
     samples: usize,
     /// Words per row of skin bits.
@@ -199,7 +204,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
         let plan = shared.plan;
         let plane_len = plan.plane_samples();
         let words = plan.tile_words();
-        let staging = plan.staging_slices(F::DIRECT) * plane_len;
+        let staging = plan.staging_slices(F::DIRECT) * plan.block_samples();
         Self {
             shared,
             dims: shared.source.info().dims.to_array(),
@@ -233,7 +238,6 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
             }
             let z = ahead - reach;
             if z >= z0 {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "z0 <= z < z1")]
                 self.scan_slice(&frame, z as u32)?;
             }
         }
@@ -253,10 +257,11 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
     fn frame(&self, column: &Column) -> Frame {
         let widen = |r: &Range<u32>, n: u32| r.start.saturating_sub(REACH)..(r.end + REACH).min(n);
         let (rows, cols) = (widen(&column.y, self.dims[1]), widen(&column.x, self.dims[0]));
-        let stride = cols.len();
+        let stride = self.shared.plan.ring_stride();
         Frame {
             column: column.clone(),
-            samples: stride * rows.len(),
+            samples: stride * (rows.len() - 1) + cols.len(),
+            width: cols.len(),
             stride,
             words: column.x.len().div_ceil(64),
             rows,
@@ -266,28 +271,35 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
 
     /// Reads a slice of the column into its place in the ring and classifies it.
     fn load(&mut self, f: &Frame, z: u32) -> Result<(), SourceError> {
-        let at = z as usize % RING * self.plane_len;
         let shared = self.shared;
-        let reading = &mut self.totals.reading;
-        let mut read = |out: &mut [u8]| {
-            let started = Instant::now();
-            let outcome = shared.source.read_rows(z, f.rows.clone(), f.cols.clone(), out);
-            *reading += started.elapsed();
-            outcome
-        };
+        let plane = &mut self.ring[z as usize % RING * self.plane_len..][..f.samples];
         let words = self.no_bits.len();
         let bits = &mut self.bits[z as usize % BIT_RING * BIT_ROWS * words..][..BIT_ROWS * words];
+        let (rows, cols) = (f.rows.clone(), f.cols.clone());
+        let started = Instant::now();
         if F::DIRECT {
-            let plane = &mut self.ring[at..at + f.samples];
-            read(bytemuck::cast_slice_mut(plane))?;
-            classify_rows(f, self.dims, bytemuck::cast_slice(plane), shared.flavour.range(), bits, words);
+            let pitch = f.stride * size_of::<F::Ring>();
+            shared.source.read_pitched(z, rows, cols, pitch, bytemuck::cast_slice_mut(plane))?;
+            self.totals.reading += started.elapsed();
+            classify_rows(
+                f,
+                self.dims,
+                bytemuck::cast_slice(plane),
+                f.stride,
+                shared.flavour.range(),
+                bits,
+                words,
+            );
         } else {
-            let slots = self.staging.len() / self.plane_len;
-            let staged = &mut self.staging[z as usize % slots * self.plane_len..][..f.samples];
-            read(bytemuck::cast_slice_mut(staged))?;
-            classify_rows(f, self.dims, staged, shared.flavour.range(), bits, words);
-            let plane = &mut self.ring[at..at + f.samples];
-            dispatch(ConvertKernel { flavour: &shared.flavour, from: staged, to: plane });
+            let slots = shared.plan.staging_slices(false);
+            let len = self.staging.len() / slots;
+            let staged = &mut self.staging[z as usize % slots * len..][..f.width * f.rows.len()];
+            shared.source.read_rows(z, rows, cols, bytemuck::cast_slice_mut(staged))?;
+            self.totals.reading += started.elapsed();
+            classify_rows(f, self.dims, staged, f.width, shared.flavour.range(), bits, words);
+            for (from, to) in staged.chunks_exact(f.width).zip(plane.chunks_mut(f.stride)) {
+                dispatch(ConvertKernel { flavour: &shared.flavour, from, to: &mut to[..f.width] });
+            }
         }
         Ok(())
     }
@@ -354,13 +366,13 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
         });
         let origin = row0 * f.stride + (x0 - f.cols.start) as usize;
         let window = SliceWindow { planes, stride: f.stride, origin, skin, interior: &interior };
-        gradients(&window, &mut self.gradients);
+        gradients(&window, self.shared.rule.taps, &mut self.gradients);
         let bits = BitRows { bits: &self.bits, none: &self.no_bits, words: f.words, z, nz: self.dims[2] };
         let faces: [Exposed; BRICK_ROWS] = std::array::from_fn(|y| {
             if skin[y] == 0 { Exposed::default() } else { exposed(&bits.around(y), brick) }
         });
         let (dims, flavour) = (self.dims, self.shared.flavour);
-        let unit = border_unit::<F>();
+        let (unit, taps) = (border_unit::<F>(), self.shared.rule.taps);
         self.shared.rule.codes(&window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
             let (cx, cy) = (i64::from(x0 + x), i64::from(f.column.y.start) + y as i64);
             let depths = std::array::from_fn(|k| {
@@ -379,7 +391,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
                     })
                 })
             });
-            gradient_of_depths(&depths)
+            gradient_of_depths(taps, &depths)
         });
     }
 
@@ -401,11 +413,13 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
 
     /// Fills `values` with the swapped values of a brick's skin voxels in slice `z`.
     fn gather_values(&mut self, f: &Frame, z: u32, brick: usize, skin: &[u32; BRICK_ROWS]) {
-        let slots = (self.staging.len() / self.plane_len).max(1);
-        let plane: &[F::File] = if F::DIRECT {
-            bytemuck::cast_slice(&self.ring[z as usize % RING * self.plane_len..][..self.plane_len])
+        let (plane, stride): (&[F::File], usize) = if F::DIRECT {
+            let plane = &self.ring[z as usize % RING * self.plane_len..][..self.plane_len];
+            (bytemuck::cast_slice(plane), f.stride)
         } else {
-            &self.staging[z as usize % slots * self.plane_len..][..self.plane_len]
+            let slots = self.shared.plan.staging_slices(false);
+            let len = self.staging.len() / slots;
+            (&self.staging[z as usize % slots * len..][..len], f.width)
         };
         let x0 = (f.column.x.start - f.cols.start) as usize + brick * BRICK_ROWS;
         let y0 = (f.column.y.start - f.rows.start) as usize;
@@ -415,7 +429,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
             while bits != 0 {
                 let x = bits.trailing_zeros() as usize;
                 bits &= bits - 1;
-                let value = plane[(y0 + y) * f.stride + x0 + x];
+                let value = plane[(y0 + y) * stride + x0 + x];
                 super::value::push_swapped(value, &mut self.values, &mut self.totals.values);
             }
         }
@@ -518,16 +532,19 @@ impl BitRows<'_> {
     /// The 3 x 3 rows around row `y` of the tile.
     #[inline(always)]
     fn around(&self, y: usize) -> Rows<'_> {
-        std::array::from_fn(|dz| {
-            let slice = self.z.wrapping_add(dz as u32).wrapping_sub(1);
-            std::array::from_fn(|dy| {
-                if slice >= self.nz {
-                    return &self.none[..self.words + 2];
-                }
-                let row = slice as usize % BIT_RING * BIT_ROWS + y + dy;
-                &self.bits[row * self.none.len()..][..self.words + 2]
-            })
-        })
+        let row = |dz: u32, dy: usize| {
+            let slice = self.z.wrapping_add(dz).wrapping_sub(1);
+            if slice >= self.nz {
+                return &self.none[..self.words + 2];
+            }
+            let row = slice as usize % BIT_RING * BIT_ROWS + y + dy;
+            &self.bits[row * self.none.len()..][..self.words + 2]
+        };
+        [
+            [row(0, 0), row(0, 1), row(0, 2)],
+            [row(1, 0), row(1, 1), row(1, 2)],
+            [row(2, 0), row(2, 1), row(2, 2)],
+        ]
     }
 }
 
@@ -574,6 +591,7 @@ fn classify_rows<T: Ordered>(
     f: &Frame,
     dims: [u32; 3],
     plane: &[T],
+    stride: usize,
     range: SampleRange<T>,
     bits: &mut [u64],
     row_words: usize,
@@ -586,7 +604,7 @@ fn classify_rows<T: Ordered>(
             row.fill(0);
             continue;
         }
-        let samples = &plane[(y - f.rows.start) as usize * f.stride..][..f.stride];
+        let samples = &plane[(y - f.rows.start) as usize * stride..][..f.width];
         classify(&samples[x0..x0 + width], range, &mut row[1..=f.words]);
         row[0] = if x0 > 0 { u64::from(range.contains(samples[x0 - 1])) << 63 } else { 0 };
         row[f.words + 1] = samples.get(x0 + width).map_or(0, |v| u64::from(range.contains(*v)));
@@ -606,7 +624,7 @@ mod tests {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 *row = if seed == 19 {
                     u32::MAX
-                } else if i as u32 % (seed + 1) == 0 {
+                } else if (i as u32).is_multiple_of(seed + 1) {
                     state & (state >> 7)
                 } else {
                     0

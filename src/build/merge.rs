@@ -245,10 +245,7 @@ impl MergeWorker {
         self.reader.load(merge.scratch, entry, choice.normals, merge.scale.as_ref())?;
         infobytes(&self.reader.words, &mut self.infobytes);
         for e in 1..=merge.levels() as usize {
-            let run = &mut self.nodes[e - 1];
-            for byte in self.infobytes[e - 1].iter().filter(|b| **b != 0) {
-                run.put(target, &[*byte])?;
-            }
+            self.nodes[e - 1].put(target, squeeze(&mut self.infobytes[e - 1]))?;
         }
         if choice.normals {
             self.normals.put(target, bytemuck::cast_slice(&self.reader.normals))?;
@@ -282,6 +279,28 @@ impl MergeWorker {
         push_summary(&mut self.summaries, code, &whole);
         Ok(())
     }
+}
+
+/// Moves the bytes that are not zero to the front and returns them.
+fn squeeze(bytes: &mut [u8]) -> &[u8] {
+    let mut kept = 0;
+    for at in 0..bytes.len() / 8 {
+        let eight: [u8; 8] = std::array::from_fn(|i| bytes[8 * at + i]);
+        if eight == [0; 8] {
+            continue;
+        }
+        for byte in eight {
+            // Written whether it stays or not: no branch, and never beyond what was read already.
+            bytes[kept] = byte;
+            kept += usize::from(byte != 0);
+        }
+    }
+    for at in bytes.len() / 8 * 8..bytes.len() {
+        let byte = bytes[at];
+        bytes[kept] = byte;
+        kept += usize::from(byte != 0);
+    }
+    &bytes[..kept]
 }
 
 fn push_summary(out: &mut Vec<u8>, code: u64, sums: &Sums) {

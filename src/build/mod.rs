@@ -8,11 +8,11 @@
 //!
 //! | stage | passes over | memory | order |
 //! |---|---|---|---|
-//! | [`histogram`] (Otsu only) | the volume, once (wide types: twice) | 0.5 MiB + 0.5 MiB a worker | any |
-//! | [`column`] | the volume once, 12 % of rows twice | [`plan`] | any |
-//! | [`layout`] census | the index | 2 KiB | Morton |
-//! | [`merge`] | the scratch file | about 1 MiB a worker | groups in Morton order |
-//! | [`seal`] | the output | 128 KiB | sequential |
+//! | histogram (Otsu only) | the volume, once (wide types: twice) | 0.5 MiB + 0.5 MiB a worker | any |
+//! | column | the volume once, 12 % of rows twice | see plan | any |
+//! | layout: census | the index | 2 KiB | Morton |
+//! | merge | the scratch file | about 1 MiB a worker | groups in Morton order |
+//! | seal | the output | 128 KiB | sequential |
 //!
 //! The result does not depend on the budget, the number of threads or the shape of columns: records are
 //! functions of voxels alone, and their places follow from the census.

@@ -8,12 +8,12 @@ use super::error::BuildError;
 /// Stack of a worker; only what is touched becomes resident.
 const STACK_BYTES: usize = 512 << 10;
 
+/// Work of one worker; its argument tells whether another one has failed.
+pub(super) type Work<'a> = dyn Fn(&dyn Fn() -> bool) -> Result<(), BuildError> + Sync + 'a;
+
 /// Runs `work` once on each of `threads` workers and waits for all. `work` asks its argument between
 /// steps whether another worker has failed.
-pub(super) fn run_workers(
-    threads: usize,
-    work: &(dyn Fn(&dyn Fn() -> bool) -> Result<(), BuildError> + Sync),
-) -> Result<(), BuildError> {
+pub(super) fn run_workers(threads: usize, work: &Work<'_>) -> Result<(), BuildError> {
     let failed = AtomicBool::new(false);
     let first = Mutex::new(None);
     let guarded = || {

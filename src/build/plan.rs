@@ -17,6 +17,8 @@ const SEGMENT: u32 = 256;
 const COMFORTABLE_TILE: u32 = 1024;
 /// Narrowest tile.
 const NARROWEST_TILE: u32 = 64;
+/// Bytes of a cache line, on every machine of interest.
+const CACHE_LINE: usize = 64;
 /// Chunks for the records of one row of bricks; at least what one brick slice can need.
 const POOL_BYTES: usize = 128 << 10;
 /// A worker's stack as far as it is touched, its allocator arena and small change.
@@ -117,7 +119,7 @@ impl ColumnPlan {
         let plane = self.plane_samples();
         let words = self.tile_words();
         let bytes = (5 * plane + OVERREAD) * ring
-            + self.staging_slices(direct) * plane * file
+            + self.staging_slices(direct) * self.block_samples() * file
             + (4 * 34 + 1) * (words + 2) * 8
             + 32 * words * 8
             + self.tile_bricks() * (4096 + 64 + ENTRY_BYTES * 2)
@@ -128,11 +130,30 @@ impl ColumnPlan {
         bytes as u64
     }
 
-    /// Samples of one slice of a tile with its halo.
-    pub(super) fn plane_samples(&self) -> usize {
+    /// Columns and rows of a tile with its halo.
+    fn block(&self) -> (usize, usize) {
         let cols = (self.tile + 2 * REACH).min(self.dims.nx());
         let rows = (BRICK + 2 * REACH).min(self.dims.ny());
-        cols as usize * rows as usize
+        (cols as usize, rows as usize)
+    }
+
+    /// Samples of one slice of a tile with its halo.
+    pub(super) fn block_samples(&self) -> usize {
+        let (cols, rows) = self.block();
+        cols * rows
+    }
+
+    /// Samples from one row of the ring to the next: an odd number of cache lines, so that the 25 rows of a
+    /// 5x5x5 window fall on different sets of the cache even when a row is 2^n bytes long.
+    pub(super) fn ring_stride(&self) -> usize {
+        let line = CACHE_LINE / self.sample_bytes.1;
+        let lines = self.block().0.div_ceil(line);
+        (lines | 1) * line
+    }
+
+    /// Samples of one slice in the ring.
+    pub(super) fn plane_samples(&self) -> usize {
+        self.ring_stride() * self.block().1
     }
 
     /// Slices of file samples held beside the ring: enough that slice z is still there when its values

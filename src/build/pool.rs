@@ -2,6 +2,7 @@
 //!
 //! Every brick has one chain of chunks; the pool's size bounds all of them together, so a dense volume
 //! makes fragments shorter, never memory larger.
+#![expect(clippy::cast_possible_truncation, reason = "a pool is far below 4 GiB")]
 
 /// Bytes of a chunk.
 pub(super) const CHUNK_BYTES: usize = 256;

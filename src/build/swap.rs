@@ -13,6 +13,7 @@
 //! ```
 //!
 //! The file has no name from its first moment on, so it vanishes with the process whatever happens.
+#![expect(clippy::cast_possible_truncation, reason = "fragments are shorter than an extent")]
 
 use std::fs::File;
 use std::io;

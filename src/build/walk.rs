@@ -90,6 +90,7 @@ fn skip_outside(code: u64, at: [u32; 3], axis: usize, limit: u32) -> u64 {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "small numbers of the test")]
 mod tests {
     use super::*;
 

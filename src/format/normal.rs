@@ -63,10 +63,7 @@ fn next_step(c: f32) -> f32 {
 /// integer in the low bits of the pattern.
 #[inline(always)]
 fn low_byte(c: f32) -> u16 {
-    #[expect(clippy::cast_possible_truncation, reason = "the low byte is what is wanted")]
-    {
-        ((c + 12_582_912.0).to_bits() & 0xff) as u16
-    }
+    ((c + 12_582_912.0).to_bits() & 0xff) as u16
 }
 
 /// A code near the wanted direction: cosine squared (times the direction's length squared) as a fraction.
@@ -103,6 +100,7 @@ impl Candidate {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "directions in single precision")]
 mod tests {
     use super::*;
 

@@ -233,7 +233,7 @@ pub fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEntry>, F
             }
             last_kind = Some(kind);
         }
-        end = entry.offset.checked_add(entry.stored_bytes).unwrap_or(u64::MAX);
+        end = entry.end();
         entries.push(entry);
     }
     if end != header.file_bytes {

@@ -1,4 +1,4 @@
-//! Read-only mapping of a finished file: the only `unsafe` of the library.
+//! Read-only mapping of a finished file: the only `unsafe` of the loader.
 #![allow(unsafe_code)]
 
 use std::fs::File;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use crate::cpu::{Kernel, dispatch};
 use crate::format::normal;
 use crate::load::NodeView;
 
@@ -167,6 +168,35 @@ struct Painter<'a, V> {
     shader: Shader,
 }
 
+/// The rays of one tile: compiled with population count and friends where the machine has them.
+struct TileKernel<'a, 'b, V> {
+    painter: &'a Painter<'b, V>,
+    seen: &'a mut [Seen],
+    /// Pixel of the tile's top left corner.
+    corner: (usize, usize),
+    /// Pixels of the tile that lie in the picture.
+    limits: (usize, usize),
+}
+
+impl<V: NodeView> Kernel for TileKernel<'_, '_, V> {
+    type Output = Counts;
+
+    #[inline(always)]
+    fn run<const AVX2: bool>(self) -> Counts {
+        let mut counts = Counts::default();
+        for (i, pixel) in self.seen.iter_mut().enumerate() {
+            let (x, y) = (i % TILE, i / TILE);
+            if x < self.limits.0 && y < self.limits.1 {
+                let (x, y) = (self.corner.0 + x, self.corner.1 + y);
+                let trace = self.painter.trace(x as f64 + 0.5, y as f64 + 0.5);
+                counts = counts.add(&trace);
+                *pixel = Seen::new(&trace);
+            }
+        }
+        counts
+    }
+}
+
 /// Paints a model as a camera sees it.
 ///
 /// Memory: the image, and 4 MiB for hits.
@@ -223,16 +253,8 @@ impl<V: NodeView> Painter<'_, V> {
             .enumerate()
             .map(|(tile, seen)| {
                 let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
-                let mut counts = Counts::default();
-                for (i, pixel) in seen.iter_mut().enumerate() {
-                    let (x, y) = (left + i % TILE, above + i / TILE);
-                    if x < width && y < rows {
-                        let trace = self.trace(x as f64 + 0.5, (top + y) as f64 + 0.5);
-                        counts = counts.add(&trace);
-                        *pixel = Seen::new(&trace);
-                    }
-                }
-                counts
+                let limits = (width.saturating_sub(left), rows.saturating_sub(above));
+                dispatch(TileKernel { painter: self, seen, corner: (left, top + above), limits })
             })
             .reduce(Counts::default, Counts::plus);
         counts.trace = start.elapsed();
@@ -336,7 +358,7 @@ impl<V: NodeView> Painter<'_, V> {
         self.camera.ray((2.0 * x - width) / width, (height - 2.0 * y) / height)
     }
 
-    #[inline]
+    #[inline(always)]
     fn trace(&self, x: f64, y: f64) -> Trace {
         let (origin, direction) = self.sight(x, y);
         // A camera's rays are finite and have a direction; one that overflows in the grid sees nothing.

@@ -1,7 +1,7 @@
 //! Headerless volumes: one file with all slices, or one file per slice.
 
 use std::fs;
-use std::io;
+use std::io::{self, IoSliceMut};
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -133,6 +133,41 @@ impl VolumeSource for RawVolume {
             cause,
         })?;
         self.endian.to_native(self.info.scalar.bytes(), out);
+        Ok(())
+    }
+
+    fn read_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        let dims = self.info.dims;
+        let width = self.info.scalar.bytes();
+        let file = usize::try_from(z / self.slices_per_file).unwrap_or(usize::MAX);
+        let row_bytes = cols.len() * width;
+        let expected = rows.len() * row_bytes;
+        let whole_rows = cols == (0..dims.nx()) && z < dims.nz() && rows.end <= dims.ny();
+        if whole_rows && self.endian.is_native() && row_bytes <= pitch {
+            let slice = u64::from(z % self.slices_per_file) * u64::from(dims.ny());
+            let offset = self.skip + (slice + u64::from(rows.start)) * row_bytes as u64;
+            let mut parts: Vec<IoSliceMut<'_>> = out
+                .chunks_mut(pitch)
+                .take(rows.len())
+                .map(|part| IoSliceMut::new(&mut part[..row_bytes]))
+                .collect();
+            let got = self.files.with(file, |f| Ok(rustix::io::preadv(f, &mut parts, offset)?));
+            // Anything but a full block (a short read, a limit on the number of parts, an error) is done
+            // again row by row, which also finds the words for it.
+            if got.is_ok_and(|n| n == expected) {
+                return Ok(());
+            }
+        }
+        for (row, part) in rows.zip(out.chunks_mut(pitch)) {
+            self.read_rows(z, row..row + 1, cols.clone(), &mut part[..row_bytes])?;
+        }
         Ok(())
     }
 }

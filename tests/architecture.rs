@@ -1,0 +1,240 @@
+//! The arrows between modules point one way, and `unsafe` stays where it is known. If this fails, a
+//! change tied together two parts that are understood, tested and replaced apart from each other.
+//!
+//! Read from the source text: every `crate::` path (grouped imports too) outside comments and outside
+//! the unit tests at the end of a file, which may look wherever they need to.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What each top module may see besides itself. `error` is two things: it gathers the errors of every
+/// boundary once, at the top; and every boundary may name `error::ExitKind`, which depends on nothing.
+const MAY_SEE: &[(&str, &[&str])] = &[
+    ("atomic", &[]),
+    ("budget", &[]),
+    ("cpu", &[]),
+    ("geom", &[]),
+    ("format", &["geom"]),
+    ("source", &["budget", "cpu", "error", "geom"]),
+    ("build", &["atomic", "budget", "cpu", "error", "format", "geom", "source"]),
+    ("load", &["budget", "cpu", "error", "format", "geom"]),
+    ("render", &["budget", "cpu", "error", "format", "geom", "load"]),
+    ("jobs", &["atomic", "budget", "build", "cpu", "error", "format", "geom", "load", "render", "source"]),
+    ("error", &["build", "format", "load", "render", "source"]),
+];
+
+/// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.
+const ABOVE_ERROR: &[&str] = &["jobs", "lib"];
+
+/// Files that may contain `unsafe`: the mapping, and vector instructions beside their safe twins.
+const UNSAFE_FILES: &[&str] = &["src/build/lanes.rs", "src/build/simd.rs", "src/cpu.rs", "src/load/map.rs"];
+
+/// No source file is longer; near 300 is comfortable.
+const MOST_LINES: usize = 800;
+
+/// One source file: its path from the top of the project, and its text without comments.
+struct Source {
+    path: String,
+    lines: usize,
+    code: String,
+}
+
+impl Source {
+    /// `build` for `src/build/brick.rs` and for `src/build.rs`.
+    fn module(&self) -> &str {
+        let inside = self.path.strip_prefix("src/").unwrap();
+        inside.split(['/', '.']).next().unwrap()
+    }
+
+    /// How far below the crate the file's module is: 1 for `src/build/mod.rs`, 2 for `src/build/brick.rs`.
+    fn depth(&self) -> usize {
+        self.path.trim_end_matches("/mod.rs").matches('/').count()
+    }
+
+    /// The text before the file's unit tests, with the `super::` that reach the crate written `crate::`.
+    fn without_tests(&self) -> String {
+        let lines: Vec<&str> = self.code.lines().collect();
+        let opens_tests = |i: &usize| {
+            let after = lines[i + 1..].iter().find(|line| !line.starts_with("#["));
+            lines[*i] == "#[cfg(test)]"
+                && after.is_some_and(|line| line.starts_with("mod ") && line.ends_with('{'))
+        };
+        let end = (0..lines.len()).find(opens_tests).unwrap_or(lines.len());
+        lines[..end].join("\n").replace(&"super::".repeat(self.depth()), "crate::")
+    }
+}
+
+/// Every Rust file below a folder of the project.
+fn sources(folder: &str) -> Vec<Source> {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    let mut folders: Vec<PathBuf> = vec![top.join(folder)];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                let text = fs::read_to_string(&path).unwrap();
+                let path = path.strip_prefix(top).unwrap().to_string_lossy().replace('\\', "/");
+                found.push(Source { path, lines: text.lines().count(), code: without_comments(&text) });
+            }
+        }
+    }
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    assert!(!found.is_empty(), "no source files below {folder}");
+    found
+}
+
+/// Line comments, documentation included, taken out; the house style has no block comments.
+fn without_comments(text: &str) -> String {
+    let keep = |line: &str| {
+        let code = line.trim_start();
+        if code.starts_with("//") { String::new() } else { line.split(" // ").next().unwrap().to_owned() }
+    };
+    text.lines().map(|line| keep(line) + "\n").collect()
+}
+
+/// The leading identifier of a text.
+fn word(text: &str) -> &str {
+    let end = text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
+    &text[..end]
+}
+
+/// Every `crate::a::...` as `a` with what follows it; `crate::{a::X, b}` gives one for each part.
+fn crate_paths(code: &str) -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    for (at, _) in code.match_indices("crate::") {
+        if code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == '$') {
+            continue;
+        }
+        let rest = &code[at + "crate::".len()..];
+        let Some(group) = rest.strip_prefix('{') else {
+            let name = word(rest);
+            found.push((name.to_owned(), rest[name.len()..].chars().take(80).collect()));
+            continue;
+        };
+        let (mut depth, mut part) = (0, String::new());
+        for c in group.chars() {
+            match c {
+                '}' if depth == 0 => break,
+                ',' if depth == 0 => {
+                    let name = word(part.trim()).to_owned();
+                    found.push((name.clone(), part.trim()[name.len()..].to_owned()));
+                    part.clear();
+                    continue;
+                }
+                '{' => depth += 1,
+                '}' => depth -= 1,
+                _ => {}
+            }
+            part.push(c);
+        }
+        let name = word(part.trim()).to_owned();
+        if !name.is_empty() {
+            found.push((name.clone(), part.trim()[name.len()..].to_owned()));
+        }
+    }
+    found
+}
+
+/// Arrows that no rule allows, one sentence each.
+fn forbidden(source: &Source) -> Vec<String> {
+    let module = source.module();
+    if module == "lib" {
+        return Vec::new();
+    }
+    let Some((_, may_see)) = MAY_SEE.iter().find(|(name, _)| *name == module) else {
+        return vec![format!("{}: the module `{module}` has no place in MAY_SEE", source.path)];
+    };
+    let mut wrong = Vec::new();
+    for (name, rest) in crate_paths(&source.without_tests()) {
+        if name == module {
+            continue;
+        }
+        // `crate::Error` and `crate::ExitKind` are re-exports of `error`.
+        let (name, item) = match name.as_str() {
+            "Error" | "ExitKind" => ("error".to_owned(), name),
+            _ => (name, rest.trim_start_matches("::").to_owned()),
+        };
+        if !may_see.contains(&name.as_str()) {
+            wrong.push(format!("{}: `{module}` must not see `{name}`", source.path));
+        } else if name == "error" && !ABOVE_ERROR.contains(&module) && word(&item) != "ExitKind" {
+            wrong.push(format!("{}: `{module}` is below the gathered error; name its own", source.path));
+        }
+    }
+    wrong
+}
+
+#[test]
+fn arrows_between_modules_point_one_way() {
+    let all = sources("src");
+    let wrong: Vec<String> = all.iter().flat_map(forbidden).collect();
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+    // The rules are about modules that exist.
+    let modules: BTreeSet<&str> = all.iter().map(Source::module).collect();
+    for name in ["budget", "build", "error", "format", "geom", "jobs", "load", "render", "source"] {
+        assert!(modules.contains(name), "no module {name}");
+    }
+}
+
+#[test]
+fn the_rules_have_no_circle_below_the_gathered_error() {
+    // Taken away layer by layer: a module whose every dependency is gone can go.
+    let mut left: Vec<&str> = MAY_SEE.iter().map(|(name, _)| *name).filter(|n| *n != "error").collect();
+    while !left.is_empty() {
+        let free = |name: &&str| {
+            let (_, may_see) = MAY_SEE.iter().find(|(n, _)| n == name).unwrap();
+            !may_see.iter().any(|m| left.contains(m))
+        };
+        let (gone, rest): (Vec<&str>, Vec<&str>) = left.iter().partition(|n| free(n));
+        assert!(!gone.is_empty(), "a circle among {left:?}");
+        left = rest;
+    }
+}
+
+#[test]
+fn the_command_knows_the_library_only_from_outside() {
+    for source in sources("bin") {
+        for (name, _) in crate_paths(&source.code) {
+            assert!(["args", "bars"].contains(&name.as_str()), "{}: crate::{name}", source.path);
+        }
+    }
+}
+
+#[test]
+fn files_stay_short() {
+    for folder in ["src", "bin", "tests"] {
+        for source in sources(folder) {
+            assert!(source.lines <= MOST_LINES, "{}: {} lines", source.path, source.lines);
+        }
+    }
+}
+
+#[test]
+fn unsafe_stays_in_the_known_files() {
+    for folder in ["src", "bin"] {
+        for source in sources(folder) {
+            let uses = source.code.split(|c: char| !c.is_alphanumeric() && c != '_').any(|w| w == "unsafe");
+            assert!(!uses || UNSAFE_FILES.contains(&source.path.as_str()), "{}: unsafe", source.path);
+        }
+    }
+}
+
+#[test]
+fn the_reader_of_this_test_sees_what_it_should() {
+    let path = "src/load/example.rs".to_owned();
+    let code = "use crate::build::plan;\nuse crate::{geom::Dims, render, error::{Error}};\n\
+                // use crate::jobs;\nlet x = crate::format::f(); let y = mycrate::jobs;\n\
+                use super::super::jobs;\nuse super::model;\n#[cfg(test)]\nmod outline;\n\
+                use crate::source;\n#[cfg(test)]\n#[expect(lint)]\nmod tests {\nuse crate::bin;\n}\n";
+    let example = Source { path, lines: 1, code: without_comments(code) };
+    let names: Vec<String> = crate_paths(&example.without_tests()).into_iter().map(|(n, _)| n).collect();
+    assert_eq!(names, ["build", "geom", "render", "error", "format", "jobs", "source"]);
+    let wrong = forbidden(&example);
+    // All but geom and format; of `error` the gathered one is wrong.
+    assert_eq!(wrong.len(), 5, "{wrong:?}");
+    let strange = Source { path: "src/strange.rs".to_owned(), lines: 1, code: String::new() };
+    assert_eq!(forbidden(&strange).len(), 1);
+}
