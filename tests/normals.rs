@@ -6,7 +6,18 @@
 //! voxels; the gates are those set for the default estimator before it was chosen, and apply **after**
 //! quantisation to 16 bits (0.31 degrees on its own).
 //!
-//! Run with `--nocapture` for the table.
+//! | row | asserted | wished, not asserted |
+//! |---|---|---|
+//! | ball R=40 and R=20, clean | mean 0.40, p99 0.65 | |
+//! | ball R=40, noise of 2.5 % of the step | 0.85, 2.1 | |
+//! | ball R=40, binary | mean 4.2, p99 12.5 | p99 10 |
+//! | random planes, binary | mean 4.2, p99 13.5 | |
+//! | Marschner-Lobb 80^3, 160^3 | mean 12, 3 | |
+//! | ball R=40 mm at 1:1:2, 1.5 times the ball's bounds | mean 0.60; noise 1.275 | p99 0.975; noise 3.15 |
+//!
+//! What is wished stands in tests that are ignored, with the reason; they are to be switched on by
+//! whatever meets them. Run with `--nocapture --test-threads 1 --include-ignored` for the table; its last
+//! column is the same measurement of the Gaussian of sigma 1 in double precision, unquantised.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -16,7 +27,7 @@
 
 use std::ops::Range;
 
-use infobyte::build::{BuildOptions, Connectivity, Silent, Threshold, build};
+use infobyte::build::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
 use infobyte::format::normal;
 use infobyte::geom::{Affine, Dims, morton};
 use infobyte::load::{Model, NodeView};
@@ -81,8 +92,16 @@ impl VolumeSource for Held {
     }
 }
 
-/// Every skin voxel of the finished file with its stored normal.
-fn stored_normals(volume: &Held, iso: f64) -> Vec<([u32; 3], [f64; 3])> {
+/// Skin voxels with their normals' codes.
+type Codes = Vec<([u32; 3], u16)>;
+
+/// Every skin voxel of a finished file with its code, in the file's order, and the builder's report.
+fn stored_codes(
+    volume: &Held,
+    iso: f64,
+    threads: usize,
+    memory_bytes: u64,
+) -> Result<(Codes, BuildReport), BuildError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.oct");
     let options = BuildOptions {
@@ -91,11 +110,11 @@ fn stored_normals(volume: &Held, iso: f64) -> Vec<([u32; 3], [f64; 3])> {
         normals: true,
         values: false,
         lod: false,
-        memory_bytes: 1 << 30,
-        threads: 2,
+        memory_bytes,
+        threads,
         scratch: None,
     };
-    build(volume, &options, &path, &Silent).unwrap();
+    let report = build(volume, &options, &path, &Silent)?;
     let model = Model::open(&path).unwrap();
     let view = model.view();
     // Breadth first, so that the last level comes out as voxels 0, 1, ... in Morton order.
@@ -107,16 +126,16 @@ fn stored_normals(volume: &Held, iso: f64) -> Vec<([u32; 3], [f64; 3])> {
             .filter_map(|(node, octant, code)| view.child(node, octant).map(|child| (child, code)))
             .collect();
     }
-    level
+    let codes = level
         .into_iter()
         .enumerate()
         .map(|(i, (number, code))| {
             let voxel = number - view.node_count();
             assert_eq!(voxel, i as u64);
-            let stored = normal::decode(view.voxel_normal(voxel).unwrap());
-            (position(code), stored.map(f64::from))
+            (position(code), view.voxel_normal(voxel).unwrap())
         })
-        .collect()
+        .collect();
+    Ok((codes, report))
 }
 
 /// Voxel of a Morton code, bit by bit (an oracle apart from the library's).
@@ -135,21 +154,37 @@ struct Errors {
 }
 
 /// Angles between stored and true normals, in degrees; `truth` gives any outward vector, or `None`
-/// for a voxel that is left out.
-fn errors(name: &str, volume: &Held, iso: f64, truth: impl Fn([u32; 3]) -> Option<[f64; 3]>) -> Errors {
-    let mut angles: Vec<f64> = stored_normals(volume, iso)
+/// for a voxel that is left out. Every one of them must be below 90: neither zero nor inward.
+fn angles(volume: &Held, iso: f64, truth: impl Fn([u32; 3]) -> Option<[f64; 3]>) -> Vec<f64> {
+    let (codes, _) = stored_codes(volume, iso, 2, 1 << 30).unwrap();
+    let angles: Vec<f64> = codes
         .into_iter()
-        .filter_map(|(at, stored)| truth(at).map(|t| angle_degrees(stored, t)))
+        .filter_map(|(at, code)| {
+            truth(at).map(|t| {
+                let stored = normal::decode(code).map(f64::from);
+                assert!(stored.iter().map(|c| c * c).sum::<f64>() > 0.999, "{at:?}: not a unit vector");
+                angle_degrees(stored, t)
+            })
+        })
         .collect();
-    assert!(angles.len() > 4000, "{name}: only {} skin voxels", angles.len());
+    assert!(angles.iter().all(|a| *a < 90.0), "an inward normal");
+    angles
+}
+
+/// Mean, 99th percentile and maximum, printed as a row of the table; `gaussian` is the reference.
+fn row(name: &str, mut angles: Vec<f64>, gaussian: &str) -> Errors {
+    assert!(angles.len() > 2000, "{name}: only {} skin voxels", angles.len());
     angles.sort_by(f64::total_cmp);
     let e = Errors {
         mean: angles.iter().sum::<f64>() / angles.len() as f64,
         p99: angles[angles.len() * 99 / 100],
         worst: angles[angles.len() - 1],
     };
-    println!("{name:28} {:6} voxels  mean {:.3}  p99 {:.3}  max {:.3}", angles.len(), e.mean, e.p99, e.worst);
-    assert!(e.worst < 90.0, "{name}: an inward normal");
+    let count = angles.len();
+    println!(
+        "{name:36} {count:6} voxels  mean {:6.3}  p99 {:6.3}  max {:6.3}  | {gaussian}",
+        e.mean, e.p99, e.worst
+    );
     e
 }
 
@@ -183,8 +218,44 @@ fn gaussian_share(t: f64) -> f64 {
 const AIR: f64 = 1000.0;
 const STEP: f64 = 2000.0;
 
-/// A ball blurred by a Gaussian of `sigma` mm (exact: planar share plus the curvature term), centred
-/// off the grid.
+/// How a scanner sees along the third axis, besides a Gaussian of 0.8 mm on every axis.
+#[derive(Clone, Copy, Debug)]
+enum Slices {
+    /// No more than that: slices 2 mm apart are undersampled.
+    Thin,
+    /// A Gaussian of 0.8 voxel on every axis.
+    Gaussian,
+    /// A slice averages over its thickness.
+    Box,
+}
+
+/// Grey levels of a blurred ball by distance from its centre, tabulated.
+struct Profile(Vec<f64>);
+
+impl Profile {
+    /// Entries per mm; linear interpolation is then off by 1e-5 grey levels of 2000.
+    const PER_MM: f64 = 512.0;
+
+    /// Blurred by a Gaussian of `sigma` mm (exact: planar share plus the curvature term).
+    fn new(radius: f64, sigma: f64, reach: f64) -> Self {
+        let value = |i: u32| {
+            let r = (f64::from(i) / Self::PER_MM).max(1e-6);
+            let t = (radius - r) / sigma;
+            let curvature = sigma / (r * std::f64::consts::TAU.sqrt()) * (-0.5 * t * t).exp();
+            AIR + STEP * (gaussian_share(t) - curvature)
+        };
+        Self((0..(reach * Self::PER_MM) as u32 + 2).map(value).collect())
+    }
+
+    fn at(&self, r: f64) -> f64 {
+        let x = r * Self::PER_MM;
+        let i = (x as usize).min(self.0.len() - 2);
+        let share = (x - i as f64).min(1.0);
+        self.0[i] * (1.0 - share) + self.0[i + 1] * share
+    }
+}
+
+/// A ball centred off the grid; lengths in mm.
 struct Ball {
     centre: [f64; 3],
     radius: f64,
@@ -207,22 +278,55 @@ impl Ball {
     }
 
     fn distance(&self, at: [u32; 3]) -> f64 {
-        self.offset(at).iter().map(|c| c * c).sum::<f64>().sqrt()
+        length(self.offset(at))
     }
 
-    fn blurred(&self, at: [u32; 3], sigma: f64) -> f64 {
-        let r = self.distance(at).max(1e-6);
-        let t = (self.radius - r) / sigma;
-        let curvature = sigma / (r * std::f64::consts::TAU.sqrt()) * (-0.5 * t * t).exp();
-        AIR + STEP * (gaussian_share(t) - curvature)
+    /// Offsets along z and weights of the blur that comes on top of 0.8 mm.
+    fn blur_along_z(&self, slices: Slices) -> Vec<(f64, f64)> {
+        let spacing = self.spacing[2];
+        let (half, sigma) = match slices {
+            Slices::Thin => return vec![(0.0, 1.0)],
+            Slices::Gaussian => {
+                let sigma = 0.8 * (spacing * spacing - 1.0).sqrt();
+                (4.5 * sigma, sigma)
+            }
+            Slices::Box => (0.5 * spacing, f64::INFINITY),
+        };
+        let steps = 40;
+        let mut taps: Vec<(f64, f64)> = (0..=steps)
+            .map(|i| {
+                let at = half * (f64::from(2 * i) / f64::from(steps) - 1.0);
+                let end = if i == 0 || i == steps { 0.5 } else { 1.0 };
+                (at, end * (-0.5 * (at / sigma).powi(2)).exp())
+            })
+            .collect();
+        let sum: f64 = taps.iter().map(|t| t.1).sum();
+        taps.iter_mut().for_each(|t| t.1 /= sum);
+        taps
     }
 
-    fn grey(&self, noise: f64) -> Held {
+    fn grey(&self, noise: f64, slices: Slices) -> Held {
+        let corner = [0, 1, 2].map(|a| f64::from(self.dims()[a]) * self.spacing[a]);
+        let profile = Profile::new(self.radius, 0.8, length(corner));
+        let blur = self.blur_along_z(slices);
         Held::new(self.dims(), self.spacing, ScalarType::U16, |at| {
-            let value = self.blurred(at, 0.8) + noise * STEP * gaussian_noise(at);
+            let [x, y, z] = self.offset(at);
+            let blurred: f64 =
+                blur.iter().map(|(shift, weight)| weight * profile.at(length([x, y, z + shift]))).sum();
+            let value = blurred + noise * STEP * gaussian_noise(at);
             value.round().clamp(0.0, 65535.0) as u16
         })
     }
+
+    /// Row of the table: this ball, blurred, against its radii.
+    fn errors(&self, name: &str, noise: f64, slices: Slices, gaussian: &str) -> Errors {
+        let angles = angles(&self.grey(noise, slices), AIR + STEP / 2.0, |at| Some(self.offset(at)));
+        row(name, angles, gaussian)
+    }
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    v.iter().map(|c| c * c).sum::<f64>().sqrt()
 }
 
 /// A normally distributed value of each voxel, fixed: twelve uniform halves of a hash.
@@ -241,10 +345,9 @@ fn gaussian_noise([x, y, z]: [u32; 3]) -> f64 {
 
 #[test]
 fn a_clean_blurred_ball_is_limited_by_the_quantiser_alone() {
-    for radius in [40.0, 20.0] {
+    for (radius, gaussian) in [(40.0, "0.351 / 0.547"), (20.0, "0.364 / 0.551")] {
         let ball = Ball::new(radius, [1.0; 3]);
-        let name = format!("ball R={radius}");
-        let e = errors(&name, &ball.grey(0.0), AIR + STEP / 2.0, |at| Some(ball.offset(at)));
+        let e = ball.errors(&format!("ball R={radius}, clean"), 0.0, Slices::Thin, gaussian);
         assert!(e.mean <= 0.40 && e.p99 <= 0.65, "{e:?}");
         // The code's own worst case is 0.64; the gradient may add a few hundredths.
         assert!(e.worst <= 0.72, "{e:?}");
@@ -254,30 +357,107 @@ fn a_clean_blurred_ball_is_limited_by_the_quantiser_alone() {
 #[test]
 fn noise_of_two_and_a_half_percent_is_averaged_out() {
     let ball = Ball::new(40.0, [1.0; 3]);
-    let e = errors("ball R=40, 2.5 % noise", &ball.grey(0.025), AIR + STEP / 2.0, |at| Some(ball.offset(at)));
+    let e = ball.errors("ball R=40, 2.5 % noise", 0.025, Slices::Thin, "0.771 / 1.89");
     assert!(e.mean <= 0.85 && e.p99 <= 2.1, "{e:?}");
 }
 
-#[test]
-fn a_binary_ball_keeps_its_mean_but_not_its_percentile() {
+/// The ball without any grey in between.
+fn binary_ball() -> Errors {
     let ball = Ball::new(40.0, [1.0; 3]);
     let volume =
         Held::new(ball.dims(), [1.0; 3], ScalarType::U8, |at| u8::from(ball.distance(at) <= ball.radius));
-    let e = errors("ball R=40, binary", &volume, 0.5, |at| Some(ball.offset(at)));
-    assert!(e.mean <= 4.2, "{e:?}");
-    // The wish was 10. No linear 5x5x5 kernel that was found has it together with 12 degrees on
-    // Marschner-Lobb 80^3 (best 10.7 of all kernels with the cube's symmetry), so this is what the
-    // default has, held against getting worse.
-    assert!(e.p99 <= 12.5, "{e:?}");
+    row("ball R=40, binary", angles(&volume, 0.5, |at| Some(ball.offset(at))), "3.87 / 11.5")
+}
+
+/// Half spaces of 32 directions that cover the sphere evenly; voxels near the volume's faces are left
+/// out.
+fn binary_planes() -> Errors {
+    let (n, count) = (32_u32, 32);
+    let mut all = Vec::new();
+    for i in 0..count {
+        let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(count);
+        let phi = f64::from(i) * 2.399_963_229_728_653;
+        let r = (1.0 - z * z).sqrt();
+        let outward = [r * phi.cos(), r * phi.sin(), z];
+        let shift = gaussian_noise([i, 1, 2]);
+        let volume = Held::new([n; 3], [1.0; 3], ScalarType::U8, |at| {
+            let height: f64 =
+                at.iter().zip(outward).map(|(c, o)| (f64::from(*c) - 0.5 * f64::from(n)) * o).sum();
+            u8::from(height <= shift)
+        });
+        let inside = |at: [u32; 3]| at.iter().all(|c| (2..n - 2).contains(c));
+        all.extend(angles(&volume, 0.5, |at| inside(at).then_some(outward)));
+    }
+    row("random planes, binary", all, "4.10 / 11.2")
+}
+
+#[test]
+fn binary_volumes_keep_their_mean() {
+    // No linear 5x5x5 kernel that was found has p99 <= 10 together with 12 degrees on Marschner-Lobb
+    // 80^3 (best 10.7 of all kernels with the cube's symmetry), so the percentiles here are what one
+    // kernel has, held against getting worse.
+    for (e, p99) in [(binary_ball(), 12.5), (binary_planes(), 13.5)] {
+        assert!(e.mean <= 4.2 && e.p99 <= p99, "{e:?}");
+    }
+}
+
+// Of the ball only: the percentile of planes hangs on the draw of their directions.
+#[test]
+#[ignore = "wish: needs [1, 4, 4, 4, 1] and [-2, -1, 0, 1, 2] where a neighbourhood holds two values only"]
+fn wish_a_binary_ball_also_meets_its_percentile() {
+    let e = binary_ball();
+    assert!(e.p99 <= 10.0, "{e:?}");
+}
+
+/// Half as many slices, twice as far apart: clean and noisy.
+fn anisotropic(slices: Slices) -> [Errors; 2] {
+    let ball = Ball::new(40.0, [1.0, 1.0, 2.0]);
+    [0.0, 0.025].map(|noise| {
+        let signal = if noise > 0.0 { "2.5 % noise" } else { "clean" };
+        ball.errors(&format!("ball R=40 mm, 1:1:2, {slices:?}, {signal}"), noise, slices, "")
+    })
 }
 
 #[test]
 fn spacing_enters_as_physical_units() {
-    // Half as many slices, twice as far apart.
-    let ball = Ball::new(40.0, [1.0, 1.0, 2.0]);
-    let e = errors("ball R=40 mm, 1:1:2", &ball.grey(0.0), AIR + STEP / 2.0, |at| Some(ball.offset(at)));
-    // One and a half times the bound of the isotropic ball.
-    assert!(e.mean <= 1.5 * 0.40, "{e:?}");
+    // Means within one and a half times the bounds of the isotropic ball, however the scanner blurs.
+    for slices in [Slices::Thin, Slices::Gaussian, Slices::Box] {
+        let [clean, noisy] = anisotropic(slices);
+        assert!(clean.mean <= 1.5 * 0.40, "{clean:?}");
+        assert!(noisy.mean <= 1.5 * 0.85, "{noisy:?}");
+    }
+}
+
+// Thin slices are left out: they are undersampled (0.4 voxel), and no separable kernel of 5 taps that
+// was found brings their p99 below 1.1 (free kernels of 125 weights: 0.91 to 0.97).
+#[test]
+#[ignore = "wish: needs smoothing [1, 15, 20, 15, 1] on the coarse axis"]
+fn wish_anisotropic_spacing_also_meets_its_percentiles() {
+    for slices in [Slices::Gaussian, Slices::Box] {
+        let [clean, noisy] = anisotropic(slices);
+        assert!(clean.p99 <= 1.5 * 0.65, "{clean:?}");
+        assert!(noisy.p99 <= 1.5 * 2.1, "{noisy:?}");
+    }
+}
+
+#[test]
+fn codes_do_not_depend_on_threads_or_memory() {
+    // A noisy, wavy ground, wide enough for a small budget to cut it into narrower columns.
+    let volume = Held::new([4000, 40, 24], [1.0, 1.0, 2.0], ScalarType::U16, |at| {
+        let [x, y, z] = at.map(f64::from);
+        let height = 12.0 + 5.0 * (x * 0.05).sin() * (y * 0.07).cos();
+        (2000.0 + 500.0 * (height - z) + 50.0 * gaussian_noise(at)).round().clamp(0.0, 4095.0) as u16
+    });
+    let codes = |threads, memory| stored_codes(&volume, 2000.0, threads, memory);
+    let (expected, wide) = codes(1, 1 << 30).unwrap();
+    assert!(expected.len() > 160_000);
+    let (parallel, report) = codes(3, 1 << 30).unwrap();
+    assert_eq!(report.threads, 3);
+    assert!(parallel == expected, "three threads give other normals");
+    // The smallest budget that suffices, whatever this process holds already.
+    let (small, narrow) = (1..2048_u64).find_map(|half_mib| codes(1, half_mib << 19).ok()).unwrap();
+    assert!(narrow.tile < wide.tile, "the budget was meant to narrow the columns: {}", narrow.tile);
+    assert!(small == expected, "a smaller budget gives other normals");
 }
 
 /// Marschner and Lobb's test signal (1994; f_M = 6, alpha = 0.25) and minus its gradient, on -1..1.
@@ -293,8 +473,11 @@ fn marschner_lobb([x, y, z]: [f64; 3]) -> (f64, [f64; 3]) {
 
 #[test]
 fn the_marschner_lobb_signal_is_resolved() {
-    // Mean gate at 80^3; 160^3 is held to a quarter of it (second-order convergence is the least).
-    for (n, gate) in [(80_u32, 12.0), (160, 3.0)] {
+    // Mean gate at 80^3; 160^3 is held to a quarter of it (second-order convergence is the least). At
+    // 40^3 the signal is near the Nyquist limit: a stress figure, held only against getting worse.
+    for (n, gate, gaussian) in
+        [(40_u32, 65.0, "59.9 / 80.6"), (80, 12.0, "11.4 / 28.1"), (160, 3.0, "2.08 / 7.69")]
+    {
         // Samples beyond the signal's cube, so that no neighbourhood is cut; they are not counted.
         let margin = 3;
         let place =
@@ -303,9 +486,8 @@ fn the_marschner_lobb_signal_is_resolved() {
             marschner_lobb(place(at)).0 as f32
         });
         let inside = |at: [u32; 3]| at.iter().all(|i| (margin..n + margin).contains(i));
-        let e = errors(&format!("Marschner-Lobb {n}^3"), &volume, 0.5, |at| {
-            inside(at).then(|| marschner_lobb(place(at)).1)
-        });
+        let truth = |at: [u32; 3]| inside(at).then(|| marschner_lobb(place(at)).1);
+        let e = row(&format!("Marschner-Lobb {n}^3"), angles(&volume, 0.5, truth), gaussian);
         assert!(e.mean <= gate, "{e:?}");
     }
 }
