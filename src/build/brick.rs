@@ -3,6 +3,7 @@
 
 use super::error::BuildError;
 use super::layout::BRICK_LEVELS;
+use super::simd::{Kernel, dispatch};
 use super::swap::{BrickEntry, Scratch, read_fragment};
 use super::value::ValueScale;
 use crate::format::normal;
@@ -123,7 +124,7 @@ impl BrickReader {
                 return Err(scratch.error(std::io::Error::other("its contents were changed by someone else")));
             }
         }
-        self.sort_to_morton(normals, values.is_some());
+        dispatch(SortKernel { reader: self, normals, values: values.is_some() });
         Ok(())
     }
 
@@ -160,6 +161,7 @@ impl BrickReader {
     }
 
     /// Skin bits row by row to Morton words, then every record to its voxel's rank.
+    #[inline(always)]
     fn sort_to_morton(&mut self, normals: bool, values: bool) {
         for (block, word) in self.words.iter_mut().enumerate() {
             let [bx, by, bz] = morton::decode(block as u64).map(|c| 4 * c as usize);
@@ -246,6 +248,21 @@ impl BrickReader {
             }
             self.sums[parent] = sum;
         }
+    }
+}
+
+struct SortKernel<'a> {
+    reader: &'a mut BrickReader,
+    normals: bool,
+    values: bool,
+}
+
+impl Kernel for SortKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const AVX2: bool>(self) {
+        self.reader.sort_to_morton(self.normals, self.values);
     }
 }
 

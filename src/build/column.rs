@@ -328,11 +328,11 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
 
     fn scan_brick_slice(&mut self, f: &Frame, z: u32, brick: usize) -> Result<(), BuildError> {
         let skin = brick_rows(&self.skin, f.words, brick);
-        let count: usize = skin.iter().map(|r| r.count_ones() as usize).sum();
-        let slice = (z % BRICK) as usize;
-        if count == 0 {
+        if skin.iter().fold(0, |any, row| any | row) == 0 {
             return Ok(());
         }
+        let count = dispatch(CountKernel(&skin));
+        let slice = (z % BRICK) as usize;
         let value_bytes = self.shared.plan.swapped_value_bytes;
         let normal_bytes = if self.shared.plan.normals { 2 } else { 0 };
         // One more chunk each: the last chunk of a chain may be full or shared with none.
@@ -467,7 +467,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
         for brick in &mut self.bricks[..f.column.x.len().div_ceil(BRICK_ROWS)] {
             let mut entry = BrickEntry::default();
             if brick.last_fragment != 0 {
-                (entry.skin, entry.boxes) = count_boxes(&brick.rows);
+                (entry.skin, entry.boxes) = dispatch(BoxKernel(&brick.rows));
                 entry.last_fragment = brick.last_fragment;
                 brick.rows.fill(0);
                 brick.last_fragment = 0;
@@ -486,7 +486,30 @@ fn border_unit<F: Flavour>() -> f32 {
     if matches!(<F::File as Scalar>::TYPE, ScalarType::F32 | ScalarType::F64) { 0.0 } else { 1.0 }
 }
 
+struct CountKernel<'a>(&'a [u32; BRICK_ROWS]);
+
+impl Kernel for CountKernel<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run<const AVX2: bool>(self) -> usize {
+        self.0.iter().map(|row| row.count_ones() as usize).sum()
+    }
+}
+
+struct BoxKernel<'a>(&'a [u32; BRICK_ROWS * BRICK_ROWS]);
+
+impl Kernel for BoxKernel<'_> {
+    type Output = (u32, [u16; 4]);
+
+    #[inline(always)]
+    fn run<const AVX2: bool>(self) -> (u32, [u16; 4]) {
+        count_boxes(self.0)
+    }
+}
+
 /// Skin voxels of a brick, and its non-empty boxes with an edge of 2, 4, 8 and 16.
+#[inline(always)]
 fn count_boxes(rows: &[u32; BRICK_ROWS * BRICK_ROWS]) -> (u32, [u16; 4]) {
     let skin = rows.iter().map(|r| r.count_ones()).sum();
     let mut level = *rows;

@@ -258,7 +258,7 @@ impl NormalRule {
     ///
     /// Outward is against the gradient of depth. `repair` gives the gradient of the voxel in row y,
     /// column x where the fast kernel could not: not interior, or not finite. A normal against the exposed
-    /// faces is turned round: the voxel is the far side of something thin, or a pit in noise. Where the
+    /// faces is mirrored to their side: the voxel is the far side of something thin, or a pit in noise. Where the
     /// gradient vanishes, the sum of the exposed faces' directions stands in, and should that vanish too (a
     /// plate one voxel thick), the first exposed axis: never a zero normal, never one into the model.
     pub(super) fn codes<R>(
@@ -310,7 +310,8 @@ impl NormalRule {
         let e = OUTWARD[usize::from(faces)];
         let against = n[0] * e[0] + n[1] * e[1] + n[2] * e[2] < 0.0;
         if n != [0.0; 3] {
-            return if against { n.map(|c| -c) } else { n };
+            let along = (n[0] * e[0] + n[1] * e[1] + n[2] * e[2]) / (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
+            return if against { std::array::from_fn(|a| n[a] - 2.0 * along * e[a]) } else { n };
         }
         if e != [0.0; 3] {
             return e;
