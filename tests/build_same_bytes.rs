@@ -117,7 +117,7 @@ fn narrow_tiles_of_a_wide_volume_give_the_same_file() {
         // The smallest budget means the narrowest tiles.
         let mut args = vec!["--dims", "5000x40x40", "--dtype", "i16", "--memory", "1MiB"];
         args.extend(extra);
-        let refusal = build(&[raw.clone()], &folder.path().join("m.oct"), &args);
+        let refusal = build(std::slice::from_ref(&raw), &folder.path().join("m.oct"), &args);
         refusal.refused(4, &["--memory"]);
         let smallest = smallest_budget(&refusal.stderr);
         let reports = same_at(&raw, dims, extra, &[smallest, "8MiB", "64MiB", "1GiB"], &["1", "2"]);
