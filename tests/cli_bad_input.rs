@@ -223,6 +223,7 @@ fn outputs_that_cannot_be_written_are_refused() {
         let all = ["build", &input, "-o", &output, "--dims", "4x5x6", "--dtype", "u8", "--iso", "1"];
         oct(&[&all, extra].concat())
     };
+    build(&file, &[]).refused(2, &["v.raw", "is the input", "--output"]);
     build(&stage.path("nowhere/m.oct"), &[]).refused(5, &["nowhere/m.oct", "check the folder"]);
     build(&stage.path("out"), &[]).refused(5, &["out", "not a regular file"]);
     build(&stage.path("v.raw/m.oct"), &[]).refused(5, &["v.raw/m.oct", "check the folder"]);

@@ -42,9 +42,22 @@ pub fn build(
     progress: &dyn Progress,
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
+    refuse_own_input(inputs, output)?;
     let source = source::open(inputs, raw)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
     build_source(&*source, input, options, output, progress, started)
+}
+
+/// A model never takes the place of the volume it is made of.
+fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
+    let Ok(real) = output.canonicalize() else { return Ok(()) };
+    match inputs.iter().find(|input| input.canonicalize().is_ok_and(|path| path == real && path.is_file())) {
+        Some(input) => Err(Error::Usage(format!(
+            "{}: is the input and would be replaced by the model; name another file with --output",
+            input.display()
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Builds the model of an open source; `started` is when the job began.
