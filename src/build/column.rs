@@ -16,26 +16,22 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
+use super::boxes::{count_brick, count_slice};
 use super::classify::classify;
 use super::error::BuildError;
+use super::flavour::{Flavour, border_unit, convert};
 use super::gradient::{
     Gradients, NormalRule, OVERREAD, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths, gradients,
 };
-use super::lanes::RingSample;
 use super::plan::{BRICK, ColumnPlan};
 use super::pool::{Chain, ChunkPool};
 use super::range::{Ordered, SampleRange};
-use super::simd::{Kernel, dispatch};
-use super::skin::{Connectivity, Exposed, Rows, exposed, skin_row};
+use super::skin::{BIT_RING, BIT_ROWS, BitRows, Connectivity, Exposed, brick_rows, exposed, find_skin};
 use super::swap::{BrickEntry, FragmentWriter, Scratch};
 use crate::source::{SourceError, VolumeSource};
 
 const BRICK_ROWS: usize = BRICK as usize;
 const RING: usize = 2 * REACH as usize + 1;
-/// Slices of inside bits held: z-1 ..= z+2.
-const BIT_RING: usize = 4;
-/// Rows of inside bits: the tile's and one on either side.
-const BIT_ROWS: usize = BRICK_ROWS + 2;
 
 /// Part of the volume that one worker takes at a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,64 +39,6 @@ pub(super) struct Column {
     pub(super) x: Range<u32>,
     pub(super) y: Range<u32>,
     pub(super) z: Range<u32>,
-}
-
-/// How samples of the file's type stand in the ring.
-pub(super) trait Flavour: Sync + Copy {
-    /// Type in the file.
-    type File: Ordered;
-    /// Type in the ring.
-    type Ring: RingSample;
-    /// Are they the same, so that slices are read straight into the ring?
-    const DIRECT: bool;
-    /// The range test.
-    fn range(&self) -> SampleRange<Self::File>;
-    /// File sample to ring sample (unused when direct).
-    fn convert(&self, sample: Self::File) -> Self::Ring;
-    /// Depth inside the range of a ring sample.
-    fn depth(&self, sample: Self::Ring) -> f32;
-}
-
-/// Samples stay as they are: one lower bound, and a type whose values a single holds exactly.
-#[derive(Clone, Copy)]
-pub(super) struct Direct<T>(pub(super) SampleRange<T>);
-
-impl<T: Ordered + RingSample> Flavour for Direct<T> {
-    type File = T;
-    type Ring = T;
-    const DIRECT: bool = true;
-    fn range(&self) -> SampleRange<T> {
-        self.0
-    }
-    #[inline(always)]
-    fn convert(&self, sample: T) -> T {
-        sample
-    }
-    #[inline(always)]
-    fn depth(&self, sample: T) -> f32 {
-        self.0.depth(sample)
-    }
-}
-
-/// The ring holds depths inside the range: wide types, two-sided ranges, falling scales.
-#[derive(Clone, Copy)]
-pub(super) struct Depths<T>(pub(super) SampleRange<T>);
-
-impl<T: Ordered> Flavour for Depths<T> {
-    type File = T;
-    type Ring = f32;
-    const DIRECT: bool = false;
-    fn range(&self) -> SampleRange<T> {
-        self.0
-    }
-    #[inline(always)]
-    fn convert(&self, sample: T) -> f32 {
-        self.0.depth(sample)
-    }
-    #[inline(always)]
-    fn depth(&self, sample: f32) -> f32 {
-        sample
-    }
 }
 
 /// What all workers share.
@@ -298,7 +236,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
             self.totals.reading += started.elapsed();
             classify_rows(f, self.dims, staged, f.width, shared.flavour.range(), bits, words);
             for (from, to) in staged.chunks_exact(f.width).zip(plane.chunks_mut(f.stride)) {
-                dispatch(ConvertKernel { flavour: &shared.flavour, from, to: &mut to[..f.width] });
+                convert(&shared.flavour, from, &mut to[..f.width]);
             }
         }
         Ok(())
@@ -318,12 +256,8 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
 
     fn find_skin(&mut self, f: &Frame, z: u32) {
         let bits = BitRows { bits: &self.bits, none: &self.no_bits, words: f.words, z, nz: self.dims[2] };
-        dispatch(SkinKernel {
-            bits: &bits,
-            rows: f.column.y.len(),
-            connectivity: self.shared.connectivity,
-            skin: &mut self.skin[..f.words * BRICK_ROWS],
-        });
+        let skin = &mut self.skin[..f.words * BRICK_ROWS];
+        find_skin(&bits, f.column.y.len(), self.shared.connectivity, skin);
     }
 
     fn scan_brick_slice(&mut self, f: &Frame, z: u32, brick: usize) -> Result<(), BuildError> {
@@ -331,7 +265,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
         if skin.iter().fold(0, |any, row| any | row) == 0 {
             return Ok(());
         }
-        let count = dispatch(CountKernel(&skin));
+        let count = count_slice(&skin);
         let slice = (z % BRICK) as usize;
         let value_bytes = self.shared.plan.swapped_value_bytes;
         let normal_bytes = if self.shared.plan.normals { 2 } else { 0 };
@@ -467,7 +401,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
         for brick in &mut self.bricks[..f.column.x.len().div_ceil(BRICK_ROWS)] {
             let mut entry = BrickEntry::default();
             if brick.last_fragment != 0 {
-                (entry.skin, entry.boxes) = dispatch(BoxKernel(&brick.rows));
+                (entry.skin, entry.boxes) = count_brick(&brick.rows);
                 entry.last_fragment = brick.last_fragment;
                 brick.rows.fill(0);
                 brick.last_fragment = 0;
@@ -477,134 +411,6 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
         }
         let first = [f.column.x.start / BRICK, f.column.y.start / BRICK, slab].map(u64::from);
         self.shared.scratch.put_entries(first, &self.entries, &mut self.entry_bytes)
-    }
-}
-
-/// Step beyond the border: one unit for integers, so that a sample just at the bound still falls.
-fn border_unit<F: Flavour>() -> f32 {
-    use crate::source::{Scalar, ScalarType};
-    if matches!(<F::File as Scalar>::TYPE, ScalarType::F32 | ScalarType::F64) { 0.0 } else { 1.0 }
-}
-
-struct CountKernel<'a>(&'a [u32; BRICK_ROWS]);
-
-impl Kernel for CountKernel<'_> {
-    type Output = usize;
-
-    #[inline(always)]
-    fn run<const AVX2: bool>(self) -> usize {
-        self.0.iter().map(|row| row.count_ones() as usize).sum()
-    }
-}
-
-struct BoxKernel<'a>(&'a [u32; BRICK_ROWS * BRICK_ROWS]);
-
-impl Kernel for BoxKernel<'_> {
-    type Output = (u32, [u16; 4]);
-
-    #[inline(always)]
-    fn run<const AVX2: bool>(self) -> (u32, [u16; 4]) {
-        count_boxes(self.0)
-    }
-}
-
-/// Skin voxels of a brick, and its non-empty boxes with an edge of 2, 4, 8 and 16.
-#[inline(always)]
-fn count_boxes(rows: &[u32; BRICK_ROWS * BRICK_ROWS]) -> (u32, [u16; 4]) {
-    let skin = rows.iter().map(|r| r.count_ones()).sum();
-    let mut level = *rows;
-    let mut edge = BRICK_ROWS;
-    let mut boxes = [0; 4];
-    let keep = [0x5555_5555_u32, 0x1111_1111, 0x0101_0101, 0x0001_0001];
-    for (step, count) in boxes.iter_mut().enumerate() {
-        let half = edge / 2;
-        let mut sum = 0;
-        for z in 0..half {
-            for y in 0..half {
-                let at = |dz: usize, dy: usize| level[(2 * z + dz) * edge + 2 * y + dy];
-                let row = at(0, 0) | at(0, 1) | at(1, 0) | at(1, 1);
-                let folded = (row | row >> (1 << step)) & keep[step];
-                sum += folded.count_ones();
-                // Rows move to the front; the place written lies before every place still to be read.
-                level[z * half + y] = folded;
-            }
-        }
-        *count = sum as u16;
-        edge = half;
-    }
-    (skin, boxes)
-}
-
-/// The 32 rows of one brick out of the tile's skin words.
-#[inline]
-fn brick_rows(skin: &[u64], words: usize, brick: usize) -> [u32; BRICK_ROWS] {
-    let shift = brick % 2 * 32;
-    std::array::from_fn(|y| (skin[y * words + brick / 2] >> shift) as u32)
-}
-
-/// Rows of inside bits of the slices around z; rows and slices outside the volume are empty.
-struct BitRows<'a> {
-    bits: &'a [u64],
-    none: &'a [u64],
-    words: usize,
-    z: u32,
-    nz: u32,
-}
-
-impl BitRows<'_> {
-    /// The 3 x 3 rows around row `y` of the tile.
-    #[inline(always)]
-    fn around(&self, y: usize) -> Rows<'_> {
-        let row = |dz: u32, dy: usize| {
-            let slice = self.z.wrapping_add(dz).wrapping_sub(1);
-            if slice >= self.nz {
-                return &self.none[..self.words + 2];
-            }
-            let row = slice as usize % BIT_RING * BIT_ROWS + y + dy;
-            &self.bits[row * self.none.len()..][..self.words + 2]
-        };
-        [
-            [row(0, 0), row(0, 1), row(0, 2)],
-            [row(1, 0), row(1, 1), row(1, 2)],
-            [row(2, 0), row(2, 1), row(2, 2)],
-        ]
-    }
-}
-
-struct SkinKernel<'a, 'b> {
-    bits: &'a BitRows<'b>,
-    rows: usize,
-    connectivity: Connectivity,
-    skin: &'a mut [u64],
-}
-
-impl Kernel for SkinKernel<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const AVX2: bool>(self) {
-        let (filled, rest) = self.skin.split_at_mut(self.rows * self.bits.words);
-        for (y, out) in filled.chunks_exact_mut(self.bits.words).enumerate() {
-            skin_row(&self.bits.around(y), self.connectivity, out);
-        }
-        rest.fill(0);
-    }
-}
-
-struct ConvertKernel<'a, F: Flavour> {
-    flavour: &'a F,
-    from: &'a [F::File],
-    to: &'a mut [F::Ring],
-}
-
-impl<F: Flavour> Kernel for ConvertKernel<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const AVX2: bool>(self) {
-        for (to, from) in self.to.iter_mut().zip(self.from) {
-            *to = self.flavour.convert(*from);
-        }
     }
 }
 
@@ -631,43 +437,5 @@ fn classify_rows<T: Ordered>(
         classify(&samples[x0..x0 + width], range, &mut row[1..=f.words]);
         row[0] = if x0 > 0 { u64::from(range.contains(samples[x0 - 1])) << 63 } else { 0 };
         row[f.words + 1] = samples.get(x0 + width).map_or(0, |v| u64::from(range.contains(*v)));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn boxes_are_counted_as_by_brute_force() {
-        for seed in 0..20_u32 {
-            let mut rows = [0_u32; 1024];
-            let mut state = seed.wrapping_mul(747_796_405) + 1;
-            for (i, row) in rows.iter_mut().enumerate() {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                *row = if seed == 19 {
-                    u32::MAX
-                } else if (i as u32).is_multiple_of(seed + 1) {
-                    state & (state >> 7)
-                } else {
-                    0
-                };
-            }
-            let set = |x: usize, y: usize, z: usize| rows[32 * z + y] >> x & 1 == 1;
-            let mut want = [0; 4];
-            for (k, count) in want.iter_mut().enumerate() {
-                let edge = 2 << k;
-                let mut seen = std::collections::HashSet::new();
-                for z in 0..32 {
-                    for y in 0..32 {
-                        for x in (0..32).filter(|x| set(*x, y, z)) {
-                            seen.insert((x / edge, y / edge, z / edge));
-                        }
-                    }
-                }
-                *count = u16::try_from(seen.len()).unwrap();
-            }
-            assert_eq!(count_boxes(&rows).1, want, "seed {seed}");
-        }
     }
 }

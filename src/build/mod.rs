@@ -17,10 +17,12 @@
 //! The result does not depend on the budget, the number of threads or the shape of columns: records are
 //! functions of voxels alone, and their places follow from the census.
 
+mod boxes;
 mod brick;
 mod classify;
 mod column;
 mod error;
+mod flavour;
 mod gradient;
 mod histogram;
 mod lanes;
@@ -50,7 +52,8 @@ use crate::atomic::AtomicFile;
 use crate::budget::current_rss_bytes;
 use crate::format::{Metadata, Selection, SelectionKind, SourceMeta};
 use crate::source::{ScalarType, VolumeInfo, VolumeSource};
-use column::{ColumnWorker, Depths, Direct, Flavour, ScanContext, ScanTotals};
+use column::{ColumnWorker, ScanContext, ScanTotals};
+use flavour::{Depths, Direct, Flavour};
 use gradient::NormalRule;
 use layout::{Census, Layout, SectionChoice};
 use merge::{Merge, Target};

@@ -2,6 +2,11 @@
 //!
 //! Rows of bits carry one word of neighbours at either end, so shifts need no special case.
 
+use super::plan::BRICK;
+use super::simd::{Kernel, dispatch};
+
+const BRICK_ROWS: usize = BRICK as usize;
+
 /// Which neighbours make a voxel skin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Connectivity {
@@ -84,4 +89,70 @@ pub(super) fn exposed(rows: &Rows<'_>, half: usize) -> Exposed {
     let faces = [west(here, i), east(here, i), north[i + 1], south[i + 1], down[i + 1], up[i + 1]]
         .map(|inside| !(inside >> shift) as u32);
     Exposed { faces }
+}
+
+/// Slices of inside bits held: z-1 ..= z+2.
+pub(super) const BIT_RING: usize = 4;
+/// Rows of inside bits of a slice: the tile's and one on either side.
+pub(super) const BIT_ROWS: usize = BRICK_ROWS + 2;
+
+/// Writes the skin bits of `rows` rows of the tile to the front of `skin`, and clears the rest.
+pub(super) fn find_skin(bits: &BitRows<'_>, rows: usize, connectivity: Connectivity, skin: &mut [u64]) {
+    dispatch(SkinKernel { bits, rows, connectivity, skin });
+}
+
+/// The 32 rows of one brick out of the tile's skin words.
+#[inline]
+pub(super) fn brick_rows(skin: &[u64], words: usize, brick: usize) -> [u32; BRICK_ROWS] {
+    let shift = brick % 2 * 32;
+    std::array::from_fn(|y| (skin[y * words + brick / 2] >> shift) as u32)
+}
+
+/// Rows of inside bits of the slices around z; rows and slices outside the volume are empty.
+pub(super) struct BitRows<'a> {
+    pub(super) bits: &'a [u64],
+    pub(super) none: &'a [u64],
+    pub(super) words: usize,
+    pub(super) z: u32,
+    pub(super) nz: u32,
+}
+
+impl BitRows<'_> {
+    /// The 3 x 3 rows around row `y` of the tile.
+    #[inline(always)]
+    pub(super) fn around(&self, y: usize) -> Rows<'_> {
+        let row = |dz: u32, dy: usize| {
+            let slice = self.z.wrapping_add(dz).wrapping_sub(1);
+            if slice >= self.nz {
+                return &self.none[..self.words + 2];
+            }
+            let row = slice as usize % BIT_RING * BIT_ROWS + y + dy;
+            &self.bits[row * self.none.len()..][..self.words + 2]
+        };
+        [
+            [row(0, 0), row(0, 1), row(0, 2)],
+            [row(1, 0), row(1, 1), row(1, 2)],
+            [row(2, 0), row(2, 1), row(2, 2)],
+        ]
+    }
+}
+
+struct SkinKernel<'a, 'b> {
+    bits: &'a BitRows<'b>,
+    rows: usize,
+    connectivity: Connectivity,
+    skin: &'a mut [u64],
+}
+
+impl Kernel for SkinKernel<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const AVX2: bool>(self) {
+        let (filled, rest) = self.skin.split_at_mut(self.rows * self.bits.words);
+        for (y, out) in filled.chunks_exact_mut(self.bits.words).enumerate() {
+            skin_row(&self.bits.around(y), self.connectivity, out);
+        }
+        rest.fill(0);
+    }
 }
