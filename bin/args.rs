@@ -33,8 +33,7 @@ pub(crate) enum Command {
     Thumbnail(ThumbnailArgs),
     /// Build a synthetic head and its picture, to see the program work without any data
     Demo(DemoArgs),
-    /// Check the program against its own slow twins on this machine
-    #[command(hide = true)]
+    /// Compare random rays through a model with a slow exact reference
     Selfcheck(SelfcheckArgs),
 }
 

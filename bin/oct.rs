@@ -59,7 +59,7 @@ fn refuse(e: &clap::Error) -> ExitCode {
     let sentence: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
     let sentence = sentence.join(" ");
     let sentence = sentence.strip_prefix("error: ").unwrap_or(&sentence);
-    let _ = writeln!(io::stderr(), "oct: {}; see `oct --help`", one_line(sentence));
+    let _ = writeln!(io::stderr(), "oct: {}; see `oct COMMAND --help`", one_line(sentence));
     ExitCode::from(ExitKind::Usage.code())
 }
 
@@ -129,6 +129,10 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Error> {
             orientation: raw.orientation.unwrap_or(Orientation::LPS),
         })),
         (None, None) if raw.spacing.is_none() && raw.skip.is_none() && raw.orientation.is_none() => Ok(None),
+        (None, None) => Err(Error::Usage(
+            "--spacing, --skip and --orientation are for raw volumes, with --dims and --dtype; other files state them"
+                .into(),
+        )),
         (None, _) => Err(Error::Usage("a raw volume needs --dims NXxNYxNZ as well".into())),
         (_, None) => Err(Error::Usage("a raw volume needs --dtype as well, for example --dtype u16".into())),
     }

@@ -1,5 +1,7 @@
 //! `oct build`: a volume on disk into a model on disk, and the report of it.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -9,6 +11,7 @@ use super::info::{Info, info, static_facts};
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::build::{self, BuildOptions, BuildReport, Progress};
 use crate::error::Error;
+use crate::format::MAGIC;
 use crate::source::{self, RawOptions, VolumeSource};
 
 /// What was built, from what, and what it took.
@@ -48,13 +51,23 @@ pub fn build(
     build_source(&*source, input, options, output, progress, started)
 }
 
-/// A model never takes the place of the volume it is made of.
+/// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
+/// not a model itself.
 fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     let Ok(real) = output.canonicalize() else { return Ok(()) };
-    match inputs.iter().find(|input| input.canonicalize().is_ok_and(|path| path == real && path.is_file())) {
-        Some(input) => Err(Error::Usage(format!(
-            "{}: is the input and would be replaced by the model; name another file with --output",
-            input.display()
+    let is_model = || {
+        let mut head = [0; MAGIC.len()];
+        File::open(&real).and_then(|mut file| file.read_exact(&mut head)).is_ok() && head == MAGIC
+    };
+    let replaced = |input: &&PathBuf| {
+        input.canonicalize().is_ok_and(|path| {
+            if path.is_dir() { real.starts_with(&path) && !is_model() } else { path == real }
+        })
+    };
+    match inputs.iter().find(replaced) {
+        Some(_) => Err(Error::Usage(format!(
+            "{}: is part of the input and would be replaced by the model; name another file with --output",
+            output.display()
         ))),
         None => Ok(()),
     }
@@ -80,9 +93,20 @@ pub fn build_source(
         memory_bytes: options.memory_bytes,
         report,
         info: info(output)?,
-        warnings: source.info().warnings.clone(),
+        warnings: without_repeats(&source.info().warnings),
         wall_s,
     })
+}
+
+/// The sentences in order, each once.
+fn without_repeats(warnings: &[String]) -> Vec<String> {
+    let mut kept: Vec<String> = Vec::new();
+    for warning in warnings {
+        if !kept.contains(warning) {
+            kept.push(warning.clone());
+        }
+    }
+    kept
 }
 
 impl BuildSummary {

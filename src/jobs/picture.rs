@@ -18,6 +18,8 @@ pub fn render_file(
     normals: Option<&Path>,
     request: &RenderRequest,
 ) -> Result<RenderReport, Error> {
+    let outputs: Vec<&Path> = [Some(output), depth, normals].into_iter().flatten().collect();
+    refuse_clash(model, &outputs)?;
     let model = Model::open(model)?;
     let request = RenderRequest { depth: depth.is_some(), normals: normals.is_some(), ..*request };
     let (image, mut report) = render(&model.view(), model.dims(), &model.affine(), &request)?;
@@ -42,4 +44,41 @@ pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) ->
     report.bytes_touched = mapped_rss_bytes(model.bytes());
     image.write_png(output)?;
     Ok(report)
+}
+
+/// A picture never takes the place of the model, nor of another picture of the same call.
+fn refuse_clash(model: &Path, outputs: &[&Path]) -> Result<(), Error> {
+    let same = |a: &Path, b: &Path| {
+        a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+    };
+    for (at, output) in outputs.iter().enumerate() {
+        if same(output, model) {
+            let path = output.display();
+            return Err(Error::Usage(format!(
+                "{path}: is the model and would be replaced by a picture; name another file"
+            )));
+        }
+        if outputs[..at].iter().any(|other| same(output, other)) {
+            let path = output.display();
+            return Err(Error::Usage(format!(
+                "{path}: is named for two pictures; name another file for one of them"
+            )));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_do_not_replace_the_model_or_each_other() {
+        let clash = |outputs: &[&str]| {
+            let outputs: Vec<&Path> = outputs.iter().map(Path::new).collect();
+            refuse_clash(Path::new("m.oct"), &outputs).is_err()
+        };
+        assert!(clash(&["m.oct"]) && clash(&["a.png", "m.oct"]) && clash(&["a.png", "a.png"]));
+        assert!(!clash(&["a.png", "b.png", "c.png"]));
+    }
 }

@@ -4,6 +4,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::RenderError;
+use crate::atomic::AtomicFile;
 
 /// A picture, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -85,25 +86,12 @@ fn write_atomically(
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), RenderError> {
     let write = || -> io::Result<()> {
-        let folder = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".picture-").suffix(".tmp");
-        #[cfg(unix)]
-        {
-            // As for any new file: the user's mask decides; temporary files are private otherwise.
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let file = builder.tempfile_in(folder)?;
-        let mut out = BufWriter::new(file);
+        let file = AtomicFile::create(path)?;
+        let mut out = BufWriter::new(file.file());
         fill(&mut out)?;
-        let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|e| e.error)?;
-        Ok(())
+        out.flush()?;
+        drop(out);
+        file.commit()
     };
     write().map_err(|cause| RenderError::Write { path: path.to_path_buf(), cause })
 }
@@ -153,7 +141,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let error = small().write_png(&folder.path().join("missing/a.png")).unwrap_err().to_string();
         assert!(error.contains("missing/a.png") && error.contains("check the folder"), "{error}");
-        // The target is a folder: the rename fails after the file was written.
+        // The target is a folder.
         let taken = folder.path().join("taken");
         std::fs::create_dir(&taken).unwrap();
         assert!(small().write_png(&taken).is_err());
