@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::geom::{Dims, Orientation};
+use infobyte::jobs::render::RenderRequest;
 use infobyte::source::{Endian, ScalarType};
 
 /// Volumes into compact surface octrees in a fixed amount of memory, shown by exact ray traversal.
@@ -164,7 +165,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum, default_value_t = Projection::Parallel)]
     pub(crate) projection: Projection,
     /// Vertical field of view in degrees, for the perspective projection
-    #[arg(long, value_name = "DEG", default_value = "30", value_parser = fov)]
+    #[arg(long, value_name = "DEG", default_value_t = RenderRequest::FOV_DEG, value_parser = fov)]
     pub(crate) fov: f64,
     /// Worker threads; all cores by default
     #[arg(long, value_name = "N", value_parser = threads)]

@@ -39,6 +39,9 @@ impl AtomicFile {
             Ok(real) => real,
             Err(_) => target.to_path_buf(),
         };
+        if fs::symlink_metadata(&target).is_ok_and(|m| m.is_symlink()) {
+            return Err(io::Error::other("it is a link to a place that does not exist"));
+        }
         if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
             return Err(io::Error::other("it exists and is not a regular file"));
         }
@@ -52,6 +55,8 @@ impl AtomicFile {
         let mode = Mode::from_raw_mode(0o666);
         let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
         let storage = match rustix::fs::openat(CWD, &folder, flags, mode) {
+            // The name is given later through /proc; without that, the file needs one from the start.
+            Ok(_) if !Path::new("/proc/self/fd").exists() => Storage::Named(named(&folder)?),
             Ok(descriptor) => Storage::Nameless(File::from(descriptor)),
             Err(e) => match e.into() {
                 // A clear refusal; anything else may be a file system without nameless files.

@@ -1,73 +1,6 @@
-//! One memory budget, passed down; whatever has weight is reserved from it before it is allocated.
+//! Sizes in bytes as people write them, and what the operating system accounts to this process.
 
 use std::fmt;
-use std::sync::atomic::{AtomicU64, Ordering};
-
-/// A limit in bytes and how much of it is promised already.
-#[derive(Debug)]
-pub struct Budget {
-    limit_bytes: u64,
-    reserved_bytes: AtomicU64,
-}
-
-/// A reservation that did not fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BudgetExceeded {
-    /// What was asked for.
-    pub wanted_bytes: u64,
-    /// What was left.
-    pub left_bytes: u64,
-}
-
-impl Budget {
-    /// A budget with nothing reserved.
-    pub fn new(limit_bytes: u64) -> Self {
-        Self { limit_bytes, reserved_bytes: AtomicU64::new(0) }
-    }
-
-    /// The limit.
-    pub fn limit_bytes(&self) -> u64 {
-        self.limit_bytes
-    }
-
-    /// Bytes promised so far.
-    pub fn reserved_bytes(&self) -> u64 {
-        self.reserved_bytes.load(Ordering::Relaxed)
-    }
-
-    /// Promises `wanted_bytes` until the reservation is dropped.
-    ///
-    /// # Errors
-    /// [`BudgetExceeded`] when less than that is left; nothing is reserved then.
-    pub fn reserve(&self, wanted_bytes: u64) -> Result<Reservation<'_>, BudgetExceeded> {
-        self.reserved_bytes
-            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |used| {
-                used.checked_add(wanted_bytes).filter(|sum| *sum <= self.limit_bytes)
-            })
-            .map(|_| Reservation { budget: self, bytes: wanted_bytes })
-            .map_err(|used| BudgetExceeded { wanted_bytes, left_bytes: self.limit_bytes - used })
-    }
-}
-
-/// Bytes held from a [`Budget`]; given back on drop.
-#[derive(Debug)]
-pub struct Reservation<'a> {
-    budget: &'a Budget,
-    bytes: u64,
-}
-
-impl Reservation<'_> {
-    /// Size of the reservation.
-    pub fn bytes(&self) -> u64 {
-        self.bytes
-    }
-}
-
-impl Drop for Reservation<'_> {
-    fn drop(&mut self) {
-        self.budget.reserved_bytes.fetch_sub(self.bytes, Ordering::Relaxed);
-    }
-}
 
 /// Parses `8MiB`, `64M`, `1GiB`, `4096`; K, M and G are binary with or without `iB`/`B`.
 ///
@@ -203,16 +136,5 @@ mod tests {
         assert_eq!(resident_of(smaps, 0x7_f00b_b000), Some(64 << 10));
         assert_eq!(resident_of(smaps, 0x7_f00a_a000), Some(12 << 10));
         assert_eq!(resident_of(smaps, 0x7_f00c_c000), None);
-    }
-
-    #[test]
-    fn reservations_are_given_back_and_never_exceed_the_limit() {
-        let budget = Budget::new(100);
-        let first = budget.reserve(60).unwrap();
-        assert_eq!(budget.reserve(41).unwrap_err(), BudgetExceeded { wanted_bytes: 41, left_bytes: 40 });
-        assert_eq!(budget.reserved_bytes(), first.bytes());
-        drop(first);
-        assert!(budget.reserve(100).is_ok());
-        assert!(budget.reserve(u64::MAX).is_err());
     }
 }

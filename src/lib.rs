@@ -12,7 +12,7 @@
 //! |---|---|
 //! | [`geom`] | dims, Morton codes, affine transforms |
 //! | [`atomic`] | output files that appear whole or not at all |
-//! | [`budget`] | the memory budget that everything of weight is reserved from |
+//! | [`budget`] | sizes in bytes, and what the system accounts to the process |
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
 //! | [`source`] | where voxels come from: raw files, DICOM series, the synthetic head |
 //! | [`build`] | plan, classify, skin, gradient, swap, merge, atomic output |

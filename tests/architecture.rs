@@ -19,7 +19,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("source", &["budget", "cpu", "error", "geom"]),
     ("build", &["atomic", "budget", "cpu", "error", "format", "geom", "source"]),
     ("load", &["budget", "cpu", "error", "format", "geom"]),
-    ("render", &["budget", "cpu", "error", "format", "geom", "load"]),
+    ("render", &["atomic", "budget", "cpu", "error", "format", "geom", "load"]),
     ("jobs", &["atomic", "budget", "build", "cpu", "error", "format", "geom", "load", "render", "source"]),
     ("error", &["build", "format", "load", "render", "source"]),
 ];

@@ -246,7 +246,11 @@ fn outputs_that_cannot_be_written_are_refused() {
             oct(&[command, &model, "-o", &missing]).refused(5, &["nowhere/m.png", "check the folder"]);
         }
     }
-    oct(&["demo", "--size", "8", "-o", &missing]).refused(5, &["nowhere/m.png", "check the folder"]);
+    oct(&["demo", "--size", "8", "-o", &missing]).refused(2, &["nowhere/m.png", "name another file"]);
+    let missing = text(&stage.path("nowhere/m.oct"));
+    oct(&["demo", "--size", "8", "-o", &missing]).refused(5, &["nowhere/m.oct", "check the folder"]);
+    oct(&["render", &model, "-o", &model]).refused(2, &["is the model", "name another file"]);
+    oct(&["thumbnail", &model, "-o", &model]).refused(2, &["is the model", "name another file"]);
 }
 
 #[test]

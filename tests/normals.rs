@@ -434,7 +434,7 @@ fn anisotropic_spacing_meets_its_percentiles_too() {
 #[test]
 fn codes_do_not_depend_on_threads_or_memory() {
     // A noisy, wavy ground, wide enough for a small budget to cut it into narrower columns.
-    let volume = Held::new([4000, 40, 24], [1.0, 1.0, 2.0], ScalarType::U16, |at| {
+    let volume = Held::new([4000, 72, 24], [1.0, 1.0, 2.0], ScalarType::U16, |at| {
         let [x, y, z] = at.map(f64::from);
         let height = 12.0 + 5.0 * (x * 0.05).sin() * (y * 0.07).cos();
         (2000.0 + 500.0 * (height - z) + 50.0 * gaussian_noise(at)).round().clamp(0.0, 4095.0) as u16

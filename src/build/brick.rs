@@ -10,6 +10,7 @@ use crate::format::normal;
 use crate::geom::morton;
 
 const EDGE: usize = 32;
+const _: () = assert!(EDGE == super::plan::BRICK as usize, "rows of a brick are words of 32 bits");
 const VOXELS: usize = EDGE * EDGE * EDGE;
 /// Boxes of 4^3 voxels: one word of 64 voxels each.
 const WORDS: usize = VOXELS / 64;

@@ -60,7 +60,14 @@ pub(super) fn otsu<T: Ordered>(source: &dyn VolumeSource, threads: usize) -> Res
         ScalarType::I8 => exact(-128.0),
         ScalarType::I16 => exact(-32768.0),
         _ => match extremes::<T>(source, threads)? {
-            Some((min, max)) if max > min => (min, (max - min) / (BINS - 1) as f64),
+            Some((min, max)) if max > min => {
+                let width = max / (BINS - 1) as f64 - min / (BINS - 1) as f64;
+                if !width.is_normal() {
+                    // Values so close that no bin can tell them apart: the largest is the upper class.
+                    return Ok(Some(max));
+                }
+                (min, width)
+            }
             _ => return Ok(None),
         },
     };
@@ -88,7 +95,7 @@ pub(super) fn otsu<T: Ordered>(source: &dyn VolumeSource, threads: usize) -> Res
                         clippy::cast_sign_loss,
                         reason = "clamped below"
                     )]
-                    let bin = ((v - low) / width) as usize;
+                    let bin = (v / width - low / width) as usize;
                     local[bin.min(BINS - 1)] += 1;
                 }
             }

@@ -24,8 +24,7 @@ const RUN_BYTES: usize = 32 << 10;
 /// Runs of one worker at most: five levels of infobytes, four of means twice, two channels.
 const RUNS: u64 = 15;
 /// Memory of one worker.
-pub(super) const WORKER_BYTES: u64 =
-    BrickReader::BYTES + RUNS * (RUN_BYTES as u64 + (64 << 10)) / 4 + (64 << 10);
+pub(super) const WORKER_BYTES: u64 = BrickReader::BYTES + RUNS * RUN_BYTES as u64 + (64 << 10);
 /// Bytes of a brick's summary in the scratch file.
 const SUMMARY_BYTES: usize = 56;
 
@@ -65,11 +64,18 @@ impl Run {
     }
 
     pub(super) fn put(&mut self, target: &Target<'_>, bytes: &[u8]) -> Result<(), BuildError> {
-        if self.at.is_some() {
+        if self.at.is_none() {
+            return Ok(());
+        }
+        if self.bytes.len() + bytes.len() > RUN_BYTES {
+            self.flush(target)?;
+        }
+        if bytes.len() < RUN_BYTES {
+            self.bytes.reserve_exact(RUN_BYTES.saturating_sub(self.bytes.capacity()));
             self.bytes.extend_from_slice(bytes);
-            if self.bytes.len() >= RUN_BYTES {
-                self.flush(target)?;
-            }
+        } else if let Some(at) = &mut self.at {
+            target.file.write_all_at(bytes, *at).map_err(|e| target.error(e))?;
+            *at += bytes.len() as u64;
         }
         Ok(())
     }

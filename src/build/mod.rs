@@ -49,7 +49,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
-use crate::budget::current_rss_bytes;
+use crate::budget::{current_rss_bytes, peak_rss_bytes};
 use crate::format::{Metadata, Selection, SelectionKind, SourceMeta};
 use crate::source::{ScalarType, VolumeInfo, VolumeSource};
 use column::{ColumnWorker, ScanContext, ScanTotals};
@@ -168,15 +168,18 @@ pub fn build(
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
     let job = Job { source, options, output, progress };
+    // What can be refused at once is refused before the volume is read.
+    job.check_budget()?;
+    let files = job.open_files()?;
     match source.info().scalar {
-        ScalarType::U8 => job.run_direct::<u8>(),
-        ScalarType::I8 => job.run_direct::<i8>(),
-        ScalarType::U16 => job.run_direct::<u16>(),
-        ScalarType::I16 => job.run_direct::<i16>(),
-        ScalarType::F32 => job.run_direct::<f32>(),
-        ScalarType::U32 => job.run_depths::<u32>(),
-        ScalarType::I32 => job.run_depths::<i32>(),
-        ScalarType::F64 => job.run_depths::<f64>(),
+        ScalarType::U8 => job.run_direct::<u8>(files),
+        ScalarType::I8 => job.run_direct::<i8>(files),
+        ScalarType::U16 => job.run_direct::<u16>(files),
+        ScalarType::I16 => job.run_direct::<i16>(files),
+        ScalarType::F32 => job.run_direct::<f32>(files),
+        ScalarType::U32 => job.run_depths::<u32>(files),
+        ScalarType::I32 => job.run_depths::<i32>(files),
+        ScalarType::F64 => job.run_depths::<f64>(files),
     }
 }
 
@@ -187,20 +190,34 @@ struct Job<'a> {
     progress: &'a dyn Progress,
 }
 
+/// The files that a build writes.
+struct Files {
+    atomic: AtomicFile,
+    scratch: Scratch,
+}
+
 impl Job<'_> {
+    fn open_files(&self) -> Result<Files, BuildError> {
+        let bricks = self.source.info().dims.to_array().map(|n| u64::from(n.div_ceil(plan::BRICK)));
+        Ok(Files {
+            atomic: AtomicFile::create(self.output).map_err(|e| self.output_error(e))?,
+            scratch: Scratch::create(&self.scratch_folder(), bricks)?,
+        })
+    }
+
     /// Types that can stand in the ring as they are, if the range has only a lower end.
-    fn run_direct<T: Ordered + lanes::RingSample>(&self) -> Result<BuildReport, BuildError> {
+    fn run_direct<T: Ordered + lanes::RingSample>(&self, files: Files) -> Result<BuildReport, BuildError> {
         let (selection, range, histogram_s) = self.choose::<T>()?;
         if range.is_open_above() {
-            self.run(Direct(range), selection, histogram_s)
+            self.run(files, Direct(range), selection, histogram_s)
         } else {
-            self.run(Depths(range), selection, histogram_s)
+            self.run(files, Depths(range), selection, histogram_s)
         }
     }
 
-    fn run_depths<T: Ordered>(&self) -> Result<BuildReport, BuildError> {
+    fn run_depths<T: Ordered>(&self, files: Files) -> Result<BuildReport, BuildError> {
         let (selection, range, histogram_s) = self.choose::<T>()?;
-        self.run(Depths(range), selection, histogram_s)
+        self.run(files, Depths(range), selection, histogram_s)
     }
 
     /// The selection in physical units and in samples.
@@ -216,6 +233,7 @@ impl Job<'_> {
                 let Some(split) = histogram::otsu::<T>(self.source, self.histogram_threads())? else {
                     return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
                 };
+                self.progress.advance(1);
                 // On a falling scale the samples below the split are the high values, and the split itself is
                 // not one of them.
                 let lowest = if rescale.slope > 0.0 { split } else { range::highest_below::<T>(split) };
@@ -243,19 +261,15 @@ impl Job<'_> {
 
     fn run<F: Flavour>(
         &self,
+        files: Files,
         flavour: F,
         selection: Selection,
         histogram_s: f64,
     ) -> Result<BuildReport, BuildError> {
         let info = self.source.info();
-        let plan = self.plan::<F>()?;
+        let plan = self.plan(size_of::<F::Ring>(), F::DIRECT)?;
         let mut seconds = StageSeconds { histogram: histogram_s, ..StageSeconds::default() };
-        // Opened first, so that a folder that cannot be written is found before the work.
-        let atomic = AtomicFile::create(self.output).map_err(|e| self.output_error(e))?;
-        let folder = self.scratch_folder();
-        let bricks = info.dims.to_array().map(|n| u64::from(n.div_ceil(plan::BRICK)));
-        let scratch = Scratch::create(&folder, bricks)?;
-
+        let Files { atomic, scratch } = files;
         let started = Instant::now();
         let totals = self.scan(flavour, &plan, &scratch)?;
         seconds.scan = started.elapsed().as_secs_f64();
@@ -306,24 +320,42 @@ impl Job<'_> {
         })
     }
 
-    fn plan<F: Flavour>(&self) -> Result<ColumnPlan, BuildError> {
+    /// Is there a plan for the kindest range of this sample type? A cap under which none exists, or that
+    /// opening the input has passed already, fails here.
+    fn check_budget(&self) -> Result<(), BuildError> {
+        let scalar = self.source.info().scalar;
+        let direct = scalar.bytes() <= 2 || scalar == ScalarType::F32;
+        let ring_bytes = if direct { scalar.bytes() } else { size_of::<f32>() };
+        self.plan(ring_bytes, direct).map(|_| ())
+    }
+
+    fn plan(&self, ring_sample_bytes: usize, direct: bool) -> Result<ColumnPlan, BuildError> {
         let info = self.source.info();
-        ColumnPlan::new(&PlanRequest {
+        let limit_bytes = self.options.memory_bytes;
+        let plan = ColumnPlan::new(&PlanRequest {
             dims: info.dims,
-            file_sample_bytes: size_of::<F::File>(),
-            ring_sample_bytes: size_of::<F::Ring>(),
-            direct: F::DIRECT,
+            file_sample_bytes: info.scalar.bytes(),
+            ring_sample_bytes,
+            direct,
             normals: self.options.normals,
             swapped_value_bytes: if self.options.values { value::swapped_bytes(info.scalar) } else { 0 },
             threads: self.options.threads,
-            limit_bytes: self.options.memory_bytes,
+            limit_bytes,
             base_bytes: current_rss_bytes(),
             source_bytes: self.source.resident_bytes(),
-        })
-        .map_err(|minimum_bytes| BuildError::BudgetTooSmall {
-            name: info.description.name.clone(),
-            limit_bytes: self.options.memory_bytes,
-            minimum_bytes,
+        });
+        // The cap is on the peak: what the process has held before, to open the input, counts too.
+        let peak = peak_rss_bytes();
+        let minimum = match plan {
+            Ok(plan) if peak <= limit_bytes => return Ok(plan),
+            Ok(_) => peak,
+            Err(minimum) => minimum.max(peak),
+        };
+        let name = info.description.name.clone();
+        Err(BuildError::BudgetTooSmall {
+            name,
+            limit_bytes,
+            minimum_bytes: minimum.next_multiple_of(1 << 16),
         })
     }
 

@@ -29,6 +29,8 @@ pub(super) const PROCESS_GROWTH: u64 = 1 << 20;
 /// What is resident at the start is counted as at least this: it differs by some 300 KiB between runs (the
 /// kernel maps pages of the program around those that are touched), and the smallest budget should not.
 const BASE_AT_LEAST: u64 = 3584 << 10;
+/// That difference, for programs that start above it (unoptimised ones, or hosts of the library).
+const BASE_SPREAD: u64 = 384 << 10;
 
 /// Sizes of one worker's buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,7 +78,10 @@ impl ColumnPlan {
     pub(super) fn new(request: &PlanRequest) -> Result<Self, u64> {
         let nx = request.dims.nx();
         let narrower = |tile: u32| (tile / 2).next_multiple_of(64).max(NARROWEST_TILE);
-        let (mut tile, mut threads) = (nx, request.threads.max(1));
+        // Workers without a column of their own would only take memory.
+        let columns = Self::sized(request, nx, 1).column_count();
+        let most = usize::try_from(columns).unwrap_or(usize::MAX);
+        let (mut tile, mut threads) = (nx, request.threads.clamp(1, most));
         loop {
             let plan = Self::sized(request, tile, threads);
             if plan.total_bytes <= request.limit_bytes {
@@ -89,7 +94,9 @@ impl ColumnPlan {
             } else if tile > NARROWEST_TILE {
                 tile = narrower(tile);
             } else {
-                return Err(plan.total_bytes.next_multiple_of(1 << 16));
+                let later = (request.base_bytes + BASE_SPREAD).max(BASE_AT_LEAST);
+                let now = request.base_bytes.max(BASE_AT_LEAST);
+                return Err((plan.total_bytes - now + later).next_multiple_of(1 << 16));
             }
         }
     }

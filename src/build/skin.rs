@@ -103,6 +103,7 @@ pub(super) fn find_skin(bits: &BitRows<'_>, rows: usize, connectivity: Connectiv
 
 /// The 32 rows of one brick out of the tile's skin words.
 #[inline]
+#[expect(clippy::cast_possible_truncation, reason = "the half is chosen by the shift")]
 pub(super) fn brick_rows(skin: &[u64], words: usize, brick: usize) -> [u32; BRICK_ROWS] {
     let shift = brick % 2 * 32;
     std::array::from_fn(|y| (skin[y * words + brick / 2] >> shift) as u32)

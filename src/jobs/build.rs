@@ -45,8 +45,8 @@ pub fn build(
     progress: &dyn Progress,
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
-    refuse_own_input(inputs, output)?;
     let source = source::open(inputs, raw)?;
+    refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
     build_source(&*source, input, options, output, progress, started)
 }
@@ -66,7 +66,7 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     };
     match inputs.iter().find(replaced) {
         Some(_) => Err(Error::Usage(format!(
-            "{}: is part of the input and would be replaced by the model; name another file with --output",
+            "{}: is the input, or part of it, and would be replaced by the model; name another file with --output",
             output.display()
         ))),
         None => Ok(()),

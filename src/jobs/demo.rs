@@ -1,20 +1,20 @@
 //! `oct demo`: the whole way on a synthetic head, without any data: build under a cap, verify, look.
 
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde_json::{Value, json};
 
 use super::build::{BuildSummary, build_source};
-use super::picture::{render_file, thumbnail_file};
+use super::picture::{refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
 use super::verify::verify;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::build::{BuildOptions, Progress};
 use crate::error::Error;
-use crate::source::{SyntheticHead, VolumeSource};
+use crate::source::{Endian, SyntheticHead, VolumeSource};
 
 /// Files that the demonstration writes: the model, and beside it a picture and a thumbnail.
 #[derive(Clone, Debug)]
@@ -64,6 +64,7 @@ pub fn demo(
     let head = SyntheticHead::new(side).ok_or_else(|| {
         Error::Usage(format!("a head of {side} voxels a side cannot be made; choose 1 to 65536"))
     })?;
+    refuse_clash(&files.model, &[&files.picture, &files.thumbnail])?;
     let name = format!("synthetic head {side}");
     let built = build_source(&head, name, options, &files.model, progress, Instant::now())?;
     // Taken here: the steps that follow map the whole file, which is theirs to do.
@@ -92,17 +93,16 @@ pub fn write_raw(side: u32, path: &Path) -> Result<(), Error> {
     let head = SyntheticHead::new(side).ok_or_else(|| no_such_head(side))?;
     let failed = |cause| Error::Output { path: path.to_path_buf(), cause };
     let file = AtomicFile::create(path).map_err(failed)?;
-    let mut slice = vec![0; side as usize * side as usize * 2];
-    for z in 0..side {
-        head.read_rows(z, 0..side, 0..side, &mut slice)?;
-        for sample in slice.as_chunks_mut::<2>().0 {
-            // Samples come in the machine's order.
-            if cfg!(target_endian = "big") {
-                sample.reverse();
-            }
-        }
-        file.file().write_all(&slice).map_err(failed)?;
+    let mut out = BufWriter::with_capacity(1 << 18, file.file());
+    let mut row = vec![0; side as usize * 2];
+    for (z, y) in (0..side).flat_map(|z| (0..side).map(move |y| (z, y))) {
+        head.read_rows(z, y..y + 1, 0..side, &mut row)?;
+        // Samples come in the machine's order; writing them little-endian is the same turn as reading so.
+        Endian::Little.to_native(2, &mut row);
+        out.write_all(&row).map_err(failed)?;
     }
+    out.flush().map_err(failed)?;
+    drop(out);
     file.commit().map_err(failed)
 }
 

@@ -47,7 +47,7 @@ pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) ->
 }
 
 /// A picture never takes the place of the model, nor of another picture of the same call.
-fn refuse_clash(model: &Path, outputs: &[&Path]) -> Result<(), Error> {
+pub(super) fn refuse_clash(model: &Path, outputs: &[&Path]) -> Result<(), Error> {
     let same = |a: &Path, b: &Path| {
         a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
     };

@@ -459,7 +459,8 @@ mod tests {
         assert!(rule(|b| b[1] = 0).contains("I10"));
         assert!(rule(|b| b[1] = 0b10).contains("I12"), "x = 3 is outside");
         assert!(rule(|b| b[1] = 0b100).contains("I12"), "y = 1 is outside");
-        assert!(rule(|b| b[1] = 0b11).contains("I1"));
+        let counts = rule(|b| b[0] = 0b11);
+        assert!(counts.contains("I11"), "{counts}");
         assert!(rule(|b| b[0] = 0b10_0000).contains("I12"));
     }
 }

@@ -199,7 +199,7 @@ impl<V: NodeView> Kernel for TileKernel<'_, '_, V> {
 
 /// Paints a model as a camera sees it.
 ///
-/// Memory: the image, and 4 MiB for hits.
+/// Memory: the image, 4 MiB for hits, and with smooth edges 8 bytes a pixel of the silhouette.
 ///
 /// # Errors
 /// [`RenderError::Usage`] when the size is not possible or the threads do not start.
@@ -307,9 +307,11 @@ impl<V: NodeView> Painter<'_, V> {
         let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
         let rgba = &image.rgba;
         let solid = |x: usize, y: usize| rgba.get((y * width + x) * 4 + 3).is_some_and(|a| *a > 0);
-        let edges: Vec<usize> = (0..width * height)
+        // Both lists are 4 bytes a pixel of the silhouette; a picture has fewer than 2^32 pixels.
+        let edges: Vec<u32> = (0..u32::try_from(width * height).unwrap_or(u32::MAX))
             .into_par_iter()
             .filter(|i| {
+                let i = *i as usize;
                 let (x, y) = (i % width, i / width);
                 let here = solid(x, y);
                 (x > 0 && solid(x - 1, y) != here)
@@ -318,9 +320,12 @@ impl<V: NodeView> Painter<'_, V> {
                     || (y + 1 < height && solid(x, y + 1) != here)
             })
             .collect();
-        let (pixels, counts): (Vec<[u8; 4]>, Vec<Counts>) = edges
+        let mut pixels = vec![[0_u8; 4]; edges.len()];
+        let mut counts = edges
             .par_iter()
-            .map(|i| {
+            .zip(&mut pixels)
+            .map(|(i, pixel)| {
+                let i = *i as usize;
                 let (x, y) = ((i % width) as f64, (i / width) as f64);
                 let mut counts = Counts::default();
                 let mut sum = [0.0; 3];
@@ -338,15 +343,16 @@ impl<V: NodeView> Painter<'_, V> {
                 // Straight alpha: colour is the mean of what was hit, alpha its share.
                 let [r, g, b] = sum.map(|c| self.shader.encode(c / f64::from(hits.max(1))));
                 let alpha = [0, 64, 128, 191, 255][usize::from(hits)];
-                (if hits == 0 { [0; 4] } else { [r, g, b, alpha] }, counts)
+                *pixel = if hits == 0 { [0; 4] } else { [r, g, b, alpha] };
+                counts
             })
-            .unzip();
+            .reduce(Counts::default, Counts::plus);
         for (i, pixel) in edges.into_iter().zip(pixels) {
-            if let Some(out) = image.rgba.get_mut(i * 4..i * 4 + 4) {
+            let at = i as usize * 4;
+            if let Some(out) = image.rgba.get_mut(at..at + 4) {
                 out.copy_from_slice(&pixel);
             }
         }
-        let mut counts = counts.into_iter().fold(Counts::default(), Counts::plus);
         counts.trace = start.elapsed();
         counts
     }

@@ -254,13 +254,15 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
     Ok((list, base_name(first)))
 }
 
-/// Regular files of a folder in natural order; hidden ones and subfolders are left out.
+/// Regular files of a folder in natural order; hidden ones, models (`.oct`) and subfolders are left out.
 fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
     let unreadable = |cause| SourceError::Unreadable { path: folder.to_path_buf(), cause };
     let mut list = FileList::new(folder);
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();
-        let hidden = name.as_encoded_bytes().starts_with(b".");
+        // A model built into the folder of its slices is not a slice.
+        let bytes = name.as_encoded_bytes();
+        let hidden = bytes.starts_with(b".") || bytes.ends_with(b".oct");
         // Follows links: a folder of links to slices is common.
         if !hidden && fs::metadata(folder.join(&name)).is_ok_and(|meta| meta.is_file()) {
             list.push(Path::new(&name));

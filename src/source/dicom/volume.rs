@@ -97,7 +97,8 @@ impl DicomVolume {
         let groups = &found.groups;
         let several = candidates.iter().any(|c| c.chosen.len() > 1);
         // Largest first; equal ones stay in the order of their names.
-        candidates.sort_by_key(|c| std::cmp::Reverse((c.verdict.is_ok(), c.voxels(groups))));
+        let lone = |c: &Candidate| several && c.chosen.len() == 1;
+        candidates.sort_by_key(|c| std::cmp::Reverse((c.verdict.is_ok() && !lone(c), c.voxels(groups))));
         let refuse = |reason| Err(SourceError::NoVolume { path: path.clone(), reason });
         if let Some((broken, reason)) = broken_of(&found, &candidates) {
             return Err(SourceError::Unusable {
@@ -106,7 +107,7 @@ impl DicomVolume {
             });
         }
         let Some(best) = candidates.first() else { return refuse(nothing(&found)) };
-        if best.verdict.is_err() || (several && best.chosen.len() == 1) {
+        if best.verdict.is_err() || lone(best) {
             let largest = candidates.iter().filter(|c| c.verdict.is_err()).max_by_key(|c| c.voxels(groups));
             let Some(Err(reason)) = largest.map(|c| &c.verdict) else { return refuse(nothing(&found)) };
             return refuse(reason.clone());
@@ -294,7 +295,10 @@ fn general_warnings(found: &Survey, candidates: &[Candidate]) -> Vec<String> {
     if let [best, others @ ..] = candidates
         && !others.is_empty()
     {
-        let list: Vec<String> = others.iter().map(|c| c.describe(&found.groups)).collect();
+        let mut list: Vec<String> = others.iter().take(NAMED).map(|c| c.describe(&found.groups)).collect();
+        if others.len() > NAMED {
+            list.push(format!("and {} more", others.len() - NAMED));
+        }
         warnings.push(format!(
             "{} sets of images were found; the largest that forms a volume is used ({}); not used: {}",
             candidates.len(),
