@@ -259,8 +259,8 @@ impl NormalRule {
     /// Outward is against the gradient of depth. `repair` gives the gradient of the voxel in row y,
     /// column x where the fast kernel could not: not interior, or not finite. A normal against the exposed
     /// faces is mirrored to their side: the voxel is the far side of something thin, or a pit in noise. Where the
-    /// gradient vanishes, the sum of the exposed faces' directions stands in, or else the first exposed axis;
-    /// a plate one voxel thick leans across itself: never a zero normal, never one into the model.
+    /// gradient vanishes, the sum of the exposed faces' directions stands in, and should that vanish too (a
+    /// plate one voxel thick), the first exposed axis: never a zero normal, never one into the model.
     pub(super) fn codes<R>(
         &self,
         window: &SliceWindow<'_, R>,
@@ -308,14 +308,6 @@ impl NormalRule {
         }
         let faces = open & (BORDER - 1);
         let e = OUTWARD[usize::from(faces)];
-        // A plate one voxel thick: across it the gradient cancels, and what is left may lie in the plate. Half
-        // of the answer is the plate's own direction.
-        if let Some(axis) = (0..3).find(|a| faces == 0b11 << (2 * a)) {
-            let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-            let across = if length > 0.0 && length.is_finite() { length } else { 1.0 };
-            n[axis] += across.copysign(n[axis]);
-            return n;
-        }
         let against = n[0] * e[0] + n[1] * e[1] + n[2] * e[2] < 0.0;
         if n != [0.0; 3] {
             let along = (n[0] * e[0] + n[1] * e[1] + n[2] * e[2]) / (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);

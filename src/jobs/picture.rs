@@ -39,6 +39,7 @@ pub fn render_file(
 /// # Errors
 /// The model cannot be used, or the picture cannot be written.
 pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) -> Result<RenderReport, Error> {
+    refuse_clash(model, &[output])?;
     let model = Model::open(model)?;
     let (image, mut report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
