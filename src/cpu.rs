@@ -5,12 +5,44 @@
 //! contracted or reassociated, and integers are exact.
 #![allow(unsafe_code)]
 
+/// Proof that this machine has AVX2, bit manipulation and population count; made by [`dispatch`] alone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx2(());
+
+/// The instruction set that a kernel is compiled for.
+pub(crate) trait Isa: Copy {
+    /// The proof of AVX2, in instances compiled with it.
+    fn avx2(self) -> Option<Avx2>;
+}
+
+/// Any machine.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Portable;
+
+impl Isa for Portable {
+    #[inline(always)]
+    fn avx2(self) -> Option<Avx2> {
+        None
+    }
+}
+
+impl Isa for Avx2 {
+    #[inline(always)]
+    fn avx2(self) -> Option<Self> {
+        Some(self)
+    }
+}
+
+impl From<Avx2> for () {
+    fn from(_: Avx2) {}
+}
+
 /// A kernel that can be compiled for more than one instruction set.
 pub(crate) trait Kernel {
     /// What it returns.
     type Output;
     /// The work; must be `#[inline(always)]` all the way down.
-    fn run<const AVX2: bool>(self) -> Self::Output;
+    fn run(self, isa: impl Isa) -> Self::Output;
 }
 
 /// Runs `kernel` with the best instruction set of this machine.
@@ -26,7 +58,7 @@ pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
         // SAFETY: every feature that `with_avx2` enables was just detected on this machine.
         return unsafe { with_avx2(kernel) };
     }
-    kernel.run::<false>()
+    kernel.run(Portable)
 }
 
 /// The kernel compiled with AVX2, bit manipulation and population count.
@@ -36,5 +68,5 @@ pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 unsafe fn with_avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<true>()
+    kernel.run(Avx2(()))
 }

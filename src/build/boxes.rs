@@ -2,7 +2,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "a brick has at most 4096 boxes of one edge")]
 
 use super::plan::BRICK;
-use super::simd::{Kernel, dispatch};
+use super::simd::{Isa, Kernel, dispatch};
 
 const BRICK_ROWS: usize = BRICK as usize;
 
@@ -22,7 +22,7 @@ impl Kernel for CountKernel<'_> {
     type Output = usize;
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) -> usize {
+    fn run(self, _: impl Isa) -> usize {
         self.0.iter().map(|row| row.count_ones() as usize).sum()
     }
 }
@@ -33,7 +33,7 @@ impl Kernel for BoxKernel<'_> {
     type Output = (u32, [u16; 4]);
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) -> (u32, [u16; 4]) {
+    fn run(self, _: impl Isa) -> (u32, [u16; 4]) {
         count_boxes(self.0)
     }
 }

@@ -3,7 +3,7 @@
 
 use super::error::BuildError;
 use super::layout::BRICK_LEVELS;
-use super::simd::{Kernel, dispatch};
+use super::simd::{Isa, Kernel, dispatch};
 use super::swap::{BrickEntry, Scratch, read_fragment};
 use super::value::ValueScale;
 use crate::format::normal;
@@ -262,7 +262,7 @@ impl Kernel for SortKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) {
+    fn run(self, _: impl Isa) {
         self.reader.sort_to_morton(self.normals, self.values);
     }
 }

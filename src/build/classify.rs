@@ -1,7 +1,7 @@
 //! The range test: 64 samples become one word, bit i set where sample i is inside.
 
 use super::range::SampleRange;
-use super::simd::{Kernel, dispatch, movemask};
+use super::simd::{Isa, Kernel, dispatch, movemask};
 use crate::source::Scalar;
 
 /// Classifies `samples` into `words`; bits beyond the last sample are 0.
@@ -23,10 +23,10 @@ impl<T: Scalar> Kernel for Classify<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) {
+    fn run(self, isa: impl Isa) {
         let (blocks, tail) = self.samples.as_chunks::<64>();
         for (word, block) in self.words.iter_mut().zip(blocks) {
-            *word = word_of::<T, AVX2>(block, self.range);
+            *word = word_of(block, self.range, isa);
         }
         if let (false, Some(last)) = (tail.is_empty(), self.words.last_mut()) {
             *last = tail
@@ -38,8 +38,8 @@ impl<T: Scalar> Kernel for Classify<'_, T> {
 }
 
 #[inline(always)]
-fn word_of<T: Scalar, const AVX2: bool>(block: &[T; 64], range: SampleRange<T>) -> u64 {
-    if AVX2 {
+fn word_of<T: Scalar>(block: &[T; 64], range: SampleRange<T>, isa: impl Isa) -> u64 {
+    if let Some(avx2) = isa.avx2() {
         // Comparisons become whole-byte masks, 32 at a time; the compiler packs them.
         let mut halves = [0_u32; 2];
         for (half, samples) in halves.iter_mut().zip(block.as_chunks::<32>().0) {
@@ -47,7 +47,7 @@ fn word_of<T: Scalar, const AVX2: bool>(block: &[T; 64], range: SampleRange<T>) 
             for (m, v) in mask.iter_mut().zip(samples) {
                 *m = if range.contains(*v) { 0xff } else { 0 };
             }
-            *half = movemask(mask);
+            *half = movemask(avx2, mask);
         }
         u64::from(halves[0]) | u64::from(halves[1]) << 32
     } else {
@@ -68,7 +68,7 @@ mod tests {
             let mut fast = vec![0; len.div_ceil(64)];
             let mut slow = fast.clone();
             classify(&samples[..len], range, &mut fast);
-            Classify { samples: &samples[..len], range, words: &mut slow }.run::<false>();
+            Classify { samples: &samples[..len], range, words: &mut slow }.run(crate::cpu::Portable);
             assert_eq!(fast, slow);
             for (i, v) in samples[..len].iter().enumerate() {
                 assert_eq!(fast[i / 64] >> (i % 64) & 1 == 1, (1000..=30_000).contains(v));

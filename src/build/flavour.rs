@@ -2,7 +2,7 @@
 
 use super::lanes::RingSample;
 use super::range::{Ordered, SampleRange};
-use super::simd::{Kernel, dispatch};
+use super::simd::{Isa, Kernel, dispatch};
 use crate::source::{Scalar, ScalarType};
 
 /// How samples of the file's type stand in the ring.
@@ -78,7 +78,7 @@ impl<F: Flavour> Kernel for ConvertKernel<'_, F> {
     type Output = ();
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) {
+    fn run(self, _: impl Isa) {
         for (to, from) in self.to.iter_mut().zip(self.from) {
             *to = self.flavour.convert(*from);
         }

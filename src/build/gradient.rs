@@ -7,7 +7,7 @@
 //! at once, a window of 8 gives 4, each lane with the same operations.
 
 use super::lanes::{LANES, Lanes, RingSample};
-use super::simd::{Kernel, dispatch, five_rows};
+use super::simd::{Isa, Kernel, dispatch, five_rows};
 use super::skin::Exposed;
 use crate::format::normal;
 
@@ -97,20 +97,20 @@ impl<R: RingSample> Kernel for GradientKernel<'_, '_, R> {
     type Output = ();
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) {
+    fn run(self, isa: impl Isa) {
         // The usual taps as constants: the compiler knows them in the loop.
         if self.taps == Taps::ISOTROPIC {
-            self.with_taps::<AVX2>(Taps::ISOTROPIC);
+            self.with_taps(Taps::ISOTROPIC, isa);
         } else {
             let taps = self.taps;
-            self.with_taps::<AVX2>(taps);
+            self.with_taps(taps, isa);
         }
     }
 }
 
 impl<R: RingSample> GradientKernel<'_, '_, R> {
     #[inline(always)]
-    fn with_taps<const AVX2: bool>(self, taps: Taps) {
+    fn with_taps(self, taps: Taps, isa: impl Isa) {
         let (w, out) = (self.window, self.out);
         let mut base = 0;
         for y in 0..32 {
@@ -120,17 +120,21 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
                 let first = todo.trailing_zeros();
                 let at = w.origin + y * w.stride + first as usize;
                 let done = if (todo >> first) >> (NARROW - 4) == 0 {
-                    let lanes = if AVX2 {
-                        window::<R, R::Fast, NARROW>(w, taps, at, R::widen_fast)
+                    let lanes = if let Some(avx2) = isa.avx2() {
+                        window::<R, R::Fast, NARROW>(w, taps, at, avx2.into(), |eight| {
+                            R::widen_fast(avx2, eight)
+                        })
                     } else {
-                        window::<R, R::Portable, NARROW>(w, taps, at, R::widen)
+                        window::<R, R::Portable, NARROW>(w, taps, at, (), R::widen)
                     };
                     store(out, base, skin, todo, first, &lanes, NARROW - 4)
                 } else {
-                    let lanes = if AVX2 {
-                        window::<R, R::Fast, WIDE>(w, taps, at, R::widen_fast)
+                    let lanes = if let Some(avx2) = isa.avx2() {
+                        window::<R, R::Fast, WIDE>(w, taps, at, avx2.into(), |eight| {
+                            R::widen_fast(avx2, eight)
+                        })
                     } else {
-                        window::<R, R::Portable, WIDE>(w, taps, at, R::widen)
+                        window::<R, R::Portable, WIDE>(w, taps, at, (), R::widen)
                     };
                     store(out, base, skin, todo, first, &lanes, WIDE - 4)
                 };
@@ -163,6 +167,7 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
     w: &SliceWindow<'_, R>,
     taps: Taps,
     at: usize,
+    proof: L::Proof,
     widen: impl Fn(&[R; LANES]) -> L,
 ) -> [[f32; N]; 3] {
     let start = at - 2 * w.stride - 2;
@@ -170,8 +175,8 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
     // Room behind the last lane, for the shifted reads of the void ones.
     let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); WIDE + LANES]; 3];
     for block in 0..N / LANES {
-        let mut smoothed = [L::zero(); 5];
-        let mut derived = [L::zero(); 5];
+        let mut smoothed = [L::zero(proof); 5];
+        let mut derived = [L::zero(proof); 5];
         for (k, plane) in w.planes.iter().enumerate() {
             let rows = five_rows::<R, LANES>(plane, start + block * LANES, w.stride).map(|row| widen(&row));
             (smoothed[k], derived[k]) = (smooth(taps_y, rows), derive(rows));
@@ -186,7 +191,7 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
         let shifted = |axis: usize| -> [L; 5] {
             std::array::from_fn(|i| {
                 let from = block * LANES + i;
-                L::load(&std::array::from_fn(|lane| sums[axis][from + lane]))
+                L::load(proof, &std::array::from_fn(|lane| sums[axis][from + lane]))
             })
         };
         let lanes = [derive(shifted(0)), smooth(taps_x, shifted(1)), smooth(taps_x, shifted(2))];
@@ -382,7 +387,7 @@ impl Kernel for EncodeKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) {
+    fn run(self, _: impl Isa) {
         // Whole groups of 8 vectorise; slots past the end hold old gradients and are not used.
         let len = self.len.next_multiple_of(8).min(SLICE_VOXELS);
         let [x, y, z] = self.g.axes.each_ref().map(|axis| &axis[..len]);

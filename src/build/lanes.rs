@@ -4,6 +4,8 @@
 //! every operation (nothing is fused), so they agree bit by bit.
 #![allow(unsafe_code)]
 
+use crate::cpu::Avx2;
+
 /// Number of lanes.
 pub(super) const LANES: usize = 8;
 
@@ -11,8 +13,10 @@ pub(super) const LANES: usize = 8;
 pub(super) trait Lanes: Copy {
     /// One sum, as it is kept between the passes.
     type Sum: bytemuck::Pod;
-    fn zero() -> Self;
-    fn load(sums: &[Self::Sum; LANES]) -> Self;
+    /// What must be shown to make lanes: nothing, or that the machine has the instructions.
+    type Proof: Copy;
+    fn zero(proof: Self::Proof) -> Self;
+    fn load(proof: Self::Proof, sums: &[Self::Sum; LANES]) -> Self;
     fn store(self) -> [Self::Sum; LANES];
     fn plus(self, other: Self) -> Self;
     fn minus(self, other: Self) -> Self;
@@ -23,21 +27,22 @@ pub(super) trait Lanes: Copy {
 /// A sample as it stands in the ring of slices.
 pub(super) trait RingSample: bytemuck::Pod {
     /// Lanes for any machine.
-    type Portable: Lanes;
+    type Portable: Lanes<Proof = ()>;
     /// Lanes for a machine with AVX2, with the same sums.
-    type Fast: Lanes;
+    type Fast: Lanes<Proof = FastProof>;
     /// Widens eight samples; exact.
     fn widen(samples: &[Self; LANES]) -> Self::Portable;
     /// The same with AVX2.
-    fn widen_fast(samples: &[Self; LANES]) -> Self::Fast;
+    fn widen_fast(avx2: Avx2, samples: &[Self; LANES]) -> Self::Fast;
 }
 
 impl Lanes for [i32; LANES] {
     type Sum = i32;
-    fn zero() -> Self {
+    type Proof = ();
+    fn zero((): ()) -> Self {
         [0; LANES]
     }
-    fn load(sums: &[i32; LANES]) -> Self {
+    fn load((): (), sums: &[i32; LANES]) -> Self {
         *sums
     }
     fn store(self) -> [i32; LANES] {
@@ -60,10 +65,11 @@ impl Lanes for [i32; LANES] {
 
 impl Lanes for [f32; LANES] {
     type Sum = f32;
-    fn zero() -> Self {
+    type Proof = ();
+    fn zero((): ()) -> Self {
         [0.0; LANES]
     }
-    fn load(sums: &[f32; LANES]) -> Self {
+    fn load((): (), sums: &[f32; LANES]) -> Self {
         *sums
     }
     fn store(self) -> [f32; LANES] {
@@ -83,6 +89,12 @@ impl Lanes for [f32; LANES] {
     }
 }
 
+/// Proof that the fast lanes ask for.
+#[cfg(target_arch = "x86_64")]
+pub(super) type FastProof = Avx2;
+#[cfg(not(target_arch = "x86_64"))]
+pub(super) type FastProof = ();
+
 #[cfg(target_arch = "x86_64")]
 pub(super) use avx2::{FastF32, FastI32};
 #[cfg(not(target_arch = "x86_64"))]
@@ -92,9 +104,10 @@ pub(super) type FastF32 = [f32; LANES];
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
-    // SAFETY (every block here): these types are used only by kernels instantiated with AVX2 = true,
-    // which run only where the feature was detected (see `simd::dispatch`); no memory is accessed.
+    // SAFETY (every block here): a value of these types is made only with the proof that this machine has
+    // AVX2, in this module or by `widen_fast`; no memory is accessed.
     use super::{LANES, Lanes};
+    use crate::cpu::Avx2;
     use bytemuck::cast;
     use std::arch::x86_64::*;
 
@@ -107,12 +120,13 @@ mod avx2 {
 
     impl Lanes for FastI32 {
         type Sum = i32;
+        type Proof = Avx2;
         #[inline(always)]
-        fn zero() -> Self {
+        fn zero(_: Avx2) -> Self {
             Self(cast([0_i32; LANES]))
         }
         #[inline(always)]
-        fn load(sums: &[i32; LANES]) -> Self {
+        fn load(_: Avx2, sums: &[i32; LANES]) -> Self {
             Self(cast(*sums))
         }
         #[inline(always)]
@@ -143,12 +157,13 @@ mod avx2 {
 
     impl Lanes for FastF32 {
         type Sum = f32;
+        type Proof = Avx2;
         #[inline(always)]
-        fn zero() -> Self {
+        fn zero(_: Avx2) -> Self {
             Self(cast([0.0_f32; LANES]))
         }
         #[inline(always)]
-        fn load(sums: &[f32; LANES]) -> Self {
+        fn load(_: Avx2, sums: &[f32; LANES]) -> Self {
             Self(cast(*sums))
         }
         #[inline(always)]
@@ -188,12 +203,12 @@ macro_rules! integer_sample {
                 samples.map(i32::from)
             }
             #[inline(always)]
-            fn widen_fast(samples: &[Self; LANES]) -> FastI32 {
+            fn widen_fast(_: Avx2, samples: &[Self; LANES]) -> FastI32 {
                 #[cfg(target_arch = "x86_64")]
                 {
                     let mut low = [<$t>::MIN; 16 / size_of::<$t>()];
                     low[..LANES].copy_from_slice(samples);
-                    // SAFETY: only instances with AVX2 = true call this; no memory is accessed.
+                    // SAFETY: the first argument proves that this machine has AVX2; no memory is accessed.
                     FastI32(unsafe { std::arch::x86_64::$convert(bytemuck::cast(low)) })
                 }
                 #[cfg(not(target_arch = "x86_64"))]
@@ -217,7 +232,7 @@ impl RingSample for f32 {
         *samples
     }
     #[inline(always)]
-    fn widen_fast(samples: &[Self; LANES]) -> FastF32 {
-        FastF32::load(samples)
+    fn widen_fast(avx2: Avx2, samples: &[Self; LANES]) -> FastF32 {
+        FastF32::load(avx2.into(), samples)
     }
 }

@@ -3,7 +3,7 @@
 //! Rows of bits carry one word of neighbours at either end, so shifts need no special case.
 
 use super::plan::BRICK;
-use super::simd::{Kernel, dispatch};
+use super::simd::{Isa, Kernel, dispatch};
 
 const BRICK_ROWS: usize = BRICK as usize;
 
@@ -149,7 +149,7 @@ impl Kernel for SkinKernel<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) {
+    fn run(self, _: impl Isa) {
         let (filled, rest) = self.skin.split_at_mut(self.rows * self.bits.words);
         for (y, out) in filled.chunks_exact_mut(self.bits.words).enumerate() {
             skin_row(&self.bits.around(y), self.connectivity, out);

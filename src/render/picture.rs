@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::cpu::{Kernel, dispatch};
+use crate::cpu::{Isa, Kernel, dispatch};
 use crate::format::normal;
 use crate::load::NodeView;
 
@@ -182,7 +182,7 @@ impl<V: NodeView> Kernel for TileKernel<'_, '_, V> {
     type Output = Counts;
 
     #[inline(always)]
-    fn run<const AVX2: bool>(self) -> Counts {
+    fn run(self, _: impl Isa) -> Counts {
         let mut counts = Counts::default();
         for (i, pixel) in self.seen.iter_mut().enumerate() {
             let (x, y) = (i % TILE, i / TILE);
