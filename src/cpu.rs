@@ -33,10 +33,6 @@ impl Isa for Avx2 {
     }
 }
 
-impl From<Avx2> for () {
-    fn from(_: Avx2) {}
-}
-
 /// A kernel that can be compiled for more than one instruction set.
 pub(crate) trait Kernel {
     /// What it returns.

@@ -6,7 +6,7 @@
 //! instruction set or the way voxels are grouped: a window of 16 samples gives 12 neighbouring voxels
 //! at once, a window of 8 gives 4, each lane with the same operations.
 
-use super::lanes::{LANES, Lanes, RingSample};
+use super::lanes::{LANES, Lanes, RingSample, fast_proof};
 use super::simd::{Isa, Kernel, dispatch, five_rows};
 use super::skin::Exposed;
 use crate::format::normal;
@@ -121,7 +121,7 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
                 let at = w.origin + y * w.stride + first as usize;
                 let done = if (todo >> first) >> (NARROW - 4) == 0 {
                     let lanes = if let Some(avx2) = isa.avx2() {
-                        window::<R, R::Fast, NARROW>(w, taps, at, avx2.into(), |eight| {
+                        window::<R, R::Fast, NARROW>(w, taps, at, fast_proof(avx2), |eight| {
                             R::widen_fast(avx2, eight)
                         })
                     } else {
@@ -130,7 +130,7 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
                     store(out, base, skin, todo, first, &lanes, NARROW - 4)
                 } else {
                     let lanes = if let Some(avx2) = isa.avx2() {
-                        window::<R, R::Fast, WIDE>(w, taps, at, avx2.into(), |eight| {
+                        window::<R, R::Fast, WIDE>(w, taps, at, fast_proof(avx2), |eight| {
                             R::widen_fast(avx2, eight)
                         })
                     } else {

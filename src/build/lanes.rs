@@ -95,6 +95,15 @@ pub(super) type FastProof = Avx2;
 #[cfg(not(target_arch = "x86_64"))]
 pub(super) type FastProof = ();
 
+/// That proof from the machine's.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(super) fn fast_proof(avx2: Avx2) -> FastProof {
+    avx2
+}
+#[cfg(not(target_arch = "x86_64"))]
+pub(super) fn fast_proof(_: Avx2) -> FastProof {}
+
 #[cfg(target_arch = "x86_64")]
 pub(super) use avx2::{FastF32, FastI32};
 #[cfg(not(target_arch = "x86_64"))]
@@ -233,6 +242,6 @@ impl RingSample for f32 {
     }
     #[inline(always)]
     fn widen_fast(avx2: Avx2, samples: &[Self; LANES]) -> FastF32 {
-        FastF32::load(avx2.into(), samples)
+        FastF32::load(fast_proof(avx2), samples)
     }
 }
