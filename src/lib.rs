@@ -13,7 +13,10 @@
 //! | [`geom`] | dims, Morton codes, affine transforms |
 //! | [`atomic`] | output files that appear whole or not at all |
 //! | [`budget`] | sizes in bytes, and what the system accounts to the process |
+//! | [`progress`] | how a long job tells how far it is |
+//! | [`scratch`] | nameless files for what does not fit into memory |
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
+//! | [`codec`] | compressed images, one frame at a time, row by row |
 //! | [`source`] | where voxels come from: raw files, DICOM series, the synthetic head |
 //! | [`build`] | plan, classify, skin, gradient, swap, merge, atomic output |
 //! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
@@ -23,13 +26,16 @@
 pub mod atomic;
 pub mod budget;
 pub mod build;
+pub mod codec;
 mod cpu;
 pub mod error;
 pub mod format;
 pub mod geom;
 pub mod jobs;
 pub mod load;
+pub mod progress;
 pub mod render;
+pub mod scratch;
 pub mod source;
 
 pub use error::{Error, ExitKind};

@@ -13,14 +13,23 @@ use std::path::{Path, PathBuf};
 const MAY_SEE: &[(&str, &[&str])] = &[
     ("atomic", &[]),
     ("budget", &[]),
+    ("codec", &[]),
     ("cpu", &[]),
     ("geom", &[]),
     ("format", &["geom"]),
-    ("source", &["budget", "cpu", "error", "geom"]),
-    ("build", &["atomic", "budget", "cpu", "error", "format", "geom", "source"]),
+    ("progress", &[]),
+    ("scratch", &["budget"]),
+    ("source", &["budget", "codec", "cpu", "error", "geom", "progress", "scratch"]),
+    ("build", &["atomic", "budget", "cpu", "error", "format", "geom", "progress", "scratch", "source"]),
     ("load", &["budget", "cpu", "error", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "error", "format", "geom", "load"]),
-    ("jobs", &["atomic", "budget", "build", "cpu", "error", "format", "geom", "load", "render", "source"]),
+    (
+        "jobs",
+        &[
+            "atomic", "budget", "build", "cpu", "error", "format", "geom", "load", "progress", "render",
+            "scratch", "source",
+        ],
+    ),
     ("error", &["build", "format", "load", "render", "source"]),
 ];
 

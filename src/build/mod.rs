@@ -43,6 +43,8 @@ pub use error::BuildError;
 pub use gradient::ESTIMATOR;
 pub use skin::Connectivity;
 
+pub use crate::progress::{Progress, Silent};
+
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -92,23 +94,6 @@ pub struct BuildOptions {
     pub threads: usize,
     /// Folder of the scratch file; beside the output if not given.
     pub scratch: Option<PathBuf>,
-}
-
-/// Told how far a build is; called from several threads.
-pub trait Progress: Sync {
-    /// A stage begins that has `total` steps.
-    fn stage(&self, name: &'static str, total: u64);
-    /// Some steps are done.
-    fn advance(&self, steps: u64);
-}
-
-/// Tells nobody.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Silent;
-
-impl Progress for Silent {
-    fn stage(&self, _: &'static str, _: u64) {}
-    fn advance(&self, _: u64) {}
 }
 
 /// What was built and what it took.

@@ -76,7 +76,7 @@ pub(super) struct Scratch {
 impl Scratch {
     /// Creates the nameless file in `folder` with room for an index of `bricks` along x, y, z.
     pub(super) fn create(folder: &Path, bricks: [u64; 3]) -> Result<Self, BuildError> {
-        let file = tempfile::tempfile_in(folder)
+        let file = crate::scratch::nameless(folder)
             .map_err(|cause| BuildError::Scratch { path: folder.to_path_buf(), cause })?;
         let index = bricks[0] * bricks[1] * bricks[2] * ENTRY_BYTES as u64;
         let scratch = Self {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::budget::Bytes;
 use crate::error::ExitKind;
 
 /// A source that cannot be used; every message names the path and the cure.
@@ -59,6 +60,25 @@ pub enum SourceError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// The scratch file that a sequential input is unrolled into cannot be written.
+    #[error("scratch file in {path}: {cause}; free some space or choose another folder with --scratch", path = path.display())]
+    Scratch {
+        /// The folder.
+        path: PathBuf,
+        /// The system's reason.
+        #[source]
+        cause: io::Error,
+    },
+    /// Unrolling the input needs more memory than allowed.
+    #[error("{path}: needs {needed} to be decoded, and --memory leaves {allowed} for that; allow more memory", path = path.display(), needed = Bytes(*needed_bytes), allowed = Bytes(*allowed_bytes))]
+    Memory {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that decoding takes.
+        needed_bytes: u64,
+        /// Bytes that it may take.
+        allowed_bytes: u64,
+    },
     /// The request does not fit the input (for example no --dims for a raw file).
     #[error("{path}: {reason}", path = path.display())]
     Usage {
@@ -74,6 +94,8 @@ impl SourceError {
     pub fn kind(&self) -> ExitKind {
         match self {
             Self::Usage { .. } => ExitKind::Usage,
+            Self::Scratch { .. } => ExitKind::Io,
+            Self::Memory { .. } => ExitKind::Budget,
             _ => ExitKind::Input,
         }
     }

@@ -10,6 +10,7 @@ mod natural;
 mod open;
 mod raw;
 mod scalar;
+mod spool;
 mod synthetic;
 
 pub use error::SourceError;
@@ -20,8 +21,10 @@ pub use scalar::{Endian, Scalar, ScalarType};
 pub use synthetic::SyntheticHead;
 
 use std::ops::Range;
+use std::path::Path;
 
 use crate::geom::{Affine, Dims};
+use crate::progress::Progress;
 
 /// What is known of a volume before its voxels are read.
 #[derive(Clone, Debug)]
@@ -75,13 +78,48 @@ pub struct SourceDescription {
     pub bytes: u64,
 }
 
+/// What a source needs before its rows can be read at random.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Preparation {
+    /// Bytes that will be written to a nameless scratch file; 0 if nothing has to be unrolled.
+    pub scratch_bytes: u64,
+    /// Bytes of memory that are held while it is written, beyond what the source holds when opened.
+    pub memory_bytes: u64,
+}
+
+/// Where, and within what, a source unrolls itself.
+#[derive(Clone, Copy)]
+pub struct Workspace<'a> {
+    /// Folder for a nameless scratch file.
+    pub scratch: &'a Path,
+    /// Bytes of memory that may be held meanwhile.
+    pub memory_bytes: u64,
+    /// Told how far it is.
+    pub progress: &'a dyn Progress,
+}
+
 /// A volume that can deliver any rows of any slice.
 ///
 /// Implementations keep little memory of their own (it is stated by [`VolumeSource::resident_bytes`])
 /// and read by position, so that threads do not disturb each other.
-pub trait VolumeSource: Sync {
-    /// Static facts.
+pub trait VolumeSource: Send + Sync {
+    /// Static facts; known before [`VolumeSource::prepare`].
     fn info(&self) -> &VolumeInfo;
+
+    /// What [`VolumeSource::prepare`] will take.
+    fn preparation(&self) -> Preparation {
+        Preparation::default()
+    }
+
+    /// Unrolls a source that can only be read from front to back (compressed frames, gzip) into a nameless
+    /// scratch file. Called once, before any row is read; nothing to do where rows lie in the file.
+    ///
+    /// # Errors
+    /// The input is damaged, the scratch folder is full, or the memory allowed is too little.
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        let _ = workspace;
+        Ok(())
+    }
 
     /// Fills `out` with columns `cols` of rows `rows` of slice `z`: x fastest, no padding, samples of
     /// [`VolumeInfo::scalar`] in native byte order; `out` is exactly that long.

@@ -1,0 +1,64 @@
+//! Decoders of compressed images, one frame at a time, row by row.
+//!
+//! A decoder reads a [`std::io::Read`] and hands rows to a [`RowSink`]; it never sees a file, a volume or a
+//! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
+//! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
+
+use std::io;
+
+use thiserror::Error;
+
+/// What a codestream says of its image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameFormat {
+    /// Width in pixels.
+    pub columns: u32,
+    /// Height in pixels.
+    pub rows: u32,
+    /// Samples per pixel.
+    pub components: u8,
+    /// Bits per sample.
+    pub precision: u8,
+    /// Are samples two's complement? False where the codestream cannot say.
+    pub signed: bool,
+}
+
+/// Receives a decoded frame, top to bottom.
+pub trait RowSink {
+    /// Called once, before any row and before anything of the image's size is allocated. A receiver that
+    /// refuses ends the decoding with its error.
+    ///
+    /// # Errors
+    /// The format is not what the receiver expects.
+    fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError>;
+
+    /// One row: `columns * components` samples, the components of a pixel side by side. Unsigned samples
+    /// of 32 bits come as their bit pattern.
+    ///
+    /// # Errors
+    /// The receiver cannot take it.
+    fn row(&mut self, samples: &[i32]) -> Result<(), CodecError>;
+}
+
+/// Why a frame cannot be decoded.
+#[non_exhaustive]
+#[derive(Debug, Error)]
+pub enum CodecError {
+    /// The codestream is damaged, or ends early.
+    #[error("the compressed image is damaged: {0}")]
+    Damaged(String),
+    /// The codestream is sound, but of a kind that is not decoded here.
+    #[error("the compressed image uses {0}, which is not supported")]
+    Unsupported(String),
+    /// Decoding needs more memory than allowed.
+    #[error("decoding the image needs {needed_bytes} bytes of memory, and {allowed_bytes} are allowed")]
+    Memory {
+        /// Bytes that decoding would take.
+        needed_bytes: u64,
+        /// Bytes that it may take.
+        allowed_bytes: u64,
+    },
+    /// The input failed, or the receiver did.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+}
