@@ -15,7 +15,7 @@ mod data;
 use data::real_data;
 
 fn open_error(path: PathBuf) -> String {
-    match open(&[path], None) {
+    match open(&[path], &infobyte::source::OpenOptions::default()) {
         Ok(source) => panic!("opened as {:?}", source.info()),
         Err(error) => error.to_string(),
     }
@@ -46,7 +46,7 @@ fn range_of(source: &dyn VolumeSource) -> (i64, i64) {
 #[test]
 fn a_head_ct_is_ordered_by_position_with_its_spacing_and_rescale() {
     let Some(folder) = real_data("ct-philips-28") else { return };
-    let source = open(std::slice::from_ref(&folder), None).unwrap();
+    let source = open(std::slice::from_ref(&folder), &infobyte::source::OpenOptions::default()).unwrap();
     let info = source.info();
     println!("{info:#?}");
     assert_eq!(info.dims.to_array(), [512, 512, 28]);
@@ -86,7 +86,8 @@ fn regular_series_open_and_the_largest_of_several_is_taken() {
         ("mr-mag-phase-4", [768, 768, 2], [0.299, 0.299, 1.0]),
     ] {
         let Some(folder) = real_data(item) else { continue };
-        let source = open(&[folder], None).unwrap_or_else(|e| panic!("{item}: {e}"));
+        let source = open(&[folder], &infobyte::source::OpenOptions::default())
+            .unwrap_or_else(|e| panic!("{item}: {e}"));
         let info = source.info();
         println!(
             "{item}: {} {} {:?} {:?} {:?}",

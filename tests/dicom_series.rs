@@ -206,7 +206,7 @@ fn the_largest_series_is_taken_and_foreign_files_are_reported() {
     fs::create_dir_all(deep.join("f")).unwrap();
     fs::write(deep.join("deepest.dcm"), other(3.0).bytes()).unwrap();
     fs::write(deep.join("f/too-deep.dcm"), other(4.0).bytes()).unwrap();
-    let series = open(&[folder], None).unwrap();
+    let series = open(&[folder], &infobyte::source::OpenOptions::default()).unwrap();
     assert_eq!(series.info().dims.to_array(), [2, 2, 4]);
     let warned = series.info().warnings.join("\n");
     assert!(

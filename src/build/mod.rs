@@ -96,6 +96,23 @@ pub struct BuildOptions {
     pub scratch: Option<PathBuf>,
 }
 
+impl BuildOptions {
+    /// The folder of scratch files for a model: as given, or the model's own.
+    pub fn scratch_folder(&self, output: &Path) -> PathBuf {
+        let beside = || match output.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        self.scratch.clone().unwrap_or_else(beside)
+    }
+}
+
+/// Bytes of memory that are left to a source that has to unroll itself before the build.
+pub fn memory_left(options: &BuildOptions) -> u64 {
+    let held = current_rss_bytes() + plan::PROCESS_GROWTH;
+    options.memory_bytes.saturating_sub(held)
+}
+
 /// What was built and what it took.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
@@ -186,7 +203,7 @@ impl Job<'_> {
         let bricks = self.source.info().dims.to_array().map(|n| u64::from(n.div_ceil(plan::BRICK)));
         Ok(Files {
             atomic: AtomicFile::create(self.output).map_err(|e| self.output_error(e))?,
-            scratch: Scratch::create(&self.scratch_folder(), bricks)?,
+            scratch: Scratch::create(&self.options.scratch_folder(self.output), bricks)?,
         })
     }
 
@@ -409,14 +426,6 @@ impl Job<'_> {
             gradient: if self.options.normals { ESTIMATOR.into() } else { String::new() },
             value_scale: scale.map_or([0.0; 2], |s| s.to_physical(*rescale)),
         }
-    }
-
-    fn scratch_folder(&self) -> PathBuf {
-        let beside = || match self.output.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
-            _ => PathBuf::from("."),
-        };
-        self.options.scratch.clone().unwrap_or_else(beside)
     }
 
     fn output_error(&self, cause: std::io::Error) -> BuildError {

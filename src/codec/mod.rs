@@ -62,3 +62,20 @@ pub enum CodecError {
     #[error("{0}")]
     Io(#[from] io::Error),
 }
+
+/// The bytes of one compressed frame, wherever its fragments lie.
+pub trait FrameBytes {
+    /// How many there are.
+    fn len(&self) -> u64;
+
+    /// Are there none?
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Reads some bytes at `offset`; 0 at the end.
+    ///
+    /// # Errors
+    /// The file failed.
+    fn read_at(&self, buf: &mut [u8], offset: u64) -> io::Result<usize>;
+}

@@ -12,7 +12,7 @@ use crate::budget::{Bytes, peak_rss_bytes};
 use crate::build::{self, BuildOptions, BuildReport, Progress};
 use crate::error::Error;
 use crate::format::MAGIC;
-use crate::source::{self, RawOptions, VolumeSource};
+use crate::source::{self, OpenOptions, Preparation, VolumeSource, Workspace};
 
 /// What was built, from what, and what it took.
 #[derive(Clone, Debug)]
@@ -39,16 +39,16 @@ pub struct BuildSummary {
 /// As [`source::open`] and [`build::build`]; an old model is untouched then.
 pub fn build(
     inputs: &[PathBuf],
-    raw: Option<&RawOptions>,
+    how: &OpenOptions,
     options: &BuildOptions,
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
-    let source = source::open(inputs, raw)?;
+    let mut source = source::open(inputs, how)?;
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
-    build_source(&*source, input, options, output, progress, started)
+    build_source(&mut *source, input, options, output, progress, started)
 }
 
 /// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
@@ -78,13 +78,14 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
 /// # Errors
 /// As [`build::build`].
 pub fn build_source(
-    source: &dyn VolumeSource,
+    source: &mut dyn VolumeSource,
     input: String,
     options: &BuildOptions,
     output: &Path,
     progress: &dyn Progress,
     started: Instant,
 ) -> Result<BuildSummary, Error> {
+    prepare(source, options, output, progress)?;
     let report = build::build(source, options, output, progress)?;
     let wall_s = started.elapsed().as_secs_f64();
     Ok(BuildSummary {
@@ -96,6 +97,22 @@ pub fn build_source(
         warnings: without_repeats(&source.info().warnings),
         wall_s,
     })
+}
+
+/// Unrolls a source that has to be.
+fn prepare(
+    source: &mut dyn VolumeSource,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let needs = source.preparation();
+    if needs == Preparation::default() {
+        return Ok(());
+    }
+    let scratch = options.scratch_folder(output);
+    let memory_bytes = build::memory_left(options);
+    Ok(source.prepare(&Workspace { scratch: &scratch, memory_bytes, progress })?)
 }
 
 /// The sentences in order, each once.

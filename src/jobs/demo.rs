@@ -61,12 +61,12 @@ pub fn demo(
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<DemoSummary, Error> {
-    let head = SyntheticHead::new(side).ok_or_else(|| {
+    let mut head = SyntheticHead::new(side).ok_or_else(|| {
         Error::Usage(format!("a head of {side} voxels a side cannot be made; choose 1 to 65536"))
     })?;
     refuse_clash(&files.model, &[&files.picture, &files.thumbnail])?;
     let name = format!("synthetic head {side}");
-    let built = build_source(&head, name, options, &files.model, progress, Instant::now())?;
+    let built = build_source(&mut head, name, options, &files.model, progress, Instant::now())?;
     // Taken here: the steps that follow map the whole file, which is theirs to do.
     let build_peak_bytes = peak_rss_bytes();
     let timed = |step: &mut dyn FnMut() -> Result<(), Error>| -> Result<f64, Error> {

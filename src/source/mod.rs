@@ -3,6 +3,7 @@
 //! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
 //! its budget allows and never sees a path. Sources are shared by the builder's threads.
 
+mod catalogue;
 pub mod dicom;
 mod error;
 mod files;
@@ -13,6 +14,7 @@ mod scalar;
 mod spool;
 mod synthetic;
 
+pub use catalogue::{Catalogue, Finding, GapPolicy, InputFiles, LeftOut, OpenOptions};
 pub use error::SourceError;
 pub use natural::natural_cmp;
 pub use open::open;

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::dicom::{DicomVolume, ScanError, scan};
-use super::{RawOptions, RawVolume, SourceError, VolumeSource};
+use super::{OpenOptions, RawVolume, SourceError, VolumeSource};
 
 /// Formats by their first bytes, to say what a refused file is.
 const KNOWN: [(usize, &[u8], &str); 11] = [
@@ -22,13 +22,13 @@ const KNOWN: [(usize, &[u8], &str); 11] = [
     (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
 ];
 
-/// Opens a volume: headerless if `raw` says what it is, otherwise by what the files contain.
+/// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
 ///
 /// # Errors
 /// A [`SourceError`] that names the input and says what was found and what to add.
-pub fn open(inputs: &[PathBuf], raw: Option<&RawOptions>) -> Result<Box<dyn VolumeSource>, SourceError> {
-    if let Some(options) = raw {
-        return Ok(Box::new(RawVolume::open(inputs, options)?));
+pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>, SourceError> {
+    if let Some(raw) = &options.raw {
+        return Ok(Box::new(RawVolume::open(inputs, raw)?));
     }
     if let [path] = inputs
         && let Some(error) = refuse_foreign(path)
@@ -90,7 +90,7 @@ mod tests {
         let refusal = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);
             std::fs::write(&path, bytes).unwrap();
-            let error = open(&[path], None).err().unwrap();
+            let error = open(&[path], &OpenOptions::default()).err().unwrap();
             (error.kind(), error.to_string())
         };
         for (name, bytes, kind, words) in [
@@ -103,11 +103,11 @@ mod tests {
             let (got, text) = refusal(name, bytes);
             assert!(got == kind && text.contains(words), "{name}: {text}");
         }
-        let missing = open(&[folder.path().join("nothing")], None).err().unwrap();
+        let missing = open(&[folder.path().join("nothing")], &OpenOptions::default()).err().unwrap();
         assert!(missing.to_string().contains("check that it exists"), "{missing}");
         let empty = folder.path().join("empty");
         std::fs::create_dir(&empty).unwrap();
-        assert!(open(&[empty], None).err().unwrap().to_string().contains("holds no file"));
-        assert_eq!(open(&[], None).err().unwrap().kind(), ExitKind::Usage);
+        assert!(open(&[empty], &OpenOptions::default()).err().unwrap().to_string().contains("holds no file"));
+        assert_eq!(open(&[], &OpenOptions::default()).err().unwrap().kind(), ExitKind::Usage);
     }
 }
