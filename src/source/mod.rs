@@ -9,12 +9,16 @@ mod error;
 mod files;
 #[allow(dead_code, reason = "its lists are still empty")]
 mod formats;
+mod log;
 mod natural;
 mod open;
 mod raw;
 mod scalar;
+mod sidecar;
 mod spool;
+mod stable_hash;
 mod synthetic;
+mod walk;
 
 pub use catalogue::{Catalogue, Finding, GapPolicy, InputFiles, LeftOut, OpenOptions};
 pub use error::SourceError;
