@@ -4,6 +4,9 @@
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
 
+pub mod jpegls;
+pub mod rle;
+
 use std::io;
 
 use thiserror::Error;
@@ -38,6 +41,62 @@ pub trait RowSink {
     /// # Errors
     /// The receiver cannot take it.
     fn row(&mut self, samples: &[i32]) -> Result<(), CodecError>;
+}
+
+/// The bytes of one frame at any place, for codes that are read at several places at once.
+///
+/// A frame that a file holds in fragments is one run of bytes here. [`FrameReader`] reads it front to back.
+pub trait FrameBytes {
+    /// Bytes of the frame.
+    fn len(&self) -> u64;
+
+    /// Does the frame hold no byte at all?
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Reads some bytes from `offset` on; fewer than asked for is no error, 0 is the end of the frame.
+    ///
+    /// # Errors
+    /// The input failed.
+    fn read_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<usize>;
+}
+
+impl FrameBytes for Vec<u8> {
+    fn len(&self) -> u64 {
+        self.as_slice().len() as u64
+    }
+
+    fn read_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
+        let rest = usize::try_from(offset).ok().and_then(|offset| self.get(offset..)).unwrap_or_default();
+        let taken = rest.len().min(buffer.len());
+        if let (Some(to), Some(from)) = (buffer.get_mut(..taken), rest.get(..taken)) {
+            to.copy_from_slice(from);
+        }
+        Ok(taken)
+    }
+}
+
+/// Reads [`FrameBytes`] from its first byte to its last.
+pub struct FrameReader<'a> {
+    bytes: &'a dyn FrameBytes,
+    at: u64,
+}
+
+impl<'a> FrameReader<'a> {
+    /// Starts at the first byte.
+    #[must_use]
+    pub fn new(bytes: &'a dyn FrameBytes) -> FrameReader<'a> {
+        FrameReader { bytes, at: 0 }
+    }
+}
+
+impl io::Read for FrameReader<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let taken = self.bytes.read_at(buffer, self.at)?;
+        self.at = self.at.saturating_add(taken as u64);
+        Ok(taken)
+    }
 }
 
 /// Why a frame cannot be decoded.
