@@ -12,20 +12,28 @@
 //! | `image` | what the pixels of a file are, and how they are reached: [`Image`] |
 //! | `frames` | position and meaning of every frame of a file: [`visit`] |
 //! | `unroll` | decodes frames row by row: [`unroll`](fn@unroll) |
-//! | `survey` | finds the images of a folder by content and groups them |
-//! | `series` | orders a group by position and judges its gaps |
+//! | `survey` | tells images from other files, and loads the images of one series |
+//! | `group` | groups them by what must be equal, drops copies |
+//! | `split` | tells images that repeat positions apart: echoes, phases, ... |
+//! | `series` | orders a group by position, judges and fills its gaps |
+//! | `gaps` | uneven and missing slices |
+//! | `findings` | the volumes of a series, named without patient data |
 //! | `volume` | [`DicomVolume`], the source itself |
 //!
 //! What is found and cannot be read is named, not guessed at. The standard is cited as PS3.x.
 
 mod deflated;
 mod element;
+mod findings;
 mod frames;
+mod gaps;
+mod group;
 mod header;
 mod image;
 mod pixels;
 mod scan;
 mod series;
+mod split;
 mod survey;
 mod syntax;
 mod unroll;
@@ -33,11 +41,13 @@ mod volume;
 mod window;
 
 pub use frames::{FrameGeometry, Origin, visit};
-pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places};
+pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places, Secrets};
 pub use image::{Access, Image, Obstacle};
 pub use pixels::{Padding, PixelLayout};
 pub use scan::{ScanError, scan};
 pub use syntax::TransferSyntax;
 pub use unroll::{FrameSink, unroll};
+pub(crate) use findings::open_series;
+pub(crate) use survey::{Recognised, recognise};
 pub use volume::DicomVolume;
 pub use window::ReadAt;
