@@ -16,7 +16,7 @@ use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
 use infobyte::render::{NamedView, Projection, ViewPoint};
-use infobyte::source::{GapPolicy, OpenOptions, RawOptions};
+use infobyte::source::{OpenOptions, RawOptions};
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
@@ -109,7 +109,8 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
         threads: args.threads.unwrap_or_else(cores),
         scratch: args.scratch.clone(),
     };
-    let how = OpenOptions { raw: raw_options(&args.raw)?, gaps: GapPolicy::Error };
+    let how =
+        OpenOptions { raw: raw_options(&args.raw)?, gaps: args.which.gaps.into(), volume: args.which.volume };
     let bars = Bars::new(args.quiet || args.json);
     let summary = jobs::build::build(&args.input, &how, &options, &args.output, &bars);
     bars.finish();

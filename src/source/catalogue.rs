@@ -229,11 +229,6 @@ impl Catalogue {
         &self.left_out
     }
 
-    /// Number of files of item `index`.
-    pub(super) fn files_of(&self, index: usize) -> u64 {
-        self.items.get(index).map_or(0, |item| item.files.into())
-    }
-
     fn open_item(&self, item: &Item) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
         let first = self.log.get(item.first).map_err(|e| (PathBuf::new(), e))?;
         let path = full_path(&self.inputs, &first);
@@ -258,9 +253,7 @@ impl Catalogue {
                 findings(&path, "dicom", one(files), Err(error))
             }
             What::Format(at) => match FORMATS.get(usize::from(at)) {
-                Some(format) => {
-                    findings(&path, format.name, one(files), (format.open)(&path, &self.options))
-                }
+                Some(format) => findings(&path, format.name, one(files), (format.open)(&path, &self.options)),
                 None => Vec::new(),
             },
             What::Stack(at) => {
@@ -270,9 +263,7 @@ impl Catalogue {
                 }
                 let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
                 match STACKS.get(usize::from(at)) {
-                    Some(format) => {
-                        findings(&folder, format.name, files, (format.open)(list, &self.options))
-                    }
+                    Some(format) => findings(&folder, format.name, files, (format.open)(list, &self.options)),
                     None => Vec::new(),
                 }
             }
@@ -489,8 +480,7 @@ enum Class {
 
 impl Surveyor<'_> {
     fn path(&self, input: u32, path: &Path) -> PathBuf {
-        let record =
-            Record { before: NONE, size: 0, changed: 0, input, path: path.to_path_buf() };
+        let record = Record { before: NONE, size: 0, changed: 0, input, path: path.to_path_buf() };
         full_path(self.inputs, &record)
     }
 

@@ -8,9 +8,7 @@ use std::path::{Path, PathBuf};
 use super::catalogue::{Catalogue, Finding, OpenOptions};
 use super::dicom::{Recognised, recognise};
 use super::formats::HEAD_BYTES;
-use super::{
-    Preparation, RawVolume, SourceError, VolumeInfo, VolumeSource, Workspace,
-};
+use super::{Preparation, RawVolume, SourceError, VolumeInfo, VolumeSource, Workspace};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;

@@ -94,7 +94,9 @@ fn parse(value: &Value, dims: &Value, dtype: &Value) -> Result<Sidecar, String> 
         .and_then(Orientation::parse)
         .ok_or("its orientation is not three letters such as LPS or RAI")?;
     let file = match value.get("file") {
-        Some(name) => Some(name.as_str().filter(|n| is_plain(n)).ok_or("its file is not a plain name")?.to_owned()),
+        Some(name) => {
+            Some(name.as_str().filter(|n| is_plain(n)).ok_or("its file is not a plain name")?.to_owned())
+        }
         None => None,
     };
     Ok(Sidecar { options: RawOptions { dims, scalar, endian, spacing_mm, skip, orientation }, file })
@@ -161,7 +163,9 @@ pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
         return Some(exact);
     }
     let mut found: Option<PathBuf> = None;
-    for entry in fs::read_dir(sidecar.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))).ok()? {
+    for entry in
+        fs::read_dir(sidecar.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))).ok()?
+    {
         let Ok(entry) = entry else { continue };
         let name = PathBuf::from(entry.file_name());
         let path = sidecar.with_file_name(&name);
@@ -192,10 +196,14 @@ mod tests {
         };
         let json = r#"{"dims": [2, 3, 4], "dtype": "i16be", "spacing": "0.5x0.5x2", "skip": 7, "orientation": "RAI",
                       "note": [1]}"#;
-        let toml = "dims = \"2x3x4\"\ndtype = \"i16be\"\nspacing = [0.5, 0.5, 2]\nskip = 7\norientation = \"RAI\"\n";
+        let toml =
+            "dims = \"2x3x4\"\ndtype = \"i16be\"\nspacing = [0.5, 0.5, 2]\nskip = 7\norientation = \"RAI\"\n";
         let (a, b) = (of("a.json", json).unwrap().unwrap(), of("a.toml", toml).unwrap().unwrap());
         assert_eq!(a, b);
-        assert_eq!((a.options.dims.to_array(), a.options.endian, a.options.skip), ([2, 3, 4], Endian::Big, 7));
+        assert_eq!(
+            (a.options.dims.to_array(), a.options.endian, a.options.skip),
+            ([2, 3, 4], Endian::Big, 7)
+        );
         assert_eq!((a.options.spacing_mm, a.options.scalar), ([0.5, 0.5, 2.0], ScalarType::I16));
         for other in ["{}", "[]", "no json", r#"{"dims": [1, 1, 1]}"#, ""] {
             assert!(of("b.json", other).is_none(), "{other}");

@@ -30,7 +30,9 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
     let notes = notes(&series, &parts);
     let finding = |(group, part): &(&Group, Part)| finding(&series, group, part, &notes, options);
     let mut findings: Vec<Finding> = parts.iter().map(finding).collect();
-    if findings.is_empty() && let Some((path, reason)) = &series.lost {
+    if findings.is_empty()
+        && let Some((path, reason)) = &series.lost
+    {
         findings.push(Finding {
             path: path.clone(),
             stem: "dicom".into(),
@@ -88,13 +90,7 @@ fn make_distinct(parts: &mut [(&Group, Part)]) {
     }
 }
 
-fn finding(
-    series: &Series,
-    group: &Group,
-    part: &Part,
-    notes: &[String],
-    options: &OpenOptions,
-) -> Finding {
+fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], options: &OpenOptions) -> Finding {
     let shared = &group.shared;
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
     let mut numbers: Vec<u32> = slices.iter().map(|s| s.file).collect();
@@ -170,7 +166,8 @@ fn stem(shared: &Shared, label: &str) -> String {
     let hash = StableHash::new().part(shared.series_uid.as_bytes()).finish();
     let modality = if shared.modality.is_empty() { "dicom" } else { &shared.modality };
     let number = shared.series_number.map_or_else(String::new, |n| format!("-{n:03}"));
-    let part: String = label.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '.' || *c == '-').collect();
+    let part: String =
+        label.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '.' || *c == '-').collect();
     let part = if part.is_empty() { part } else { format!("-{}", part.to_ascii_lowercase()) };
     safe_name(&format!("{}{number}-{:08x}{part}", modality.to_ascii_lowercase(), hash >> 32))
 }
@@ -212,7 +209,11 @@ fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<String> {
         if distinct.is_empty() {
             distinct.push("the format of the pixels");
         }
-        notes.push(format!("the series holds {} volumes, told apart by {}", parts.len(), distinct.join(", ")));
+        notes.push(format!(
+            "the series holds {} volumes, told apart by {}",
+            parts.len(),
+            distinct.join(", ")
+        ));
     }
     notes
 }

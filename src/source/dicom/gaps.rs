@@ -282,7 +282,10 @@ mod tests {
             let here = along[*at] + part * (along.get(at + 1).unwrap_or(&along[*at]) - along[*at]);
             assert!((here - 4.0 * count(k)).abs() < 0.2001, "{k}: {here}");
         }
-        assert!(warnings[0].contains("2 of 6 were made") && warnings[0].contains("2 that lie off"), "{warnings:?}");
+        assert!(
+            warnings[0].contains("2 of 6 were made") && warnings[0].contains("2 that lie off"),
+            "{warnings:?}"
+        );
         let far = judged(&[0.0, 1.0, 1e6], GapPolicy::Fill).unwrap_err();
         assert!(far.contains("1000000 slices"), "{far}");
     }
@@ -291,7 +294,10 @@ mod tests {
     fn kept_slices_state_their_largest_error() {
         let (grid, warnings) = judged(&[0.0, 5.0, 10.0, 20.0], GapPolicy::Keep).unwrap();
         assert_eq!(grid, Grid::AsTheyAre);
-        assert!(warnings[0].contains("6.6667 mm apart") && warnings[0].contains("3.333 mm off"), "{warnings:?}");
+        assert!(
+            warnings[0].contains("6.6667 mm apart") && warnings[0].contains("3.333 mm off"),
+            "{warnings:?}"
+        );
         // Repeats are no gaps: no policy covers them.
         assert!(judged(&[0.0, 0.0, 1.0], GapPolicy::Keep).is_err());
     }

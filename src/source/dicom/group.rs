@@ -102,7 +102,9 @@ impl Key {
         match self {
             Self::ImageType => [slice.image_type.into(), 0],
             Self::Number(at) => [slice.keys.get(at).copied().map_or(0, bits), 0],
-            Self::Rescale => slice.rescale.map_or([0, 0], |(slope, intercept)| [bits(slope), bits(intercept)]),
+            Self::Rescale => {
+                slice.rescale.map_or([0, 0], |(slope, intercept)| [bits(slope), bits(intercept)])
+            }
         }
     }
 }
@@ -153,7 +155,6 @@ pub(super) struct Shared {
     pub(super) pixel_spacing: Option<[f64; 2]>,
     pub(super) slice_thickness: Option<f64>,
     pub(super) spacing_between: Option<f64>,
-    pub(super) modality_lut: bool,
     /// Memory that decoding takes; 0 where pixels are read by position.
     pub(super) unroll_bytes: u64,
     pub(super) warnings: Vec<String>,
@@ -247,7 +248,8 @@ impl Series {
         let bucket = shared.bucket();
         let near = [bucket, bucket.saturating_sub(1), bucket.saturating_add(1)];
         let known = near.iter().filter_map(|b| self.index.get(&(key, *b))).flatten().copied();
-        let known = known.filter(|at| self.groups.get(*at as usize).is_some_and(|g| g.shared.is_like(&shared)));
+        let known =
+            known.filter(|at| self.groups.get(*at as usize).is_some_and(|g| g.shared.is_like(&shared)));
         let at = known.min().map_or(self.groups.len(), |at| at as usize);
         if at == self.groups.len() {
             self.index.entry((key, bucket)).or_default().push(u32::try_from(at).unwrap_or(u32::MAX));
@@ -282,7 +284,11 @@ impl Series {
 
     /// Number of a stack, in the order in which they were met.
     pub(super) fn stack_index(&mut self, stack: &str) -> f64 {
-        if stack.is_empty() { f64::NAN } else { index_of(&mut self.stacks, stack.to_owned(), MAX_TEXTS).into() }
+        if stack.is_empty() {
+            f64::NAN
+        } else {
+            index_of(&mut self.stacks, stack.to_owned(), MAX_TEXTS).into()
+        }
     }
 
     /// Remembers whom the images show, to keep it out of sight.
@@ -312,7 +318,9 @@ impl Series {
             for slice in &mut group.slices {
                 slice.image_type = rank.get(slice.image_type as usize).copied().unwrap_or(u32::MAX);
             }
-            group.slices.sort_by_key(|s| (s.instance, s.identity, s.frame, s.obstacle != NO_OBSTACLE, s.native.is_none(), s.file));
+            group.slices.sort_by_key(|s| {
+                (s.instance, s.identity, s.frame, s.obstacle != NO_OBSTACLE, s.native.is_none(), s.file)
+            });
         }
         let files = &self.files;
         for group in &mut self.groups {

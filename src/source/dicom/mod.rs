@@ -46,14 +46,14 @@ mod unroll;
 mod volume;
 mod window;
 
+pub(crate) use findings::open_series;
 pub use frames::{FrameGeometry, Origin, visit};
 pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places, Secrets};
 pub use image::{Access, Image, Obstacle};
 pub use pixels::{Padding, PixelLayout};
 pub use scan::{ScanError, scan};
+pub(crate) use survey::{Recognised, recognise};
 pub use syntax::TransferSyntax;
 pub use unroll::{FrameSink, unroll};
-pub(crate) use findings::open_series;
-pub(crate) use survey::{Recognised, recognise};
 pub use volume::DicomVolume;
 pub use window::ReadAt;

@@ -179,9 +179,9 @@ fn without_positions(
     };
     let positive = |v: Option<f64>| v.filter(|mm| *mm > 0.0);
     let dz = positive(group.shared.spacing_between).or(positive(group.shared.slice_thickness)).unwrap_or(1.0);
-    let by = if frames && slices.len() > 1 { "in the order of the frames" } else { "ordered by instance number" };
-    warnings
-        .push(format!("the images state no positions: {by}, {dz} mm apart, placed at the origin"));
+    let by =
+        if frames && slices.len() > 1 { "in the order of the frames" } else { "ordered by instance number" };
+    warnings.push(format!("the images state no positions: {by}, {dz} mm apart, placed at the origin"));
     let layers = order.into_iter().map(Layer::Image).collect();
     Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), warnings })
 }

@@ -43,8 +43,7 @@ fn repeats(group: &Group, chosen: &[usize]) -> Repeats {
 /// Splits the images of a group into parts that repeat no position, as far as that is possible.
 /// `types` are the image types that slices refer to.
 pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
-    let whole =
-        Part { chosen: (0..group.slices.len()).collect(), label: String::new(), tags: Vec::new() };
+    let whole = Part { chosen: (0..group.slices.len()).collect(), label: String::new(), tags: Vec::new() };
     let mut done = Vec::new();
     let mut waiting = vec![whole];
     // Each split makes parts that are smaller, so this ends.
@@ -214,7 +213,10 @@ mod tests {
         assert_eq!(type_label(philips[0], &philips), "magnitude");
         assert_eq!(type_label(philips[1], &philips), "phase");
         let siemens = ["ORIGINAL\\PRIMARY\\M\\ND", "ORIGINAL\\PRIMARY\\P\\ND"];
-        assert_eq!((type_label(siemens[0], &siemens), type_label(siemens[1], &siemens)), ("magnitude".into(), "phase".into()));
+        assert_eq!(
+            (type_label(siemens[0], &siemens), type_label(siemens[1], &siemens)),
+            ("magnitude".into(), "phase".into())
+        );
         let dixon = ["ORIGINAL\\PRIMARY\\WATER", "ORIGINAL\\PRIMARY\\FAT", "ORIGINAL\\PRIMARY"];
         assert_eq!(type_label(dixon[0], &dixon), "water");
         assert_eq!(type_label(dixon[2], &dixon), "");

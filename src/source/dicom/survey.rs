@@ -183,7 +183,10 @@ fn add_frame(
         instance: header.instance,
         position: frame.position,
         native,
-        pixels: header.pixels.filter(|_| image.is_some_and(|i| i.frames == 1)).map(|p| (p.offset, p.available)),
+        pixels: header
+            .pixels
+            .filter(|_| image.is_some_and(|i| i.frames == 1))
+            .map(|p| (p.offset, p.available)),
         rescale: rescale.filter(|_| rescales),
         rescales,
         padding: (header.padding, header.padding_limit),
@@ -200,13 +203,13 @@ fn add_frame(
         pixel_spacing: frame.pixel_spacing,
         slice_thickness: frame.slice_thickness,
         spacing_between: frame.spacing_between,
-        modality_lut: header.modality_lut,
         unroll_bytes: 0,
         warnings: Vec::new(),
     };
     let group = series.group_of(key, shared);
     if let Some(image) = image {
-        group.shared.unroll_bytes = group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
+        group.shared.unroll_bytes =
+            group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
         group.shared.warn(image.warning());
     }
     group.shared.warn(match frame.origin {
@@ -270,11 +273,9 @@ pub(super) fn folder_of(series: &Series, files: &mut dyn Iterator<Item = u32>) -
         let folder = path.parent().unwrap_or(Path::new(""));
         shared = Some(match shared {
             None => folder.to_path_buf(),
-            Some(known) => known
-                .ancestors()
-                .find(|a| folder.starts_with(a))
-                .unwrap_or(Path::new(""))
-                .to_path_buf(),
+            Some(known) => {
+                known.ancestors().find(|a| folder.starts_with(a)).unwrap_or(Path::new("")).to_path_buf()
+            }
         });
     }
     shared.unwrap_or_default()

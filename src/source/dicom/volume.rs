@@ -352,7 +352,8 @@ impl VolumeSource for DicomVolume {
     }
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
-        let Some((dims, scalar)) = self.spool_dims().filter(|_| self.coded > 0 && self.spool.is_none()) else {
+        let Some((dims, scalar)) = self.spool_dims().filter(|_| self.coded > 0 && self.spool.is_none())
+        else {
             return Ok(());
         };
         let spool = Spool::create(workspace.scratch, dims, scalar)?;
@@ -405,9 +406,7 @@ impl VolumeSource for DicomVolume {
         check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
         match self.layers.get(z as usize) {
             Some(Layer::Image(at)) => self.read_place(*at, &rows, &cols, out),
-            Some(Layer::Between(from, to, part)) => {
-                self.read_between([*from, *to], *part, &rows, &cols, out)
-            }
+            Some(Layer::Between(from, to, part)) => self.read_between([*from, *to], *part, &rows, &cols, out),
             None => Err(io::ErrorKind::InvalidInput.into()),
         }
         .map_err(failed)
