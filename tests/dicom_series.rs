@@ -115,7 +115,7 @@ fn raw_file_slice_files_and_series_in_every_encoding_deliver_the_same_bytes() {
                 let expected = read(&raws[0], z, rows, cols);
                 assert_eq!(read(&raws[1], z, rows, cols), expected);
                 assert_eq!(
-                    read(&series, z, rows, cols),
+                    read(&*series, z, rows, cols),
                     expected,
                     "{syntax:?} {scalar} {z} {rows:?} {cols:?}"
                 );
@@ -154,7 +154,7 @@ fn slices_that_differ_in_rescale_become_physical_values() {
     let series = open(&[folder], &OpenOptions::default()).unwrap();
     assert_eq!((series.info().scalar, series.info().rescale.slope), (ScalarType::F32, 1.0));
     let values = |z, cols| -> Vec<f32> {
-        read(&series, z, (0, 2), cols).chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
+        read(&*series, z, (0, 2), cols).chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
     };
     assert_eq!(values(0, (0, 2)), [-1023.0, -1022.0, -1021.0, -1020.0]);
     assert_eq!(values(1, (0, 2)), [10.5, 11.0, 11.5, 12.0]);
@@ -172,7 +172,7 @@ fn padding_becomes_air_and_overlay_bits_are_cut() {
     let (_keep, folder) = folder_of(&images);
     let series = open(&[folder], &OpenOptions::default()).unwrap();
     let got: Vec<u16> =
-        read(&series, 1, (0, 2), (0, 2)).chunks_exact(2).map(bytemuck::pod_read_unaligned).collect();
+        read(&*series, 1, (0, 2), (0, 2)).chunks_exact(2).map(bytemuck::pod_read_unaligned).collect();
     // -1000 HU is stored as 24.
     assert_eq!(got, [24, 0x123, 24, 4095]);
 }
@@ -232,7 +232,7 @@ fn many_slices_are_read_with_few_descriptors() {
     let (_keep, folder) = folder_of(&images);
     let series = open(&[folder], &OpenOptions::default()).unwrap();
     for z in (0..1500).rev() {
-        assert_eq!(read(&series, z, (1, 2), (0, 2)), [0; 4]);
+        assert_eq!(read(&*series, z, (1, 2), (0, 2)), [0; 4]);
     }
     let open = fs::read_dir("/proc/self/fd").map_or(0, Iterator::count);
     // Other tests of this process hold a few of their own.
