@@ -161,7 +161,8 @@ fn behaviour_03_what_differs_is_not_stacked_and_the_tag_is_named() {
         let images: Vec<Elements> = (0..8)
             .map(|i| ct(f64::from(i / 2), i).with(tag, vr, values[usize::try_from(i % 2).unwrap()]))
             .collect();
-        let findings = Folder::of(&images).findings();
+        let folder = Folder::of(&images);
+        let findings = folder.findings();
         assert_eq!(parts(&findings), [(labels[0], [2, 2, 4], true), (labels[1], [2, 2, 4], true)]);
         assert_eq!(firsts(findings[1].volume.as_ref().unwrap().as_ref()), [10, 30, 50, 70], "{words}");
         assert!(warnings(findings[0].volume.as_ref().unwrap().as_ref()).contains(words));
@@ -180,25 +181,29 @@ fn behaviour_03_what_differs_is_not_stacked_and_the_tag_is_named() {
             image
         })
         .collect();
-    let findings = Folder::of(&images).findings();
+    let folder = Folder::of(&images);
+    let findings = folder.findings();
     let labels: Vec<&str> = findings.iter().map(|f| f.part.as_str()).collect();
     assert_eq!(labels, ["magnitude echo 1", "magnitude echo 2", "phase echo 1", "phase echo 2"]);
     assert!(findings[3].stem.ends_with("-phaseecho2"), "{}", findings[3].stem);
     // Another size never joins.
     let mut wide = ct(1.0, 5);
     wide.us(0x0028_0011, 1);
-    let findings = Folder::of(&[ct(0.0, 1), ct(1.0, 2), ct(2.0, 3), wide]).findings();
+    let folder = Folder::of(&[ct(0.0, 1), ct(1.0, 2), ct(2.0, 3), wide]);
+    let findings = folder.findings();
     assert_eq!(parts(&findings), [("2x2", [2, 2, 3], true), ("1x2", [1, 2, 1], true)]);
 }
 
 #[test]
 fn behaviour_03_phases_without_any_tag_are_told_apart_by_their_turn() {
     let images: Vec<Elements> = (0..6).map(|i| ct(f64::from(i % 3), i)).collect();
-    let findings = Folder::of(&images).findings();
+    let folder = Folder::of(&images);
+    let findings = folder.findings();
     assert_eq!(parts(&findings), [("set 1 of 2", [2, 2, 3], true), ("set 2 of 2", [2, 2, 3], true)]);
     assert_eq!(firsts(findings[1].volume.as_ref().unwrap().as_ref()), [30, 40, 50]);
     // One position more often than the others: nothing is guessed.
-    let findings = Folder::of(&images[..5]).findings();
+    let folder = Folder::of(&images[..5]);
+    let findings = folder.findings();
     let error = findings[0].volume.as_ref().unwrap_err().to_string();
     assert!(findings.len() == 1 && error.contains("2 of 5 images repeat the position"), "{error}");
 }
@@ -317,7 +322,8 @@ fn behaviour_10_tilt_is_kept_in_the_affine() {
         image
     };
     let images: Vec<Elements> = [0, 1, 2, 4].map(tilted).into();
-    let source = Folder::of(&images).open(GapPolicy::Fill).unwrap();
+    let folder = Folder::of(&images);
+    let source = folder.open(GapPolicy::Fill).unwrap();
     let affine = source.info().affine;
     assert_eq!(source.info().dims.nz(), 5);
     for (corner, expected) in [
@@ -335,7 +341,8 @@ fn behaviour_10_tilt_is_kept_in_the_affine() {
 fn behaviour_11_rescale_of_each_slice_holds_for_made_slices_too() {
     let mut images = [ct(0.0, 1), ct(1.0, 2), ct(3.0, 4)];
     images[2].set(0x0028_1053, "DS", "0.5");
-    let source = Folder::of(&images).open(GapPolicy::Fill).unwrap();
+    let folder = Folder::of(&images);
+    let source = folder.open(GapPolicy::Fill).unwrap();
     assert_eq!(source.info().scalar, ScalarType::F32);
     let mut out = [0; 4];
     source.read_rows(2, 0..1, 0..1, &mut out).unwrap();
@@ -387,7 +394,8 @@ fn behaviour_20_images_without_positions_are_ordered_by_number_with_a_warning() 
         image.without(POSITION).without(ORIENTATION).without(0x0028_0030).without(0x0018_0050);
         image
     };
-    let source = Folder::of(&[bare(3), bare(1), bare(2)]).open(GapPolicy::Error).unwrap();
+    let folder = Folder::of(&[bare(3), bare(1), bare(2)]);
+    let source = folder.open(GapPolicy::Error).unwrap();
     assert_eq!((firsts(source.as_ref()), source.info().spacing_mm), (vec![10, 20, 30], [1.0; 3]));
     let said = warnings(source.as_ref());
     assert!(said.contains("state no positions") && said.contains("no pixel spacing"), "{said}");
