@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
-use infobyte::budget::Bytes;
+use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::build::{BuildOptions, Connectivity, Threshold};
 use infobyte::geom::Orientation;
 use infobyte::jobs::demo::DemoFiles;
@@ -105,7 +105,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
         normals: args.channels.normal,
         values: args.channels.value,
         lod: args.lod == Switch::On,
-        memory_bytes: args.memory,
+        memory: MemoryCap::Process(args.memory),
         threads: args.threads.unwrap_or_else(cores),
         scratch: args.scratch.clone(),
     };
@@ -223,7 +223,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
         normals: true,
         values: false,
         lod: true,
-        memory_bytes: args.memory,
+        memory: MemoryCap::Process(args.memory),
         threads,
         scratch: None,
     };
