@@ -14,6 +14,8 @@ pub struct OpenOptions {
     pub raw: Option<RawOptions>,
     /// What to do where slices of a series are missing.
     pub gaps: GapPolicy,
+    /// A folder (canonical) that is not searched: that of the results.
+    pub skip: Option<PathBuf>,
 }
 
 /// What to do where slices of a series are missing.
@@ -39,6 +41,10 @@ pub struct Finding {
     pub format: &'static str,
     /// What the input files are, to see whether they changed.
     pub files: InputFiles,
+    /// Which part of its input it is, for example `echo 2`, where that holds several volumes.
+    pub part: Option<String>,
+    /// Words that must not be reported: parts of the patient's name and identifier.
+    pub secrets: Vec<String>,
     /// The volume, not prepared yet.
     pub volume: Result<Box<dyn VolumeSource>, SourceError>,
 }
@@ -108,6 +114,8 @@ impl Catalogue {
             stem: super::raw::base_name(path),
             format: "dicom",
             files: InputFiles::default(),
+            part: None,
+            secrets: Vec::new(),
             volume: super::open(std::slice::from_ref(path), &self.options),
         }]
     }
