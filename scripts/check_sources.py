@@ -238,7 +238,7 @@ class Item:
 RAW_HEAD = ((256, 256, 113), ">i2", (1.0, 1.0, 2.0), "256x256x113 i16be 1x1x2")
 RAW_LIDC = ((256, 256, 133), "u1", (1.40625, 1.40625, 2.5), "256x256x133 u8 1.40625x1.40625x2.5")
 NOT_A_VOLUME = r"mesh|not DICOM|not a volume|no volume|nothing .* volume"
-NO_IMAGE = r"no (usable )?image|no pixel|not DICOM|DICOMDIR|directory|transfer syntax|cut short|truncated|ends"
+NO_IMAGE = r"no (usable )?image|no pixel|without pixels|not DICOM|transfer syntax|cut short|truncated|ends early|are left"
 COLOUR = r"colou?r|palette|RGB|PALETTE|samples"
 UNEVEN = r"uneven|gap|missing"
 
