@@ -51,7 +51,7 @@ class Volume:
 
 # --- DICOM ------------------------------------------------------------------------------------------------
 
-CODED = {"1.2.840.10008.1.2", "1.2.840.10008.1.2.1", "1.2.840.10008.1.2.2", "1.2.840.10008.1.2.1.99"}
+NATIVE = {"1.2.840.10008.1.2", "1.2.840.10008.1.2.1", "1.2.840.10008.1.2.2", "1.2.840.10008.1.2.1.99"}
 
 
 def stored_frames(ds):
@@ -59,13 +59,18 @@ def stored_frames(ds):
     if "FloatPixelData" in ds or "DoubleFloatPixelData" in ds:
         array = ds.pixel_array
         return array.reshape(-1, ds.Rows, ds.Columns)
-    array = ds.pixel_array
     if ds.get("SamplesPerPixel", 1) != 1:
         raise ValueError("colour")
-    array = array.reshape(-1, ds.Rows, ds.Columns)
     bits, used = ds.BitsAllocated, ds.BitsStored
-    syntax = getattr(ds.file_meta, "TransferSyntaxUID", None)
-    if used < bits and bits > 1 and (syntax is None or syntax in CODED):
+    native = ds.file_meta.TransferSyntaxUID in NATIVE and bits in (16, 32)
+    if native:  # as they lie in the file: pydicom has views of its own on unused bits
+        order = "<" if ds.original_encoding[1] else ">"
+        pixels = ds.Rows * ds.Columns * int(ds.get("NumberOfFrames") or 1)
+        array = np.frombuffer(ds.PixelData, f"{order}{'iu'[1 - ds.PixelRepresentation]}{bits // 8}", pixels)
+    else:
+        array = ds.pixel_array
+    array = array.reshape(-1, ds.Rows, ds.Columns)
+    if native and used < bits:
         shift = ds.HighBit + 1 - used
         wide = (array.astype(np.int64) >> shift) & ((1 << used) - 1)
         if ds.PixelRepresentation:
@@ -119,6 +124,8 @@ class Frame:
     thickness: object
     kind: tuple
     order: float
+    instance: str
+    split: tuple
 
 
 def frames_of(path):
@@ -126,8 +133,7 @@ def frames_of(path):
     ds = pydicom.dcmread(path, force=True)
     if not any(k in ds for k in ("PixelData", "FloatPixelData", "DoubleFloatPixelData")):
         return []
-    if not hasattr(ds, "file_meta") or "TransferSyntaxUID" not in ds.file_meta:
-        ds.ensure_file_meta() if hasattr(ds, "ensure_file_meta") else None
+    if "TransferSyntaxUID" not in ds.file_meta:
         ds.file_meta.TransferSyntaxUID = (pydicom.uid.ImplicitVRLittleEndian if ds.original_encoding[0]
                                           else pydicom.uid.ExplicitVRLittleEndian)
     stored = stored_frames(ds)
@@ -160,16 +166,26 @@ def frames_of(path):
                             None if position is None else np.array(position, float),
                             None if axes is None else np.array(axes, float),
                             [1.0, 1.0] if spacing is None else [float(v) for v in spacing],
-                            float(thickness) if thickness else 1.0, kind, float(ds.get("InstanceNumber") or 0) + i))
+                            float(thickness) if thickness else 1.0, kind, float(ds.get("InstanceNumber") or 0) + i,
+                            f"{ds.get('SOPInstanceUID', path)}/{i}",
+                            (str(ds.get("AcquisitionNumber")), str(ds.get("TemporalPositionIdentifier")))))
     return result
 
 
 def read_dicom(paths):
     """Every volume in the files, the largest first."""
-    parts = {}
+    parts, seen = {}, set()
     for path in paths:
         for frame in frames_of(path):
-            parts.setdefault(frame.kind, []).append(frame)
+            if frame.instance not in seen:
+                parts.setdefault(frame.kind, []).append(frame)
+            seen.add(frame.instance)
+    for kind, frames in list(parts.items()):
+        places = {None if f.position is None else tuple(f.position) for f in frames}
+        if None not in places and len(places) < len(frames):  # several volumes: by acquisition and phase
+            del parts[kind]
+            for frame in frames:
+                parts.setdefault((*kind, frame.split), []).append(frame)
     volumes = []
     for frames in parts.values():
         dy, dx = frames[0].spacing
@@ -201,18 +217,20 @@ def read_nifti(path):
     data = np.asanyarray(image.dataobj)
     unit = {"meter": 1000.0, "micron": 0.001}.get(image.header.get_xyzt_units()[0], 1.0)
     affine = lib.FLIP_XY @ (np.asarray(image.affine, float)[:3] * unit)
-    return [Volume(np.ascontiguousarray(data.T), affine)]
+    volumes = data.T if data.ndim == 4 else data.T[None]
+    return [Volume(np.ascontiguousarray(v), affine) for v in volumes]
 
 
 def read_nrrd(path):
     data, header = nrrd.read(str(path), index_order="C")
+    if "space directions" not in header:
+        return [Volume(data, np.column_stack([np.diag(header["spacings"]), np.zeros(3)]))]
     affine = np.column_stack([np.array(header["space directions"]).T, header["space origin"]]).astype(float)
-    space = header["space"].lower()
-    if space in ("right-anterior-superior", "ras"):
-        affine = lib.FLIP_XY @ affine
-    elif space not in ("left-posterior-superior", "lps"):
-        affine = np.diag([-1.0, 1.0, 1.0]) @ affine if space in ("left-anterior-superior", "las") else affine
-    return [Volume(data, affine)]
+    # Signs of the space's axes against left, posterior, superior; a space without a name is taken as LPS.
+    name = header.get("space", "left-posterior-superior").lower()
+    letters = "".join(w[0] for w in name.split("-")) if "-" in name else name
+    signs = [1.0 if a == b else -1.0 for a, b in zip(letters, "lps")]
+    return [Volume(data, np.diag(signs) @ affine)]
 
 
 def read_raw(paths, dims, dtype, spacing):
@@ -388,6 +406,8 @@ def judge(item, volume, facts, run, args, path, model_path, options):
         notes.append(f"lossy: {100 * share:.2f} % of the skin differs")
         if share > 0.05:
             bad.append("skin, even for a lossy syntax")
+        if worst is not None and worst > 2 * abs(facts["rescale"][0]):
+            bad.append(f"values off by {worst:g}, more than 2 steps of the reference decoder's")
     else:
         if facts["skin_voxels"] != count or differ:
             bad.append(f"skin: {differ} voxels differ")

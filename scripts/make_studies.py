@@ -86,20 +86,24 @@ class Studies:
         return self.saved[key]
 
     def add(self, name, values=None, affine=None, *, expect="converts", same=None, iso=ISO, options=(), reason="",
-            origin=True, others=(), tolerance=1e-3, note=""):
+            origin=True, others=(), tolerance=1e-3, note="", lossy=0.0, geometry_only=False,
+            warn=""):
         """Records the truth of the study at `name` (a file or folder below OUT).
 
         same: studies with equal names give equal bytes; None if there is nothing to compare with.
+        lossy: part of the skin that may differ. geometry_only: values are not compared.
+        warn: what a warning must match if it converts.
         affine None: any. origin False: only the axes count. others: further volumes that may be taken instead.
         """
         entry = {"name": name, "path": name.split("#")[0], "expect": expect, "options": list(options), "iso": iso,
-                 "same": same, "reason": reason, "note": note}
+                 "same": same, "reason": reason, "note": note, "lossy": lossy,
+                 "warn": warn}
         if values is not None:
             volumes = [(values, affine), *others]
             entry["volumes"] = [{
                 "dims": list(v.shape[::-1]), "affine": None if a is None else np.asarray(a).tolist(),
                 "origin": origin, "tolerance_mm": tolerance, "min": float(np.nanmin(v)), "max": float(np.nanmax(v)),
-                "skin": int(lib.skin(lib.select(v, iso, None)).sum()), "values": self.save(v),
+                "skin": int(lib.skin(lib.select(v, iso, None)).sum()), "values": None if geometry_only else self.save(v),
             } for v, a in volumes]
         self.entries.append(entry)
 
@@ -335,7 +339,8 @@ def meta_studies(s):
     packed = zlib.compress(raw)
     write("meta/zlib.mha", meta_header(base, affine, "LOCAL", compressed=len(packed)), packed)
     write("meta/zlib-no-size.mha", meta_header(base, affine, "LOCAL", compressed=0).replace(
-        b"CompressedDataSize = 0\n", b""), packed)
+        b"CompressedDataSize = 0\n", b""), packed, expect="either", reason="CompressedDataSize",
+          note="SimpleITK refuses it")
     write("meta/zlib.mhd", meta_header(base, affine, "zlib.zraw", compressed=len(packed)), files={"zlib.zraw": packed})
     big = base.astype(">i2").tobytes()
     write("meta/msb.mha", meta_header(base, affine, "LOCAL", msb="True"), big)
@@ -438,9 +443,9 @@ def plain_studies(s):
     data = s.path("npy/i16.npy").read_bytes()
     s.path("npy/x-short.npy").write_bytes(data[:-100])
     s.add("npy/x-short.npy", expect="refused", reason="short|bytes|ends|needed")
-    for kind, array in (("i8", base.astype(np.int64)), ("f2", base.astype(np.float16)), ("bool", base > 0)):
+    for kind, array in (("int64", base.astype(np.int64)), ("float16", base.astype(np.float16)), ("bool", base > 0)):
         np.save(s.path(f"npy/{kind}.npy"), array)
-        s.add(f"npy/{kind}.npy", array.astype(float), s.unit, same="unit" if kind == "i8" else None, expect="either",
+        s.add(f"npy/{kind}.npy", array.astype(float), s.unit, same="unit" if kind == "int64" else None, expect="either",
               iso=1.0 if kind == "bool" else ISO, reason="type")
 
     def tiff(name, kind, truth=None, **options):

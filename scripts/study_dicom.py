@@ -152,6 +152,7 @@ class DicomStudies:
         return folder
 
     def truth(self, name, values=None, affine="base", **more):
+        """Truth of a study below dicom/; values and affine of the object unless stated."""
         values = self.base.astype(float) if values is None else values
         self.s.add("dicom/" + name, values, self.s.affine if isinstance(affine, str) else affine,
                    **{"same": "base", **more})
@@ -205,6 +206,28 @@ class DicomStudies:
                 writer.SetImage(change.GetOutput())
                 assert writer.Write()
             self.truth("syntax-" + name)
+        # Lossy: what the reference decoder makes of them; others may round otherwise.
+        small = [np.clip(v // 10 + 100, 0, 255).astype(np.uint8) for v in self.base]
+        lifted = [(v.astype(int) + 1024).astype(np.uint16) for v in self.base]
+        for name, syntax, images, bits, encode, decode, lossy in (
+                ("jpeg-baseline-50", uid.JPEGBaseline8Bit, small, 8, lambda a: imagecodecs.jpeg8_encode(a, level=95),
+                 imagecodecs.jpeg8_decode, 0.03),
+                ("jpeg-extended-51", uid.JPEGExtended12Bit, lifted, 12,
+                 lambda a: imagecodecs.jpeg8_encode(a, level=95, bitspersample=12), imagecodecs.jpeg8_decode, 0.03),
+                ("jpegls-81-near-2", uid.JPEGLSNearLossless, lifted, 16,
+                 lambda a: imagecodecs.jpegls_encode(a, level=2), imagecodecs.jpegls_decode, 0.0),
+                ("j2k-91-lossy", uid.JPEG2000, lifted, 16, lambda a: imagecodecs.jpeg2k_encode(
+                    a, codecformat="j2k", level=60, reversible=False), imagecodecs.jpeg2k_decode, 0.03)):
+            folder, decoded = self.s.folder(f"dicom/syntax-{name}"), []
+            intercept = 0 if bits == 8 else -1024
+            for z, ds in enumerate(self.slices()):
+                coded = bytes(encode(images[z]))
+                decoded.append(np.asarray(decode(coded)).astype(float) + intercept)
+                put_pixels(ds, images[z], bits=8 if bits == 8 else 16, used=bits)
+                ds.RescaleIntercept = str(intercept)
+                save_encapsulated(ds, folder / f"{z + 1:03d}.dcm", syntax, [coded])
+            self.truth("syntax-" + name, np.stack(decoded), iso=120.0 if bits == 8 else self.iso, same=None,
+                       lossy=lossy)
         # Signed pixels, where codecs know no sign.
         signed = lambda: self.slices(intercept=0, signed=True)
         for name in ("rle", "jpegls-80"):
@@ -223,13 +246,34 @@ class DicomStudies:
     def geometry(self):
         tilted, turned = self.s.sheared(), self.s.oblique()
         self.write_series("gantry-tilt", self.slices(affine=tilted))
-        self.truth("gantry-tilt", affine=tilted, same="tilt")
+        self.truth("gantry-tilt", warn="tilt", affine=tilted, same="tilt")
         self.write_series("oblique", self.slices(affine=turned))
         self.truth("oblique", affine=turned, same="structure:base")
         sagittal = np.array([[0, 0, 1.5, -20.0], [0.75, 0, 0, -15.5], [0, -0.875, 0, 40.25]])
         sagittal[:, 2] *= -1  # x cross y = (0,1,0) x (0,0,-1) = (-1,0,0)
         self.write_series("sagittal", self.slices(affine=sagittal))
         self.truth("sagittal", affine=sagittal)
+        down = np.array([[0.75, 0, 0, -20.0], [0, -0.875, 0, 15.5], [0, 0, -1.5, 40.25]])
+        self.write_series("normal-down", self.slices(affine=down))
+        self.truth("normal-down", affine=down, note="rows run to anterior, so the normal points to the feet")
+        prone = np.array([[-0.75, 0, 0, 20.0], [0, -0.875, 0, 15.5], [0, 0, 1.5, -40.25]])
+        self.write_series("prone", self.slices(affine=prone))
+        self.truth("prone", affine=prone)
+        single = self.slices()[18]
+        single.private_block(0x0029, "TEST", create=True).add_new(1, "OB", b"x" * 1000000)
+        save(single, self.s.path("dicom/single.dcm"))
+        lone = self.s.affine.copy()
+        lone[2, 3] += 18 * 1.5
+        lone[2, 2] = 2.0  # no neighbour: the stated thickness
+        self.truth("single.dcm", self.base[18:19].astype(float), warn="one slice|single", affine=lone, same=None,
+                   note="one slice, behind a megabyte of private data")
+        for name, change in (
+                ("x-orientation-differs", lambda ds: setattr(ds, "ImageOrientationPatient", [1, 0, 0, 0, 0.8, 0.6])),
+                ("x-spacing-differs", lambda ds: setattr(ds, "PixelSpacing", ["0.875", "0.8"]))):
+            odd = self.slices()
+            change(odd[20])
+            self.write_series(name, odd)
+            self.truth(name, expect="refused", reason="orientation|pixel spacing|differ|not used|other sets?")
         backward = self.slices()[::-1]
         for i, ds in enumerate(backward):
             ds.InstanceNumber = i + 1
@@ -242,6 +286,11 @@ class DicomStudies:
         names = self.s.rng.permutation(self.count)
         self.write_series("order-shuffled", mixed, names=lambda i: f"IMG{names[i]}")
         self.truth("order-shuffled", note="no file extensions; names, numbers and locations say nothing")
+        nameless = self.slices()
+        for ds in nameless:
+            del ds.InstanceNumber
+        self.write_series("no-instance-numbers", nameless[::-1])
+        self.truth("no-instance-numbers")
         jitter = self.slices()
         for z, ds in enumerate(jitter[1:-1], 1):
             ds.ImagePositionPatient[2] = number(30.0 + 1.5 * z + (1e-4 if z % 2 else -1e-4))
@@ -249,6 +298,12 @@ class DicomStudies:
         self.truth("jitter", tolerance=2e-3, note="positions rounded by the scanner")
         self.write_series("x-missing-slice", [d for z, d in enumerate(self.slices()) if z != 17])
         self.truth("x-missing-slice", expect="refused", reason="missing|gap|uneven")
+        self.truth("x-missing-slice#fill", warn="missing|fill|gap", geometry_only=True,
+                   options=["--gaps", "fill"], same=None)
+        kept = self.s.affine.copy()
+        kept[:, 2] *= (self.count - 1) / (self.count - 2)
+        self.truth("x-missing-slice#keep", np.delete(self.base, 17, 0).astype(float), affine=kept, same=None,
+                   options=["--gaps", "keep"], warn="missing|keep|gap|uneven")
         self.write_series("x-two-gaps", [d for z, d in enumerate(self.slices()) if z not in (5, 6, 20)])
         self.truth("x-two-gaps", expect="refused", reason="missing|gap|uneven")
         flat = self.slices()
@@ -261,12 +316,13 @@ class DicomStudies:
             del ds.ImagePositionPatient, ds.ImageOrientationPatient
             ds.SpacingBetweenSlices = "1.5"
         self.write_series("no-positions", bare)
-        self.truth("no-positions", origin=False, note="order by instance number, with a warning")
+        self.truth("no-positions", warn="position", origin=False, note="order by instance number, with a warning")
 
     def several(self):
         folder = self.write_series("duplicate-identical", self.slices())
         (folder / "copy.dcm").write_bytes((folder / "011.dcm").read_bytes())
-        self.truth("duplicate-identical", note="the same file twice under two names")
+        self.truth("duplicate-identical", warn="duplicate|twice|cop(y|ies)|same",
+                   note="the same file twice under two names")
         other = self.slices()
         twice = copy.deepcopy(other[10])
         twice.SOPInstanceUID += ".9"
@@ -285,7 +341,7 @@ class DicomStudies:
                 for ds in part:
                     change(ds, which)
             self.write_series(name, [d for both in zip(first, second) for d in both])
-            self.truth(name, others=[(half.astype(float), self.s.affine)], same=None)
+            self.truth(name, warn="not used|sets|volumes", others=[(half.astype(float), self.s.affine)], same=None)
 
         def magnitude_phase(ds, which):
             ds.ImageType = ["ORIGINAL", "PRIMARY", "P" if which else "M", "ND"]
@@ -311,16 +367,16 @@ class DicomStudies:
         scout.PixelSpacing, scout.RescaleSlope, scout.RescaleIntercept = ["1", "1"], "1", "-1024"
         put_pixels(scout, np.full((50, 60), 900))
         self.write_series("with-localizer", [scout, *made])
-        self.truth("with-localizer", note="an overview picture in the same series")
+        self.truth("with-localizer", warn="localizer|not used|left out", note="an overview picture in the same series")
         large, small = self.slices(), self.slices(self.base[:9, :20, :30])
         folder = self.write_series("two-series", [*small, *large])
-        self.truth("two-series", note="the larger one")
+        self.truth("two-series", warn="not used|largest", note="the larger one")
         folder = self.write_series("with-others", self.slices())
         report = blank(SR, 900, 1)
         save(report, folder / "report.dcm")
         (folder / "notes.txt").write_text("not an image\n")
         (folder / "empty").write_bytes(b"")
-        self.truth("with-others", note="a report, a text and an empty file beside the images")
+        self.truth("with-others", warn="left out", note="a report, a text and an empty file beside the images")
         folder = self.write_series("x-one-cut-short", self.slices())
         body = (folder / "020.dcm").read_bytes()
         (folder / "020.dcm").write_bytes(body[:-700])
@@ -366,6 +422,24 @@ class DicomStudies:
             ds.RescaleSlope, ds.RescaleIntercept = "0.5", "-512"
         self.write_series("rescale-half", halves)
         self.truth("rescale-half", base / 2.0, iso=100.0, same="base")
+        falling = self.slices(-base.astype(int), intercept=-2000)
+        for ds in falling:
+            ds.RescaleSlope, ds.RescaleIntercept = "-1", "2000"
+        self.write_series("rescale-negative", falling)
+        self.truth("rescale-negative", same="structure:base", note="stored values fall as physical ones rise")
+        flat = self.slices()
+        for ds in flat:
+            ds.RescaleSlope = "0"
+        self.write_series("x-rescale-zero", flat)
+        self.truth("x-rescale-zero", expect="refused", reason="slope")
+        folder = self.s.folder("dicom/bits-8-ow-big-endian")
+        for z, ds in enumerate(self.slices(small, intercept=0, bits=8)):
+            ds.PixelData = np.frombuffer(ds.PixelData, "<u2").byteswap().tobytes()
+            meta(ds, uid.ExplicitVRBigEndian)
+            ds["PixelData"].VR = "OW"
+            ds.save_as(folder / f"{z + 1:03d}.dcm", implicit_vr=False, little_endian=False, enforce_file_format=True)
+        self.truth("bits-8-ow-big-endian", small.astype(float), iso=120.0, same=None,
+                   expect="either", reason="big-endian", note="8-bit pixels in big-endian words lie in swapped pairs")
         slopes = 0.25 + 0.125 * (np.arange(self.count) % 5)
         stored = np.clip(np.rint((base.astype(float) + 1000) / slopes[:, None, None]), 0, 32767).astype(int)
         pet = self.slices(sop=PET)
@@ -380,8 +454,8 @@ class DicomStudies:
         self.write_series("x-rescale-missing-on-some", part)
         mixed = base.astype(float)
         mixed[::3] += 1024
-        self.truth("x-rescale-missing-on-some", mixed, expect="either", reason="[Rr]escale|slope", same=None,
-                   note="must be reported at least")
+        self.truth("x-rescale-missing-on-some", mixed, warn="[Rr]escale", expect="either",
+                   reason="[Rr]escale|slope", same=None, note="must be reported at least")
         inverted = self.slices()
         for ds in inverted:
             ds.PhotometricInterpretation = "MONOCHROME1"
@@ -401,6 +475,18 @@ class DicomStudies:
             self.write_series(name, padded)
             mended = np.where(outside, -1000, base).astype(float)
             self.truth(name, mended, same="padded")
+        self.write_series("padding-range-implicit", padded, uid.ImplicitVRLittleEndian)
+        self.truth("padding-range-implicit", mended, same="padded")
+        padded = self.slices(np.where(outside, -2000, base), intercept=0, signed=True)
+        for ds in padded:
+            ds.add_new("PixelPaddingValue", "US", 63536)
+        self.write_series("padding-wrong-sign", padded)
+        self.truth("padding-wrong-sign", mended, same="padded", note="-2000 stated as unsigned 63536")
+        padded = self.slices(np.where(outside, 3000, base), sop=MR)
+        for ds in padded:
+            ds.add_new("PixelPaddingValue", "US", 4024)
+        self.write_series("padding-mr", padded)
+        self.truth("padding-mr", np.where(outside, 0, base).astype(float), same=None, note="0 outside of CT")
         padded = self.slices(np.where(outside, -1024, base))
         for ds in padded:
             ds.add_new("PixelPaddingValue", "US", 0)
@@ -414,7 +500,8 @@ class DicomStudies:
             ds.PixelData = np.repeat(grey[..., None], 3, -1).tobytes()
             ds.RescaleIntercept = "0"
         self.write_series("x-rgb", colour)
-        self.truth("x-rgb", np.clip(small[:3], 0, 255).astype(float), expect="either", reason="colou?r|RGB|samples",
+        self.truth("x-rgb", np.clip(small[:3], 0, 255).astype(float), warn="colou?r|RGB|luminance",
+                   expect="either", reason="colou?r|RGB|samples",
                    iso=120.0, same=None)
         lut = self.slices()
         for ds in lut:
@@ -448,6 +535,11 @@ class DicomStudies:
                 pydicom.dcmwrite(folder / f"{z + 1:03d}", ds, implicit_vr=syntax == uid.ImplicitVRLittleEndian,
                                  little_endian=True, enforce_file_format=False)
             self.truth(name, note="the bare data set")
+        trailing = self.slices()
+        for ds in trailing:
+            ds.DataSetTrailingPadding = b"\0" * 200
+        self.write_series("trailing-padding", trailing)
+        self.truth("trailing-padding", note="an element after the pixels")
         nested = self.slices()
         for ds in nested:
             inner = Dataset()
@@ -551,13 +643,20 @@ class DicomStudies:
                 ("j2k-fragments", uid.JPEG2000Lossless, j2k, "basic", 4)):
             save_encapsulated(ds, self.s.path(f"dicom/enhanced-{name}.dcm"), syntax, coded, offsets=offsets, parts=parts)
             self.truth(f"enhanced-{name}.dcm")
+        folder = self.s.folder("dicom/enhanced-two-files")
+        first, second = enhanced(ENHANCED_CT, straight[:20]), enhanced(ENHANCED_CT, straight[20:])
+        second.SeriesInstanceUID, second.SeriesNumber = first.SeriesInstanceUID, first.SeriesNumber
+        save(second, folder / "1.dcm")
+        save(first, folder / "2.dcm")
+        self.truth("enhanced-two-files", expect="either", reason="several|files|frames", note="one series in two files")
         self.series += 1
         plain = blank(NM, self.series, 1)
         plain.NumberOfFrames, plain.PixelSpacing = count, [number(SPACING[1]), number(SPACING[0])]
         plain.SpacingBetweenSlices, plain.SliceThickness = "1.5", "2"
         put_pixels(plain, base.astype(int) + 1024)
         plain.RescaleSlope, plain.RescaleIntercept = "1", "-1024"
-        one("legacy-frames", plain, origin=False, note="frames in their order, Spacing Between Slices apart")
+        one("legacy-frames", plain, origin=False, warn="position|order|frame",
+            note="frames in their order, Spacing Between Slices apart")
         self.series += 1
         dose = blank(RT_DOSE, self.series, 1)
         place(dose, affine, 0)
