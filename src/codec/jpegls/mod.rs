@@ -14,6 +14,10 @@ mod frame;
 mod parameters;
 mod scan;
 mod stream;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod vectors;
 
 use std::io::Read;
 
