@@ -207,6 +207,7 @@ impl Segment {
 }
 
 #[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "bytes and sizes of small test images")]
 mod tests {
     use super::*;
 

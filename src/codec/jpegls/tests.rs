@@ -178,9 +178,8 @@ fn a_colour_stream_of_charls_in_each_interleave_mode() {
         let keep = decoded(stream).unwrap();
         assert_eq!(keep.rows.concat(), image);
     }
-    for (stream, expected) in [(vectors::BY_SAMPLE_NEAR, vectors::BY_SAMPLE_NEAR_PIXELS)] {
-        assert_eq!(decoded(stream).unwrap().rows.concat(), expected);
-    }
+    let near = decoded(vectors::BY_SAMPLE_NEAR).unwrap();
+    assert_eq!(near.rows.concat(), vectors::BY_SAMPLE_NEAR_PIXELS);
 }
 
 #[test]
