@@ -6,6 +6,7 @@
 
 pub mod jpegls;
 pub mod rle;
+pub mod jpeg;
 
 use std::io;
 
