@@ -4,15 +4,15 @@
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
 
+pub mod jpeg;
+pub mod jpeg2000;
 pub mod jpegls;
 pub mod rle;
-pub mod jpeg;
 
 use std::io;
 
 use thiserror::Error;
 
-pub mod jpeg2000;
 
 /// What a codestream says of its image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
