@@ -7,7 +7,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::header::DicomHeader;
-use super::pixels::{Obstacle, PixelLayout};
+use super::image::Obstacle;
+use super::pixels::PixelLayout;
 use super::scan::{ScanError, scan};
 use crate::source::SourceError;
 use crate::source::files::FileList;
