@@ -11,6 +11,9 @@
 //! | `pixels` | how stored values are cut out of cells: [`PixelLayout`] |
 //! | `image` | what the pixels of a file are, and how they are reached: [`Image`] |
 //! | `frames` | position and meaning of every frame of a file: [`visit`] |
+//! | `encapsulated` | which fragments make which frame |
+//! | `lut` | modality tables and palettes |
+//! | `convert` | rows of cells, or of decoded samples, into delivered ones |
 //! | `unroll` | decodes frames row by row: [`unroll`](fn@unroll) |
 //! | `survey` | finds the images of a folder by content and groups them |
 //! | `series` | orders a group by position and judges its gaps |
@@ -18,11 +21,14 @@
 //!
 //! What is found and cannot be read is named, not guessed at. The standard is cited as PS3.x.
 
+mod convert;
 mod deflated;
 mod element;
+mod encapsulated;
 mod frames;
 mod header;
 mod image;
+mod lut;
 mod pixels;
 mod scan;
 mod series;

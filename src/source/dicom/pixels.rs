@@ -54,6 +54,22 @@ impl Stored {
         self.bits
     }
 
+    /// Unused bits below the stored ones.
+    pub(super) fn shift(&self) -> u32 {
+        self.shift
+    }
+
+    /// The value of a cut out sample at the beginning of some bytes in native order.
+    pub(super) fn value(&self, sample: &[u8]) -> i64 {
+        let word = |bytes: &[u8]| bytes.first_chunk::<2>().map_or(0_u16, |b| bytemuck::cast(*b));
+        let raw = match self.bytes() {
+            1 => sample.first().copied().map_or(0, u32::from),
+            2 => word(sample).into(),
+            _ => sample.first_chunk::<4>().map_or(0, |b| bytemuck::cast(*b)),
+        };
+        self.number(raw)
+    }
+
     /// Are values two's complement?
     pub(super) fn is_signed(&self) -> bool {
         self.signed
@@ -227,7 +243,7 @@ impl PixelLayout {
 }
 
 impl Padding {
-    fn holds(self, value: i64) -> bool {
+    pub(super) fn holds(self, value: i64) -> bool {
         (self.low..=self.high).contains(&value)
     }
 

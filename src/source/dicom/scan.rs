@@ -64,6 +64,10 @@ pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader, ScanError> {
     // Without the preamble's word for it, only an object that says what it is counts as DICOM.
     let says_what = header.sop_class.starts_with("1.") || (header.rows.is_some() && header.columns.is_some());
     match walked {
+        // The inflater's word for a damaged stream.
+        Err(ScanError::Io(e)) if e.kind() == io::ErrorKind::InvalidData => {
+            Err(ScanError::Damaged { offset: header.dataset, reason: e.to_string() })
+        }
         Err(ScanError::Io(e)) => Err(ScanError::Io(e)),
         _ if !has_preamble && !says_what => Err(ScanError::NotDicom),
         Err(e) => Err(e),
