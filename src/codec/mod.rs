@@ -13,7 +13,6 @@ use std::io;
 
 use thiserror::Error;
 
-
 /// What a codestream says of its image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameFormat {
