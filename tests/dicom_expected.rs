@@ -132,10 +132,11 @@ fn stored_values_of_every_file_match_another_readers() {
         };
         if hash.is_empty() {
             println!(
-                "{name}: {} {} to {}, which the other reader could not decode",
+                "{name}: {} {} to {} ({}), which the other reader could not decode",
                 shape(&image),
                 got.low,
-                got.high
+                got.high,
+                got.hash()
             );
             continue;
         }
