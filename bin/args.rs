@@ -20,6 +20,10 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Build a model from a volume: a file, a folder (DICOM series or slices) or several slice files
     Build(BuildArgs),
+    /// Convert every volume below some folders, with thumbnails and a report
+    Batch(BatchArgs),
+    /// List what would be converted, and why the rest would be refused
+    Scan(ScanArgs),
     /// Show what a model says of itself (mapped or packed)
     Info(InfoArgs),
     /// Check every invariant of a model (mapped or packed)
@@ -140,6 +144,69 @@ pub(crate) struct RawArgs {
     /// Patient directions that the axes run to, such as LPS or RAI
     #[arg(long, value_name = "LETTERS", value_parser = orientation)]
     pub(crate) orientation: Option<Orientation>,
+}
+
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("selection").multiple(false))]
+pub(crate) struct BatchArgs {
+    /// Folders (or files) to search
+    #[arg(required = true, value_name = "DIR")]
+    pub(crate) input: Vec<PathBuf>,
+    /// Folder of the models, thumbnails and reports; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Inside are values of V and more, in physical units (HU for CT)
+    #[arg(long, value_name = "V", group = "selection", allow_hyphen_values = true, value_parser = number)]
+    pub(crate) iso: Option<f64>,
+    /// Inside are values from LO to HI, both included
+    #[arg(long, value_name = "LO..HI", group = "selection", allow_hyphen_values = true, value_parser = range)]
+    pub(crate) range: Option<[f64; 2]>,
+    /// Choose the threshold of each volume by Otsu's method (the default)
+    #[arg(long, group = "selection")]
+    pub(crate) otsu: bool,
+    /// Peak resident memory of the whole process, shared by the jobs
+    #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
+    pub(crate) memory: u64,
+    /// Volumes worked on at a time; as many as cores by default
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) jobs: Option<usize>,
+    /// Worker threads in all; all cores by default
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<usize>,
+    /// Longest side of the thumbnails in pixels; 0 for none
+    #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = side_or_none)]
+    pub(crate) thumbnails: u32,
+    /// Attributes per skin voxel: normal, value, or none
+    #[arg(long, value_name = "LIST", default_value = "normal", value_parser = channels)]
+    pub(crate) channels: ChannelChoice,
+    /// Connectivity of the skin: 26 (thin) or 6 (thick)
+    #[arg(long, default_value = "26", value_parser = connectivity)]
+    pub(crate) connectivity: u8,
+    /// Folder for scratch files; the output folder by default
+    #[arg(long, value_name = "DIR")]
+    pub(crate) scratch: Option<PathBuf>,
+    /// Leave patient names in reported paths; they are masked by default
+    #[arg(long)]
+    pub(crate) keep_names: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, no lines for volumes
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ScanArgs {
+    /// Folders (or files) to search
+    #[arg(required = true, value_name = "DIR")]
+    pub(crate) input: Vec<PathBuf>,
+    /// Leave patient names in reported paths; they are masked by default
+    #[arg(long)]
+    pub(crate) keep_names: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -425,6 +492,10 @@ fn side(text: &str) -> Result<u32, String> {
         .ok()
         .filter(|n| (1..=16384).contains(n))
         .ok_or_else(|| format!("'{text}' is not a size; choose 1 to 16384"))
+}
+
+fn side_or_none(text: &str) -> Result<u32, String> {
+    if text == "0" { Ok(0) } else { side(text) }
 }
 
 fn triple(text: &str) -> Result<[f64; 3], String> {

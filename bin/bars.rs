@@ -1,10 +1,15 @@
 //! Progress bars on a terminal; nothing when piped, quiet or JSON.
 
-use std::io::IsTerminal;
-use std::sync::Mutex;
+use std::io::{IsTerminal, Write};
+use std::sync::{Mutex, PoisonError};
 
-use indicatif::{ProgressBar, ProgressStyle};
-use infobyte::build::Progress;
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use infobyte::jobs::batch::{Item, Status, Watcher};
+use infobyte::progress::Progress;
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
 
 /// One bar, restarted for each stage.
 pub(crate) struct Bars {
@@ -24,7 +29,7 @@ impl Bars {
 
     fn with(&self, work: impl FnOnce(&mut ProgressBar)) {
         if let Some(bar) = &self.bar {
-            work(&mut bar.lock().unwrap_or_else(std::sync::PoisonError::into_inner));
+            work(&mut bar.lock().unwrap_or_else(PoisonError::into_inner));
         }
     }
 }
@@ -34,13 +39,99 @@ impl Progress for Bars {
         self.with(|bar| {
             bar.finish_and_clear();
             *bar = ProgressBar::new(total);
-            let style = ProgressStyle::with_template("{msg:10} [{bar:40}] {percent:>3} % {eta:>5} left");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.set_style(style("{msg:10} [{bar:40}] {percent:>3} % {eta:>5} left"));
             bar.set_message(name);
         });
     }
 
     fn advance(&self, steps: u64) {
         self.with(|bar| bar.inc(steps));
+    }
+}
+
+/// A bar for the whole batch and one for each job; without a terminal, a line for each volume.
+pub(crate) struct BatchBars {
+    bars: Option<MultiProgress>,
+    whole: ProgressBar,
+    jobs: Vec<JobBar>,
+    lines: bool,
+}
+
+/// The stages of one job after the other.
+struct JobBar {
+    bar: ProgressBar,
+    name: Mutex<String>,
+}
+
+impl Progress for JobBar {
+    fn stage(&self, stage: &'static str, total: u64) {
+        self.bar.reset();
+        self.bar.set_length(total);
+        self.bar.set_message(format!("{} {stage}", self.name.lock().unwrap_or_else(PoisonError::into_inner)));
+    }
+
+    fn advance(&self, steps: u64) {
+        self.bar.inc(steps);
+    }
+}
+
+impl BatchBars {
+    pub(crate) fn new(jobs: usize, silent: bool) -> Self {
+        let bars = (!silent && std::io::stderr().is_terminal()).then(MultiProgress::new);
+        let placed = |bar: ProgressBar| match &bars {
+            Some(all) => all.add(bar),
+            None => ProgressBar::hidden(),
+        };
+        let whole =
+            placed(ProgressBar::new(0).with_style(style("{pos}/{len} done [{bar:40}] {eta:>5} left")));
+        let job = |_| JobBar {
+            bar: placed(ProgressBar::new(0).with_style(style("  [{bar:20}] {percent:>3} % {msg}"))),
+            name: Mutex::default(),
+        };
+        Self { jobs: (0..jobs.max(1)).map(job).collect(), whole, bars, lines: !silent }
+    }
+
+    /// Removes the bars from the terminal.
+    pub(crate) fn finish(&self) {
+        self.jobs.iter().for_each(|job| job.bar.finish_and_clear());
+        self.whole.finish_and_clear();
+    }
+}
+
+impl Watcher for BatchBars {
+    fn found(&self, items: u64) {
+        self.whole.set_length(items);
+    }
+
+    fn begin(&self, slot: usize, name: &str) -> &dyn Progress {
+        let job = &self.jobs[slot.min(self.jobs.len() - 1)];
+        name.clone_into(&mut job.name.lock().unwrap_or_else(PoisonError::into_inner));
+        job
+    }
+
+    fn end(&self, slot: usize, item: &Item) {
+        self.jobs[slot.min(self.jobs.len() - 1)].bar.reset();
+        if !self.lines {
+            return;
+        }
+        let line = match (item.status, &item.model, &item.reason) {
+            (Status::Failed, _, Some(reason)) => format!("failed   {}: {reason}", item.input),
+            (Status::Skipped, ..) => format!("skipped  {} (done before)", item.name),
+            (_, Some(m), _) => {
+                let [x, y, z] = m.dims;
+                format!("done     {} {x}x{y}x{z}, {} skin voxels, {:.2} s", m.file, m.skin_voxels, m.wall_s)
+            }
+            _ => return,
+        };
+        let line: String = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        match &self.bars {
+            // A closed terminal leaves nobody to tell.
+            Some(bars) => drop(bars.println(line)),
+            None => drop(writeln!(std::io::stderr(), "{line}")),
+        }
+    }
+
+    fn advance(&self) {
+        self.whole.inc(1);
     }
 }

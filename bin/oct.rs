@@ -8,9 +8,10 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
-use infobyte::budget::Bytes;
+use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::build::{BuildOptions, Connectivity, Threshold};
 use infobyte::geom::Orientation;
+use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::{self, info, pack, picture, verify};
@@ -21,9 +22,10 @@ use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
 use args::{Cli, Command, Switch};
-use bars::Bars;
+use bars::{Bars, BatchBars};
 
 fn main() -> ExitCode {
+    infobyte::allocator::give_memory_back();
     // With a handler in place, writing past a file-size limit is an error that can be told, not the end of
     // the process. Without one (it cannot be set twice), the system's way stays.
     let _ = signal_hook::flag::register(
@@ -71,6 +73,8 @@ fn one_line(text: &str) -> String {
 fn run(command: Command) -> Result<ExitCode, Error> {
     match command {
         Command::Build(args) => build(&args),
+        Command::Batch(args) => batch(&args),
+        Command::Scan(args) => scan(&args),
         Command::Info(args) => {
             let info = info::info(&args.model)?;
             print(args.json, || info.json(), || info.text())
@@ -96,26 +100,124 @@ fn run(command: Command) -> Result<ExitCode, Error> {
 
 fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
     let options = BuildOptions {
-        threshold: match (args.iso, args.range) {
-            (Some(iso), _) => Threshold::Iso(iso),
-            (None, Some([lo, hi])) => Threshold::Range(lo, hi),
-            (None, None) => Threshold::Otsu,
-        },
-        connectivity: if args.connectivity == 6 { Connectivity::Thick6 } else { Connectivity::Thin26 },
+        threshold: threshold(args.iso, args.range),
+        connectivity: connectivity(args.connectivity),
         normals: args.channels.normal,
         values: args.channels.value,
         lod: args.lod == Switch::On,
-        memory_bytes: args.memory,
+        memory: MemoryCap::Process(args.memory),
         threads: args.threads.unwrap_or_else(cores),
         scratch: args.scratch.clone(),
     };
-    let how =
-        OpenOptions { raw: raw_options(&args.raw)?, gaps: args.which.gaps.into(), volume: args.which.volume };
+    let how = OpenOptions {
+        raw: raw_options(&args.raw)?,
+        gaps: args.which.gaps.into(),
+        volume: args.which.volume,
+        ..OpenOptions::default()
+    };
     let bars = Bars::new(args.quiet || args.json);
     let summary = jobs::build::build(&args.input, &how, &options, &args.output, &bars);
     bars.finish();
     let summary = summary?;
     print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })
+}
+
+fn threshold(iso: Option<f64>, range: Option<[f64; 2]>) -> Threshold {
+    match (iso, range) {
+        (Some(iso), _) => Threshold::Iso(iso),
+        (None, Some([lo, hi])) => Threshold::Range(lo, hi),
+        (None, None) => Threshold::Otsu,
+    }
+}
+
+fn connectivity(neighbours: u8) -> Connectivity {
+    if neighbours == 6 { Connectivity::Thick6 } else { Connectivity::Thin26 }
+}
+
+fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
+    let jobs = args.jobs.unwrap_or_else(cores);
+    let request = BatchRequest {
+        inputs: args.input.clone(),
+        out: args.out.clone(),
+        how: OpenOptions::default(),
+        build: BuildOptions {
+            threshold: threshold(args.iso, args.range),
+            connectivity: connectivity(args.connectivity),
+            normals: args.channels.normal,
+            values: args.channels.value,
+            lod: true,
+            memory: MemoryCap::Process(args.memory),
+            threads: args.threads.unwrap_or_else(cores),
+            scratch: args.scratch.clone(),
+        },
+        jobs,
+        thumbnails: args.thumbnails,
+        keep_names: args.keep_names,
+    };
+    let bars = BatchBars::new(jobs, args.quiet || args.json);
+    let report = jobs::batch::batch(&request, &bars);
+    bars.finish();
+    let report = report?;
+    let counts = report.counts;
+    let code = if args.json {
+        // The items come from the report just written: they are never all in memory.
+        copy_to_stdout(&args.out.join("report.json"))?
+    } else {
+        print(
+            false,
+            || Value::Null,
+            || {
+                format!(
+                    "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n",
+                    args.out.display(),
+                    counts.converted,
+                    counts.skipped,
+                    counts.failed,
+                    report.wall_s,
+                    Bytes(report.peak_rss_bytes),
+                    Bytes(report.memory_budget_bytes)
+                )
+            },
+        )?
+    };
+    Ok(if counts.failed > 0 { ExitCode::from(ExitKind::Partial.code()) } else { code })
+}
+
+fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
+    let copied = std::fs::File::open(path).and_then(|mut file| io::copy(&mut file, &mut io::stdout().lock()));
+    match copied {
+        Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::Output { path: "standard output".into(), cause })
+        }
+        _ => Ok(ExitCode::SUCCESS),
+    }
+}
+
+fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
+    let mut first = true;
+    let report = jobs::scan::scan(&args.input, &OpenOptions::default(), args.keep_names, &mut |listed| {
+        let before = match (args.json, std::mem::take(&mut first)) {
+            (true, true) => "{\"items\":[\n",
+            (true, false) => ",\n",
+            (false, _) => "",
+        };
+        let text = if args.json { listed.json().to_string() } else { listed.text() };
+        print(false, || Value::Null, || format!("{before}{text}")).map(|_| ())
+    })?;
+    let text = || {
+        let mut text =
+            format!("{} volume(s) would be converted, {} refused\n", report.usable, report.refused);
+        for (reason, count, first) in &report.left_out {
+            text += &format!("  {count} file(s) left out: {reason} (first: {first})\n");
+        }
+        text
+    };
+    let json = || {
+        let head = if first { "{\"items\":[" } else { "" };
+        let rest = report.json().to_string();
+        format!("{head}\n],{}\n", rest.strip_prefix('{').unwrap_or(&rest))
+    };
+    print(false, || Value::Null, || if args.json { json() } else { text() })
 }
 
 /// The description of a headerless volume, if any of it was given.
@@ -224,7 +326,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
         normals: true,
         values: false,
         lod: true,
-        memory_bytes: args.memory,
+        memory: MemoryCap::Process(args.memory),
         threads,
         scratch: None,
     };

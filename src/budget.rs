@@ -68,6 +68,40 @@ impl fmt::Display for SizeArgument {
     }
 }
 
+/// Code and data of a process that are not resident yet when a plan is made.
+pub const PROCESS_GROWTH: u64 = 1 << 20;
+
+/// What bounds the memory of a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MemoryCap {
+    /// The resident memory of the whole process; the job is all that it does.
+    Process(u64),
+    /// What the job may add to a process that does other things too.
+    Share(u64),
+}
+
+impl MemoryCap {
+    /// The bound itself.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Process(bytes) | Self::Share(bytes) => bytes,
+        }
+    }
+
+    /// Bytes that count against the bound before the job allocates anything.
+    pub fn held(self) -> u64 {
+        match self {
+            Self::Process(_) => current_rss_bytes() + PROCESS_GROWTH,
+            Self::Share(_) => 0,
+        }
+    }
+
+    /// Bytes that the job may still allocate.
+    pub fn left(self) -> u64 {
+        self.bytes().saturating_sub(self.held())
+    }
+}
+
 /// Peak resident set of this process in bytes, as the kernel accounts it (`VmHWM`); 0 where the
 /// system does not tell.
 pub fn peak_rss_bytes() -> u64 {

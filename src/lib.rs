@@ -10,6 +10,7 @@
 //!
 //! | module | what it owns |
 //! |---|---|
+//! | [`allocator`] | the C library's allocator told to give memory back |
 //! | [`geom`] | dims, Morton codes, affine transforms |
 //! | [`atomic`] | output files that appear whole or not at all |
 //! | [`budget`] | sizes in bytes, and what the system accounts to the process |
@@ -23,6 +24,7 @@
 //! | [`render`] | camera, the one traversal kernel, shading, images |
 //! | [`jobs`] | what the commands do, one function each |
 
+pub mod allocator;
 pub mod atomic;
 pub mod budget;
 pub mod build;

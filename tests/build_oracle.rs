@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use infobyte::budget::MemoryCap;
 use infobyte::build::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build};
 use infobyte::format::{SectionKind, normal};
 use infobyte::geom::{Dims, Orientation};
@@ -357,7 +358,7 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
         normals: random.below(4) > 0,
         values: random.below(3) > 0,
         lod: random.below(4) > 0,
-        memory_bytes: 1 << 30,
+        memory: MemoryCap::Process(1 << 30),
         threads: usize::try_from(1 + random.below(3)).unwrap(),
         scratch: None,
     };
@@ -509,7 +510,7 @@ fn bricks_of_several_fragments_are_joined_in_order() {
                 normals: true,
                 values: true,
                 lod: true,
-                memory_bytes: 1 << 30,
+                memory: MemoryCap::Process(1 << 30),
                 threads,
                 scratch: None,
             };
@@ -531,7 +532,7 @@ fn the_skin_of_a_solid_is_its_six_faces() {
             normals: true,
             values: true,
             lod: true,
-            memory_bytes: 1 << 30,
+            memory: MemoryCap::Process(1 << 30),
             threads: 2,
             scratch: None,
         };
@@ -571,7 +572,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
                 normals: true,
                 values: false,
                 lod: false,
-                memory_bytes: 1 << 30,
+                memory: MemoryCap::Process(1 << 30),
                 threads: 2,
                 scratch: None,
             };

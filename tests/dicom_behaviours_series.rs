@@ -80,7 +80,10 @@ fn warnings(source: &dyn VolumeSource) -> String {
 }
 
 fn parts(findings: &[Finding]) -> Vec<(&str, [u32; 3], bool)> {
-    findings.iter().map(|f| (f.part.as_str(), f.size.unwrap_or_default(), f.volume.is_ok())).collect()
+    findings
+        .iter()
+        .map(|f| (f.part.as_deref().unwrap_or_default(), f.size.unwrap_or_default(), f.volume.is_ok()))
+        .collect()
 }
 
 #[test]
@@ -183,7 +186,7 @@ fn behaviour_03_what_differs_is_not_stacked_and_the_tag_is_named() {
         .collect();
     let folder = Folder::of(&images);
     let findings = folder.findings();
-    let labels: Vec<&str> = findings.iter().map(|f| f.part.as_str()).collect();
+    let labels: Vec<&str> = findings.iter().map(|f| f.part.as_deref().unwrap()).collect();
     assert_eq!(labels, ["magnitude echo 1", "magnitude echo 2", "phase echo 1", "phase echo 2"]);
     assert!(findings[3].stem.ends_with("-phaseecho2"), "{}", findings[3].stem);
     // Another size never joins.
@@ -431,7 +434,7 @@ fn behaviour_23_names_hold_no_patient_and_no_folder() {
     let info = finding.volume.as_ref().unwrap().info();
     assert_eq!(info.description.name, finding.stem);
     assert!(finding.stem.starts_with("ct-007-") && finding.stem.len() == 15, "{}", finding.stem);
-    let all = format!("{:?} {} {}", info, finding.stem, finding.part);
+    let all = format!("{:?} {} {:?}", info, finding.stem, finding.part);
     for secret in &finding.secrets {
         assert!(!all.contains(secret.as_str()), "{secret} is in {all}");
     }

@@ -27,6 +27,7 @@
 
 use std::ops::Range;
 
+use infobyte::budget::MemoryCap;
 use infobyte::build::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
 use infobyte::format::normal;
 use infobyte::geom::{Affine, Dims, morton};
@@ -110,7 +111,7 @@ fn stored_codes(
         normals: true,
         values: false,
         lod: false,
-        memory_bytes,
+        memory: MemoryCap::Process(memory_bytes),
         threads,
         scratch: None,
     };

@@ -5,7 +5,9 @@ use std::fs;
 
 use infobyte::ExitKind;
 use infobyte::geom::{Dims, Orientation};
-use infobyte::source::{Endian, RawOptions, RawVolume, ScalarType, SourceError, VolumeSource, open};
+use infobyte::source::{
+    Endian, OpenOptions, RawOptions, RawVolume, ScalarType, SourceError, VolumeSource, open,
+};
 
 #[path = "support/data.rs"]
 mod data;
@@ -169,8 +171,11 @@ fn a_file_that_shrinks_and_a_request_outside_fail_without_a_panic() {
 fn the_cadaver_head_is_read_in_natural_order_and_big_endian() {
     let Some(folder) = real_data("raw-cthead") else { return };
     let dims = Dims::new(256, 256, 113).unwrap();
-    let source =
-        open(std::slice::from_ref(&folder), Some(&options(dims, ScalarType::I16, Endian::Big))).unwrap();
+    let source = open(
+        std::slice::from_ref(&folder),
+        &OpenOptions { raw: Some(options(dims, ScalarType::I16, Endian::Big)), ..OpenOptions::default() },
+    )
+    .unwrap();
     let (mut low, mut high) = (i16::MAX, i16::MIN);
     for z in 0..113 {
         let out = read(source.as_ref(), z, (0, 256), (0, 256));

@@ -51,7 +51,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
-use crate::budget::{current_rss_bytes, peak_rss_bytes};
+use crate::budget::{MemoryCap, current_rss_bytes, peak_rss_bytes};
 use crate::format::{Metadata, Selection, SelectionKind, SourceMeta};
 use crate::source::{ScalarType, VolumeInfo, VolumeSource};
 use column::{ColumnWorker, ScanContext, ScanTotals};
@@ -88,8 +88,8 @@ pub struct BuildOptions {
     pub values: bool,
     /// Store means of coarse nodes for level of detail?
     pub lod: bool,
-    /// Cap on the resident memory of the whole process.
-    pub memory_bytes: u64,
+    /// Cap on resident memory.
+    pub memory: MemoryCap,
     /// Most worker threads; fewer are used when the cap is small.
     pub threads: usize,
     /// Folder of the scratch file; beside the output if not given.
@@ -107,10 +107,13 @@ impl BuildOptions {
     }
 }
 
-/// Bytes of memory that are left to a source that has to unroll itself before the build.
-pub fn memory_left(options: &BuildOptions) -> u64 {
-    let held = current_rss_bytes() + plan::PROCESS_GROWTH;
-    options.memory_bytes.saturating_sub(held)
+/// The smallest [`MemoryCap::Share`] within which a model of `source` can be built.
+pub fn smallest_share(source: &dyn VolumeSource, options: &BuildOptions) -> u64 {
+    let options = BuildOptions { memory: MemoryCap::Share(0), threads: 1, ..options.clone() };
+    match (Job { source, options: &options, output: Path::new(""), progress: &Silent }).check_budget() {
+        Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) => minimum_bytes,
+        _ => 0,
+    }
 }
 
 /// What was built and what it took.
@@ -157,8 +160,8 @@ pub struct StageSeconds {
 
 /// Builds the skin octree of `source` into `output`.
 ///
-/// Memory: [`BuildOptions::memory_bytes`] bounds the process as the operating system accounts it, on the
-/// premise that nothing else of weight runs in it. Temporary disk: about the size of the result, in one
+/// Memory: [`BuildOptions::memory`] bounds the process as the operating system accounts it, or the build's
+/// own part of it. Temporary disk: about the size of the result, in one
 /// nameless file.
 ///
 /// # Errors
@@ -255,9 +258,9 @@ impl Job<'_> {
     /// kept, as the allocator may not give back what the histograms held.
     fn histogram_threads(&self) -> usize {
         let scan = merge::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
-        let fixed = current_rss_bytes() + plan::PROCESS_GROWTH + histogram::SHARED_BYTES + scan;
+        let fixed = histogram::SHARED_BYTES + scan;
         let each = histogram::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
-        let fit = self.options.memory_bytes.saturating_sub(fixed) / each;
+        let fit = self.options.memory.left().saturating_sub(fixed) / each;
         usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.options.threads.max(1))
     }
 
@@ -333,7 +336,8 @@ impl Job<'_> {
 
     fn plan(&self, ring_sample_bytes: usize, direct: bool) -> Result<ColumnPlan, BuildError> {
         let info = self.source.info();
-        let limit_bytes = self.options.memory_bytes;
+        let limit_bytes = self.options.memory.bytes();
+        let alone = matches!(self.options.memory, MemoryCap::Process(_));
         let plan = ColumnPlan::new(&PlanRequest {
             dims: info.dims,
             file_sample_bytes: info.scalar.bytes(),
@@ -343,11 +347,11 @@ impl Job<'_> {
             swapped_value_bytes: if self.options.values { value::swapped_bytes(info.scalar) } else { 0 },
             threads: self.options.threads,
             limit_bytes,
-            base_bytes: current_rss_bytes(),
+            base_bytes: alone.then(current_rss_bytes),
             source_bytes: self.source.resident_bytes(),
         });
         // The cap is on the peak: what the process has held before, to open the input, counts too.
-        let peak = peak_rss_bytes();
+        let peak = if alone { peak_rss_bytes() } else { 0 };
         let minimum = match plan {
             Ok(plan) if peak <= limit_bytes => return Ok(plan),
             Ok(_) => peak,

@@ -7,6 +7,7 @@ use std::ops::Range;
 use super::column::Column;
 use super::gradient::{OVERREAD, REACH, SLICE_VOXELS};
 use super::swap::{ENTRY_BYTES, EXTENT_BYTES};
+use crate::budget::PROCESS_GROWTH;
 use crate::geom::Dims;
 
 /// Edge of a brick, the unit of swapping: a column is one brick high.
@@ -23,8 +24,8 @@ const CACHE_LINE: usize = 64;
 const POOL_BYTES: usize = 128 << 10;
 /// A worker's stack as far as it is touched, its allocator arena and small change.
 pub(super) const WORKER_OVERHEAD: u64 = 192 << 10;
-/// Code and data of the process that are not resident yet when the plan is made.
-pub(super) const PROCESS_GROWTH: u64 = 1 << 20;
+/// What a build holds beside its workers, and what the allocator wastes, in a process of its host.
+const SHARE_OVERHEAD: u64 = 256 << 10;
 
 /// What is resident at the start is counted as at least this: it differs by some 300 KiB between runs (the
 /// kernel maps pages of the program around those that are touched), and the smallest budget should not.
@@ -64,8 +65,8 @@ pub(super) struct PlanRequest {
     pub(super) swapped_value_bytes: usize,
     pub(super) threads: usize,
     pub(super) limit_bytes: u64,
-    /// Resident already, before any buffer of the build.
-    pub(super) base_bytes: u64,
+    /// Resident already, before any buffer of the build; `None` if the limit is on the build alone.
+    pub(super) base_bytes: Option<u64>,
     /// What the source may hold per reading thread.
     pub(super) source_bytes: u64,
 }
@@ -94,9 +95,10 @@ impl ColumnPlan {
             } else if tile > NARROWEST_TILE {
                 tile = narrower(tile);
             } else {
-                let later = (request.base_bytes + BASE_SPREAD).max(BASE_AT_LEAST);
-                let now = request.base_bytes.max(BASE_AT_LEAST);
-                return Err((plan.total_bytes - now + later).next_multiple_of(1 << 16));
+                let spread = request
+                    .base_bytes
+                    .map_or(0, |base| (base + BASE_SPREAD).max(BASE_AT_LEAST) - base.max(BASE_AT_LEAST));
+                return Err((plan.total_bytes + spread).next_multiple_of(1 << 16));
             }
         }
     }
@@ -115,7 +117,8 @@ impl ColumnPlan {
         let worker = plan.worker_bytes(request.direct).max(super::merge::WORKER_BYTES)
             + WORKER_OVERHEAD
             + request.source_bytes;
-        plan.total_bytes = request.base_bytes.max(BASE_AT_LEAST) + PROCESS_GROWTH + worker * threads as u64;
+        let fixed = request.base_bytes.map_or(SHARE_OVERHEAD, |b| b.max(BASE_AT_LEAST) + PROCESS_GROWTH);
+        plan.total_bytes = fixed + worker * threads as u64;
         plan
     }
 
@@ -228,7 +231,7 @@ mod tests {
             swapped_value_bytes: 0,
             threads,
             limit_bytes: limit_mib << 20,
-            base_bytes: 3 << 20,
+            base_bytes: Some(3 << 20),
             source_bytes: 0,
         }
     }

@@ -5,6 +5,7 @@
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
 
 pub mod jpeg;
+pub mod jpeg2000;
 pub mod jpegls;
 pub mod rle;
 
@@ -44,23 +45,44 @@ pub trait RowSink {
     fn row(&mut self, samples: &[i32]) -> Result<(), CodecError>;
 }
 
-/// The bytes of one frame at any place, for codes that are read at several places at once.
-///
-/// A frame that a file holds in fragments is one run of bytes here. [`FrameReader`] reads it front to back.
+/// Why a frame cannot be decoded.
+#[non_exhaustive]
+#[derive(Debug, Error)]
+pub enum CodecError {
+    /// The codestream is damaged, or ends early.
+    #[error("the compressed image is damaged: {0}")]
+    Damaged(String),
+    /// The codestream is sound, but of a kind that is not decoded here.
+    #[error("the compressed image uses {0}, which is not supported")]
+    Unsupported(String),
+    /// Decoding needs more memory than allowed.
+    #[error("decoding the image needs {needed_bytes} bytes of memory, and {allowed_bytes} are allowed")]
+    Memory {
+        /// Bytes that decoding would take.
+        needed_bytes: u64,
+        /// Bytes that it may take.
+        allowed_bytes: u64,
+    },
+    /// The input failed, or the receiver did.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+}
+
+/// The bytes of one compressed frame, wherever its fragments lie.
 pub trait FrameBytes {
-    /// Bytes of the frame.
+    /// How many there are.
     fn len(&self) -> u64;
 
-    /// Does the frame hold no byte at all?
+    /// Are there none?
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Reads some bytes from `offset` on; fewer than asked for is no error, 0 is the end of the frame.
+    /// Reads some bytes at `offset`; 0 at the end.
     ///
     /// # Errors
-    /// The input failed.
-    fn read_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<usize>;
+    /// The file failed.
+    fn read_at(&self, buf: &mut [u8], offset: u64) -> io::Result<usize>;
 }
 
 impl FrameBytes for Vec<u8> {
@@ -98,27 +120,4 @@ impl io::Read for FrameReader<'_> {
         self.at = self.at.saturating_add(taken as u64);
         Ok(taken)
     }
-}
-
-/// Why a frame cannot be decoded.
-#[non_exhaustive]
-#[derive(Debug, Error)]
-pub enum CodecError {
-    /// The codestream is damaged, or ends early.
-    #[error("the compressed image is damaged: {0}")]
-    Damaged(String),
-    /// The codestream is sound, but of a kind that is not decoded here.
-    #[error("the compressed image uses {0}, which is not supported")]
-    Unsupported(String),
-    /// Decoding needs more memory than allowed.
-    #[error("decoding the image needs {needed_bytes} bytes of memory, and {allowed_bytes} are allowed")]
-    Memory {
-        /// Bytes that decoding would take.
-        needed_bytes: u64,
-        /// Bytes that it may take.
-        allowed_bytes: u64,
-    },
-    /// The input failed, or the receiver did.
-    #[error("{0}")]
-    Io(#[from] io::Error),
 }

@@ -91,7 +91,7 @@ pub fn build_source(
     Ok(BuildSummary {
         input,
         output: output.to_path_buf(),
-        memory_bytes: options.memory_bytes,
+        memory_bytes: options.memory.bytes(),
         report,
         info: info(output)?,
         warnings: without_repeats(&source.info().warnings),
@@ -111,7 +111,7 @@ fn prepare(
         return Ok(());
     }
     let scratch = options.scratch_folder(output);
-    let memory_bytes = build::memory_left(options);
+    let memory_bytes = options.memory.left();
     Ok(source.prepare(&Workspace { scratch: &scratch, memory_bytes, progress })?)
 }
 

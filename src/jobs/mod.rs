@@ -1,9 +1,11 @@
 //! What the commands do: one function each, from plain options to a report.
 
+pub mod batch;
 pub mod build;
 pub mod demo;
 pub mod info;
 pub mod pack;
 pub mod picture;
 pub mod render;
+pub mod scan;
 pub mod verify;

@@ -30,6 +30,8 @@ pub struct OpenOptions {
     /// Which of several volumes [`super::open`] takes, counted from 1 over all volumes of a [`Catalogue`]
     /// in its order, refused ones included; the largest if none is chosen.
     pub volume: Option<usize>,
+    /// A folder (canonical) that is not searched: that of the results.
+    pub skip: Option<PathBuf>,
 }
 
 /// What to do where slices of a series are missing.
@@ -58,8 +60,8 @@ pub struct Finding {
     pub format: &'static str,
     /// What it is, for people: `CT image`, `localizer`, ...; the format again where nothing more is known.
     pub kind: String,
-    /// Which of several volumes of one series or file it is, for example `echo 2`; empty for the only one.
-    pub part: String,
+    /// Which part of its input it is, for example `echo 2`, where that holds several volumes.
+    pub part: Option<String>,
     /// Size in voxels, as far as the headers state it; refused volumes have one, too.
     pub size: Option<[u32; 3]>,
     /// What the input files are, to see whether they changed.
@@ -214,7 +216,7 @@ impl Catalogue {
                 stem: stem_of(&path),
                 format: "unknown",
                 kind: "unknown".into(),
-                part: String::new(),
+                part: None,
                 size: None,
                 files: InputFiles::default(),
                 secrets: Vec::new(),
@@ -380,27 +382,28 @@ fn findings(
     files: InputFiles,
     opened: Result<Vec<Box<dyn VolumeSource>>, SourceError>,
 ) -> Vec<Finding> {
-    let finding = |volume: Result<Box<dyn VolumeSource>, SourceError>, part: String, stem: String| Finding {
-        path: path.to_path_buf(),
-        stem,
-        format,
-        kind: format.into(),
-        part,
-        size: volume.as_ref().ok().map(|v| v.info().dims.to_array()),
-        files,
-        secrets: Vec::new(),
-        volume,
-    };
+    let finding =
+        |volume: Result<Box<dyn VolumeSource>, SourceError>, part: Option<String>, stem: String| Finding {
+            path: path.to_path_buf(),
+            stem,
+            format,
+            kind: format.into(),
+            part,
+            size: volume.as_ref().ok().map(|v| v.info().dims.to_array()),
+            files,
+            secrets: Vec::new(),
+            volume,
+        };
     let stem = stem_of(path);
     match opened {
-        Err(error) => vec![finding(Err(error), String::new(), stem)],
+        Err(error) => vec![finding(Err(error), None, stem)],
         Ok(mut volumes) if volumes.len() == 1 => {
-            volumes.pop().map(|v| finding(Ok(v), String::new(), stem)).into_iter().collect()
+            volumes.pop().map(|v| finding(Ok(v), None, stem)).into_iter().collect()
         }
         Ok(volumes) => volumes
             .into_iter()
             .enumerate()
-            .map(|(i, v)| finding(Ok(v), format!("volume {}", i + 1), format!("{stem}-{}", i + 1)))
+            .map(|(i, v)| finding(Ok(v), Some(format!("volume {}", i + 1)), format!("{stem}-{}", i + 1)))
             .collect(),
     }
 }
@@ -596,8 +599,15 @@ impl Visitor for Surveyor<'_> {
     }
 
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError> {
+        let full = self.path(input, path);
+        if let Some(skip) = &self.options.skip
+            && skip.file_name() == path.file_name()
+            && full.canonicalize().is_ok_and(|real| real == *skip)
+        {
+            return Ok(true);
+        }
         // Slice files described by a side-car beside their folder.
-        Ok(sidecar::describes(&self.path(input, path)))
+        Ok(sidecar::describes(&full))
     }
 
     fn not_entered(&mut self, path: &Path, reason: NotEntered) {

@@ -179,7 +179,7 @@ impl Choice {
 
 /// What a volume is, in a few words.
 fn describe(finding: &Finding) -> String {
-    let part = if finding.part.is_empty() { String::new() } else { format!(" {}", finding.part) };
+    let part = finding.part.as_ref().map_or_else(String::new, |part| format!(" {part}"));
     let size = finding.size.map_or_else(String::new, |[x, y, z]| format!(" {x}x{y}x{z}"));
     let fate = match &finding.volume {
         Ok(_) => String::new(),

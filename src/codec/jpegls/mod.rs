@@ -9,11 +9,21 @@
 //! `scan` turns coded bits into lines of one scan, and this file puts scans together into rows.
 
 #[cfg(test)]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "samples and sizes of small test images"
+)]
 mod encoder;
 mod frame;
 mod parameters;
 mod scan;
 mod stream;
+#[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "samples of small test images")]
+mod tests;
+#[cfg(test)]
+mod vectors;
 
 use std::io::Read;
 

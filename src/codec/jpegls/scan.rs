@@ -356,7 +356,7 @@ fn reconstruct<const LOSSLESS: bool>(parameters: &Parameters, predicted: i32, er
     sample.clamp(0, maximum) as u16
 }
 
-/// The length of the run that begins here, at most `rest` samples to the end of the line (T.87 section A.7.1).
+/// The length of the run that begins here, at most the `rest` samples of the line (T.87 section A.7.1).
 fn run_length(stream: &mut Stream<'_>, run_index: &mut usize, rest: usize) -> Result<usize, CodecError> {
     let mut run = 0;
     while stream.bit()? {

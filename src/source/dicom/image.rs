@@ -322,9 +322,9 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
         ("RGB", 3) => Ok(Mapping::Rgb),
         // The transform into these is part of the codestream and undone by its decoder.
         ("YBR_RCT" | "YBR_ICT", 3) if codec.is_some_and(Codec::is_jpeg2000) => Ok(Mapping::Rgb),
-        // JPEG 2000 has no other way to such components than its own transform.
-        ("YBR_FULL" | "YBR_FULL_422", 3) if codec.is_some() => Ok(Mapping::Luma),
         ("YBR_FULL", 3) => Ok(Mapping::Luma),
+        // Decoders deliver every component of every pixel.
+        ("YBR_FULL_422", 3) if codec.is_some_and(|codec| codec != Codec::None) => Ok(Mapping::Luma),
         ("YBR_FULL_422", 3) => Ok(Mapping::Luma422),
         _ => Err(Obstacle::Colour { photometric: photometric.into(), samples }),
     }

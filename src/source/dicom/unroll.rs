@@ -3,7 +3,7 @@
 //! Held are a row of cells, a row of samples, a table of at most 128 KiB (384 while a palette is read) and
 //! what the decoder of the frame takes. Nothing grows with the number of frames.
 
-use std::io::{self, Read};
+use std::io;
 use std::path::Path;
 
 use super::convert::Converter;
@@ -16,7 +16,7 @@ use super::scan::ScanError;
 use super::syntax::{Codec, TransferSyntax};
 use super::window::ReadAt;
 use crate::codec::rle::RleFormat;
-use crate::codec::{CodecError, FrameFormat, RowSink, jpeg, jpegls, rle};
+use crate::codec::{CodecError, FrameFormat, RowSink, jpeg, jpeg2000, jpegls, rle};
 use crate::source::SourceError;
 
 /// Read buffers, tables of decoders and small change, of any codec but JPEG 2000.
@@ -386,7 +386,7 @@ impl<'a> Rows<'a> {
         let decoded = match codec {
             Codec::Jpeg => jpeg::decode(&mut reader, memory_bytes, &mut receiver),
             Codec::JpegLs => jpegls::decode(&mut reader, memory_bytes, &mut receiver),
-            Codec::Jpeg2000 => jpeg2000(&mut reader, span.bytes, memory_bytes, &mut receiver),
+            Codec::Jpeg2000 => jpeg2000::decode(&mut reader, span.bytes, memory_bytes, &mut receiver),
             Codec::Rle | Codec::None => {
                 let listed = ListedFrame::new(input, span)?;
                 let format = RleFormat {
@@ -409,16 +409,6 @@ impl<'a> Rows<'a> {
         }
         Ok(())
     }
-}
-
-/// Not there yet.
-fn jpeg2000(
-    _input: &mut dyn Read,
-    _compressed_bytes: u64,
-    _memory_bytes: u64,
-    _sink: &mut dyn RowSink,
-) -> Result<(), CodecError> {
-    Err(CodecError::Unsupported("JPEG 2000".into()))
 }
 
 /// Takes decoded rows on, once their format is what the header says.

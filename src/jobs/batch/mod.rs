@@ -1,0 +1,386 @@
+//! `oct batch`: every volume below some folders into a model, a thumbnail and a line of report, several
+//! at a time within one memory budget.
+//!
+//! ```text
+//! catalogue --items--> workers (open, prepare, build, thumbnail) --items--> journal --> reports
+//!                          |  memory from one ledger  |
+//!                          +-- record beside each model: what is done is not done again
+//! ```
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `ledger` | shares the memory among jobs |
+//! | `record` | what is remembered of each volume |
+//! | `report` | `report.json` and `report.csv` |
+//! | `page` | `index.html`, the contact sheet |
+
+mod ledger;
+mod page;
+mod record;
+mod report;
+
+pub use record::{Item, ModelFacts, Status};
+pub use report::{BatchReport, Counts};
+
+use std::fs;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use super::build::build_source;
+use super::picture::thumbnail_file;
+use super::scan::Masked;
+use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes, peak_rss_bytes};
+use crate::build::{self, BuildError, BuildOptions};
+use crate::error::Error;
+use crate::progress::Progress;
+use crate::source::{Catalogue, Finding, OpenOptions, SourceError, VolumeSource};
+use ledger::Ledger;
+use record::{Journal, Record, record_path};
+
+/// Resident memory of the process beside its jobs is counted as at least this.
+const BASE_AT_LEAST: u64 = 4 << 20;
+/// What opening an input and watching a job take, for each job.
+const JOB_OVERHEAD: u64 = 256 << 10;
+/// What a thumbnail takes beside the pages of its model: the picture, its hits and the workers' stacks.
+const THUMBNAIL_BYTES: u64 = 1 << 20;
+/// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
+const THUMBNAIL_PAGES: u64 = 5 << 20;
+
+/// What to convert, into what, and within which means.
+#[derive(Clone, Debug)]
+pub struct BatchRequest {
+    /// Folders and files to search.
+    pub inputs: Vec<PathBuf>,
+    /// Folder of the results; made if it is not there.
+    pub out: PathBuf,
+    /// How volumes are read.
+    pub how: OpenOptions,
+    /// How models are built. Its memory is the whole process's cap, its threads are shared by the jobs.
+    pub build: BuildOptions,
+    /// Volumes worked on at a time.
+    pub jobs: usize,
+    /// Longest side of the thumbnails in pixels; 0 for none.
+    pub thumbnails: u32,
+    /// Leave patient names that occur in paths as they are?
+    pub keep_names: bool,
+}
+
+/// Told how a batch goes on; called from several threads.
+pub trait Watcher: Sync {
+    /// The inputs have been searched: this many series and files were found.
+    fn found(&self, items: u64);
+    /// Progress of the job in this slot (0 to jobs - 1), which now works on `name`.
+    fn begin(&self, slot: usize, name: &str) -> &dyn Progress;
+    /// A volume is finished.
+    fn end(&self, slot: usize, item: &Item);
+    /// A series or file is finished, with all its volumes.
+    fn advance(&self);
+}
+
+/// Converts everything below the inputs.
+///
+/// One bad volume never stops the others. What an earlier run has finished from the same files with the same
+/// options is skipped. Reports are written last; a killed run leaves finished models with their records, and
+/// no half-written file.
+///
+/// Memory: [`BuildOptions::memory`] bounds the whole process. A volume that needs more than its job's share
+/// waits until it has the others' as well.
+///
+/// # Errors
+/// An input cannot be read at all, the output folder cannot be written, or the cap is too small for any job.
+/// Volumes that fail are not errors; they are counted in the report.
+pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchReport, Error> {
+    let started = Instant::now();
+    let out_error = |cause| Error::Output { path: request.out.clone(), cause };
+    fs::create_dir_all(&request.out).map_err(out_error)?;
+    let scratch = request.build.scratch_folder(&request.out.join("x"));
+    let how = OpenOptions { skip: request.out.canonicalize().ok(), ..request.how.clone() };
+    let catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;
+    watcher.found(catalogue.len() as u64);
+    if catalogue.is_empty() {
+        let path = request.inputs.first().cloned().unwrap_or_default();
+        let reason = "no volume was found below it; `oct scan` says what is there".into();
+        return Err(SourceError::NoVolume { path, reason }.into());
+    }
+
+    let jobs = request.jobs.clamp(1, catalogue.len().max(1));
+    let limit = request.build.memory.bytes();
+    let base = current_rss_bytes().max(BASE_AT_LEAST) + PROCESS_GROWTH + JOB_OVERHEAD * jobs as u64;
+    let run = Run {
+        request,
+        catalogue: &catalogue,
+        watcher,
+        ledger: Ledger::new(limit.saturating_sub(base)),
+        base,
+        share: limit.saturating_sub(base) / jobs as u64,
+        threads: (request.build.threads / jobs).max(1),
+        options: options_fingerprint(request),
+        journal: Journal::create(&scratch).map_err(out_error)?,
+        names: Mutex::default(),
+        broken: Mutex::default(),
+        counts: [const { AtomicU64::new(0) }; 3],
+    };
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for slot in 0..jobs {
+            let (run, next) = (&run, &next);
+            scope.spawn(move || {
+                loop {
+                    let at = next.fetch_add(1, Ordering::Relaxed);
+                    if at >= run.catalogue.len() || run.is_broken() {
+                        break;
+                    }
+                    run.convert_item(slot, at);
+                    run.watcher.advance();
+                }
+            });
+        }
+    });
+    if let Some(error) = run.broken.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(error);
+    }
+    let [converted, skipped, failed] = run.counts.map(AtomicU64::into_inner);
+    let masked = Masked::new(request.keep_names, &request.inputs);
+    let report = BatchReport {
+        counts: Counts { converted, skipped, failed },
+        left_out: catalogue
+            .left_out()
+            .iter()
+            .map(|l| (l.reason.clone(), l.count, masked.path(&l.first, &[])))
+            .collect(),
+        memory_budget_bytes: limit,
+        peak_rss_bytes: peak_rss_bytes(),
+        jobs,
+        wall_s: started.elapsed().as_secs_f64(),
+    };
+    report.write(&request.out, &run.journal).map_err(out_error)?;
+    Ok(report)
+}
+
+/// All that the workers of one batch share.
+struct Run<'a> {
+    request: &'a BatchRequest,
+    catalogue: &'a Catalogue,
+    watcher: &'a dyn Watcher,
+    ledger: Ledger,
+    /// Memory of the process beside its jobs.
+    base: u64,
+    /// Memory of a job that needs no more.
+    share: u64,
+    threads: usize,
+    options: u64,
+    journal: Journal,
+    /// Hashes of the names that this run has used.
+    names: Mutex<std::collections::BTreeSet<u64>>,
+    /// What ends the whole batch: the output folder fails.
+    broken: Mutex<Option<Error>>,
+    counts: [AtomicU64; 3],
+}
+
+impl Run<'_> {
+    fn is_broken(&self) -> bool {
+        self.broken.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    /// Every volume of one item of the catalogue.
+    fn convert_item(&self, slot: usize, at: usize) {
+        for (part, finding) in self.catalogue.open(at).into_iter().enumerate() {
+            let item = self.convert(slot, finding);
+            let count = match item.status {
+                Status::Converted => 0,
+                Status::Skipped => 1,
+                Status::Failed => 2,
+            };
+            if let Some(count) = self.counts.get(count) {
+                count.fetch_add(1, Ordering::Relaxed);
+            }
+            self.watcher.end(slot, &item);
+            if let Err(cause) = self.journal.add((at, part), &item) {
+                let path = self.request.out.clone();
+                self.broken
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .get_or_insert(Error::Output { path, cause });
+            }
+        }
+    }
+
+    /// One volume: skipped, built, or the reason why not.
+    fn convert(&self, slot: usize, finding: Finding) -> Item {
+        let masked = Masked::new(self.request.keep_names, &self.request.inputs);
+        let input = masked.path(&finding.path, &finding.secrets);
+        let mut item = Item {
+            status: Status::Failed,
+            name: name_of(&finding, &input),
+            input,
+            format: finding.format.to_owned(),
+            part: finding.part.clone().unwrap_or_default(),
+            files: finding.files.count,
+            input_bytes: finding.files.bytes,
+            reason: None,
+            warnings: Vec::new(),
+            model: None,
+        };
+        let mask = |text: String| masked.text(text, &finding.secrets);
+        let mut source = match finding.volume {
+            Ok(source) => source,
+            Err(e) => {
+                item.reason = Some(mask(e.to_string()));
+                return item;
+            }
+        };
+        if !self.names.lock().unwrap_or_else(PoisonError::into_inner).insert(fnv(item.name.as_bytes())) {
+            item.reason = Some("another volume of this batch has the same name; convert it apart".into());
+            return item;
+        }
+        item.warnings = source.info().warnings.iter().map(|w| mask(w.clone())).collect();
+        let inputs = finding.files.fingerprint;
+        if let Some(done) = Record::read(&self.request.out, &item.name)
+            && done.version == env!("CARGO_PKG_VERSION")
+            && (done.options, done.inputs) == (self.options, inputs)
+            && done.is_whole(&self.request.out)
+        {
+            return Item { status: Status::Skipped, ..done.item };
+        }
+        let progress = self.watcher.begin(slot, &item.name);
+        // A defect in one volume's way must not take the others along.
+        let built = catch_unwind(AssertUnwindSafe(|| self.build(&mut *source, &item.name, progress)));
+        let built = built.unwrap_or_else(|_| {
+            Err(Error::Usage(
+                "an internal error stopped its conversion; please report it with the file".into(),
+            ))
+        });
+        match built {
+            Ok((facts, thumbnail_bytes, warnings)) => {
+                item.status = Status::Converted;
+                item.warnings = warnings.into_iter().map(mask).collect();
+                item.model = Some(facts);
+                let record = Record {
+                    version: env!("CARGO_PKG_VERSION").into(),
+                    options: self.options,
+                    inputs,
+                    thumbnail_bytes,
+                    item: item.clone(),
+                };
+                if let Err(cause) = record.write(&self.request.out) {
+                    item.status = Status::Failed;
+                    item.reason = Some(format!("its record cannot be written ({cause})"));
+                }
+            }
+            Err(e) => item.reason = Some(mask(e.to_string())),
+        }
+        item
+    }
+
+    /// Model and thumbnail of one volume within the memory that it is granted.
+    fn build(
+        &self,
+        source: &mut dyn VolumeSource,
+        name: &str,
+        progress: &dyn Progress,
+    ) -> Result<(ModelFacts, u64, Vec<String>), Error> {
+        let started = Instant::now();
+        let out = &self.request.out;
+        let model = out.join(format!("{name}.oct"));
+        // A record tells of a whole model; until then there is none.
+        let _ = fs::remove_file(record_path(out, name));
+        let template = BuildOptions {
+            threads: self.threads,
+            scratch: Some(self.scratch()),
+            ..self.request.build.clone()
+        };
+        let least = build::smallest_share(source, &template).max(source.preparation().memory_bytes);
+        let needed = least.max(self.share);
+        let Some(grant) = self.ledger.take(needed.min(self.ledger.total()).max(least)) else {
+            return Err(Error::Build(BuildError::BudgetTooSmall {
+                name: source.info().description.name.clone(),
+                limit_bytes: self.request.build.memory.bytes(),
+                minimum_bytes: (self.base + least).next_multiple_of(1 << 16),
+            }));
+        };
+        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..template };
+        let prepared = source.preparation().scratch_bytes;
+        let built = build_source(source, String::new(), &options, &model, progress, started)?;
+        let memory_bytes = grant.bytes();
+        drop(grant);
+        let mut thumbnail = None;
+        let mut thumbnail_bytes = 0;
+        if self.request.thumbnails > 0 {
+            let file = format!("{name}.png");
+            let pages = built.report.file_bytes.min(THUMBNAIL_PAGES);
+            let _grant = self.ledger.take((pages + THUMBNAIL_BYTES).min(self.ledger.total()));
+            thumbnail_file(&model, &out.join(&file), self.request.thumbnails, self.threads)?;
+            thumbnail_bytes = fs::metadata(out.join(&file)).map_or(0, |meta| meta.len());
+            thumbnail = Some(file);
+        }
+        let info = source.info();
+        let r = &built.report;
+        let facts = ModelFacts {
+            file: format!("{name}.oct"),
+            thumbnail,
+            dims: info.dims.to_array(),
+            spacing_mm: info.spacing_mm,
+            dtype: info.scalar.name().into(),
+            range: (r.selection.lo, r.selection.hi.is_finite().then_some(r.selection.hi)),
+            skin_voxels: r.skin_voxels,
+            nodes: r.nodes,
+            bytes: r.file_bytes,
+            wall_s: started.elapsed().as_secs_f64(),
+            memory_bytes,
+            scratch_bytes: prepared + r.scratch_bytes,
+        };
+        Ok((facts, thumbnail_bytes, built.warnings))
+    }
+
+    fn scratch(&self) -> PathBuf {
+        self.request.build.scratch_folder(&self.request.out.join("x"))
+    }
+}
+
+/// Name of a volume's files: the same in every run, whatever else lies beside it. DICOM names carry a hash of
+/// the series; others get one of their path, as `scan.nii.gz` lies in many folders.
+fn name_of(finding: &Finding, input: &str) -> String {
+    let part = finding.part.as_deref().unwrap_or_default();
+    let stem: String = finding.stem.chars().map(|c| if is_plain(c) { c } else { '_' }).take(80).collect();
+    let stem = if stem.starts_with('.') { format!("_{stem}") } else { stem };
+    if finding.format == "dicom" {
+        return stem;
+    }
+    format!("{stem}-{:08x}", fnv(format!("{input}\n{part}").as_bytes()) & 0xffff_ffff)
+}
+
+/// Characters that any file system and any shell takes as they are.
+fn is_plain(c: char) -> bool {
+    c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | '+')
+}
+
+/// One number for everything in the request that the bytes of results depend on.
+fn options_fingerprint(request: &BatchRequest) -> u64 {
+    let b = &request.build;
+    let text = format!(
+        "{:?} {:?} {} {} {} {} {:?}",
+        b.threshold, b.connectivity, b.normals, b.values, b.lod, request.thumbnails, request.how
+    );
+    fnv(text.as_bytes())
+}
+
+/// FNV-1a, 64 bits: stable over versions and machines; for telling things apart, not for safety.
+pub(super) fn fnv(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
+
+/// An atomic text file of the output folder, written through a buffer.
+fn write_whole(path: &Path, write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>) -> io::Result<()> {
+    let file = crate::atomic::AtomicFile::create(path)?;
+    let mut buffered = io::BufWriter::with_capacity(16 << 10, file.file());
+    write(&mut buffered)?;
+    io::Write::flush(&mut buffered)?;
+    drop(buffered);
+    file.commit()
+}

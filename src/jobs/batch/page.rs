@@ -1,0 +1,217 @@
+//! `index.html`: a contact sheet of the thumbnails, one file that needs nothing else.
+
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+use super::record::{Item, Journal, Status};
+use super::report::{BatchReport, status};
+use crate::budget::Bytes;
+
+/// Thumbnails up to this many are part of the page; larger batches refer to the files beside it, or the page
+/// could not be opened any more.
+const MOST_EMBEDDED: u64 = 400;
+
+const HEAD: &str = r#"<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">
+<title>Contact sheet</title><style>
+:root{color-scheme:light dark;--ground:#f4f5f7;--card:#fff;--ink:#1b1f24;--soft:#667080;--line:#dde1e7;--bad:#b3261e;--note:#8a5a00;--tile:linear-gradient(#e9edf2,#cfd6df)}
+@media(prefers-color-scheme:dark){:root{--ground:#14171b;--card:#1d2127;--ink:#e7eaee;--soft:#97a1ae;--line:#2c323a;--bad:#ff8a80;--note:#e0b35a;--tile:linear-gradient(#323943,#1b2027)}}
+*{box-sizing:border-box}body{margin:0;background:var(--ground);color:var(--ink);font:14px/1.45 system-ui,sans-serif}
+header{padding:24px 28px 12px}h1{font-size:20px;margin:0 0 4px}h2{font-size:15px;margin:20px 28px 8px}p.sum{margin:0;color:var(--soft)}
+.bar{position:sticky;top:0;z-index:1;background:var(--ground);padding:8px 28px;display:flex;gap:8px;border-bottom:1px solid var(--line)}
+.bar input{flex:1;max-width:26em;padding:6px 10px;border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}
+.bar label{display:flex;align-items:center;gap:5px;color:var(--soft)}
+main{display:grid;grid-template-columns:repeat(auto-fill,minmax(236px,1fr));gap:16px;padding:16px 28px 28px}
+article{background:var(--card);border:1px solid var(--line);border-radius:10px;overflow:hidden;display:flex;flex-direction:column}
+article.failed{border-color:var(--bad)}.shot{background:var(--tile);aspect-ratio:1;display:flex;align-items:center;justify-content:center}
+.shot img{width:100%;height:100%;object-fit:contain}.shot span{font-size:13px;color:var(--soft);padding:16px;text-align:center}
+.failed .shot{aspect-ratio:auto;min-height:64px}.failed .shot span{color:var(--bad);font-weight:600}
+.text{padding:10px 12px 12px;overflow-wrap:anywhere}.text h3{font-size:14px;margin:0 0 2px}.text .in{color:var(--soft);font-size:12px;margin:0 0 6px}
+dl{display:grid;grid-template-columns:auto 1fr;gap:0 10px;margin:0;font-size:12.5px;font-variant-numeric:tabular-nums}dt{color:var(--soft)}dd{margin:0;text-align:right}
+.why{color:var(--bad);margin:6px 0 0;font-size:12.5px}ul{margin:8px 0 0;padding:0;list-style:none;font-size:12px;color:var(--note)}li+li{margin-top:3px}
+table{margin:0 28px 28px;border-collapse:collapse;font-size:13px}td{padding:3px 14px 3px 0;border-top:1px solid var(--line);color:var(--soft)}
+</style></head><body>
+"#;
+
+const FILTER: &str = r#"<script>
+const q=document.getElementById("q"),f=document.getElementById("f"),all=[...document.querySelectorAll("article")];
+function sift(){const w=q.value.toLowerCase();for(const a of all)a.hidden=!a.textContent.toLowerCase().includes(w)||(f.checked&&!a.classList.contains("failed"));
+for(const a of all)a.style.display=a.hidden?"none":""}
+q.addEventListener("input",sift);f.addEventListener("change",sift);
+</script>
+"#;
+
+/// Writes the page; one thumbnail at a time is in memory.
+pub(super) fn write(
+    report: &BatchReport,
+    out: &Path,
+    journal: &Journal,
+    w: &mut dyn Write,
+) -> io::Result<()> {
+    let c = report.counts;
+    w.write_all(HEAD.as_bytes())?;
+    write!(
+        w,
+        "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped as done before, {} failed \
+         &middot; {:.1} s with {} job(s) &middot; peak memory {} of {} allowed</p></header>\n\
+         <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, folder, size, warning …\" \
+         aria-label=\"Filter\"><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n<main>\n",
+        c.converted + c.skipped + c.failed,
+        c.converted,
+        c.skipped,
+        c.failed,
+        report.wall_s,
+        report.jobs,
+        Bytes(report.peak_rss_bytes),
+        Bytes(report.memory_budget_bytes)
+    )?;
+    let embed = c.converted + c.skipped <= MOST_EMBEDDED;
+    journal.for_each(&mut |item| card(&item, out, embed, w))?;
+    w.write_all(b"</main>\n")?;
+    if !report.left_out.is_empty() {
+        w.write_all(b"<h2>Files that are no volume</h2><table>\n")?;
+        for (reason, count, first) in &report.left_out {
+            writeln!(
+                w,
+                "<tr><td>{count}</td><td>{}</td><td>first: {}</td></tr>",
+                escaped(reason),
+                escaped(first)
+            )?;
+        }
+        w.write_all(b"</table>\n")?;
+    }
+    w.write_all(FILTER.as_bytes())?;
+    w.write_all(b"</body></html>\n")
+}
+
+fn card(item: &Item, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<()> {
+    write!(w, "<article class=\"{}\"><div class=\"shot\">", status(item.status))?;
+    let thumbnail = item.model.as_ref().and_then(|m| m.thumbnail.as_deref());
+    match (item.status, thumbnail) {
+        (Status::Failed, _) => w.write_all(b"<span>not converted</span>")?,
+        (_, None) => w.write_all(b"<span>no thumbnail</span>")?,
+        (_, Some(file)) => {
+            write!(w, "<img alt=\"{}\" loading=\"lazy\" src=\"", escaped(&item.name))?;
+            if !embed || !embed_png(&out.join(file), w)? {
+                w.write_all(escaped(file).as_bytes())?;
+            }
+            w.write_all(b"\">")?;
+        }
+    }
+    let part =
+        if item.part.is_empty() { String::new() } else { format!(" &middot; {}", escaped(&item.part)) };
+    write!(
+        w,
+        "</div><div class=\"text\"><h3>{}</h3><p class=\"in\">{}{part}</p>",
+        escaped(&item.name),
+        escaped(&item.input)
+    )?;
+    w.write_all(b"<dl>")?;
+    let mut row = |name: &str, value: String| write!(w, "<dt>{name}</dt><dd>{}</dd>", escaped(&value));
+    row("source", format!("{}, {} file(s), {}", item.format, item.files, Bytes(item.input_bytes)))?;
+    if let Some(m) = &item.model {
+        let [x, y, z] = m.dims;
+        let [a, b, c] = m.spacing_mm.map(short);
+        row("voxels", format!("{x} × {y} × {z} {}", m.dtype))?;
+        row("spacing", format!("{a} × {b} × {c} mm"))?;
+        let low = short(m.range.0);
+        row("inside", m.range.1.map_or_else(|| format!("≥ {low}"), |hi| format!("{low} … {}", short(hi))))?;
+        row("skin voxels", m.skin_voxels.to_string())?;
+        row("model", Bytes(m.bytes).to_string())?;
+        row("time", format!("{:.2} s", m.wall_s))?;
+        row("memory", Bytes(m.memory_bytes).to_string())?;
+    }
+    w.write_all(b"</dl>")?;
+    if let Some(reason) = &item.reason {
+        write!(w, "<p class=\"why\">{}</p>", escaped(reason))?;
+    }
+    if !item.warnings.is_empty() {
+        w.write_all(b"<ul>")?;
+        for warning in &item.warnings {
+            write!(w, "<li>{}</li>", escaped(warning))?;
+        }
+        w.write_all(b"</ul>")?;
+    }
+    w.write_all(b"</div></article>\n")
+}
+
+/// A number for people: at most four digits after the point.
+fn short(value: f64) -> String {
+    let text = format!("{value:.4}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// Writes a picture as a data URI, three bytes as four characters; false if it cannot be read.
+fn embed_png(path: &Path, w: &mut dyn Write) -> io::Result<bool> {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let Ok(mut file) = File::open(path) else { return Ok(false) };
+    w.write_all(b"data:image/png;base64,")?;
+    let mut bytes = [0; 3 * 1024];
+    loop {
+        let mut have = 0;
+        while have < bytes.len() {
+            match file.read(bytes.get_mut(have..).unwrap_or_default())? {
+                0 => break,
+                n => have += n,
+            }
+        }
+        let mut text = Vec::with_capacity(4 * 1024);
+        for group in bytes.get(..have).unwrap_or_default().chunks(3) {
+            let word = group.iter().fold(0_u32, |word, byte| word << 8 | u32::from(*byte))
+                << (8 * (3 - group.len()));
+            for place in 0..4 {
+                let digit = (word >> (18 - 6 * place)) & 63;
+                text.push(if place <= group.len() { DIGITS[digit as usize] } else { b'=' });
+            }
+        }
+        w.write_all(&text)?;
+        if have < bytes.len() {
+            return Ok(true);
+        }
+    }
+}
+
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_become_base64_of_any_length() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.png");
+        for (bytes, text) in
+            [(&b""[..], ""), (b"f", "Zg=="), (b"fo", "Zm8="), (b"foo", "Zm9v"), (b"foobar", "Zm9vYmFy")]
+        {
+            std::fs::write(&path, bytes).unwrap();
+            let mut out = Vec::new();
+            assert!(embed_png(&path, &mut out).unwrap());
+            assert_eq!(String::from_utf8(out).unwrap(), format!("data:image/png;base64,{text}"));
+        }
+        std::fs::write(&path, vec![255; 10_000]).unwrap();
+        let mut out = Vec::new();
+        embed_png(&path, &mut out).unwrap();
+        assert_eq!(out.len(), 22 + 10_000_usize.div_ceil(3) * 4);
+    }
+
+    #[test]
+    fn texts_cannot_break_out_of_the_page() {
+        assert_eq!(escaped("<a b=\"c\" d='e'>&\n"), "&lt;a b=&quot;c&quot; d=&#39;e&#39;&gt;&amp; ");
+    }
+}

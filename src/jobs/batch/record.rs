@@ -1,0 +1,231 @@
+//! What a batch remembers of each volume: a record beside its model, by which a later run sees that the
+//! work is done, and the journal of this run, from which reports are written.
+
+use std::fs::{self, File};
+use std::io::{self, BufReader, Read, Write};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use crate::atomic::AtomicFile;
+use crate::scratch::nameless;
+
+/// What became of a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// Built in this run.
+    Converted,
+    /// Built before, from the same files with the same options.
+    Skipped,
+    /// Refused, or its build failed.
+    Failed,
+}
+
+/// One volume of a batch, as reported.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Item {
+    /// What became of it.
+    pub status: Status,
+    /// Name of its files in the output folder, without extension.
+    pub name: String,
+    /// The file, or the folder of the files, relative to what was searched.
+    pub input: String,
+    /// Kind of source.
+    pub format: String,
+    /// Which part of its input it is, where that holds several volumes; or empty.
+    pub part: String,
+    /// Files read.
+    pub files: u64,
+    /// Their bytes.
+    pub input_bytes: u64,
+    /// Why it failed.
+    pub reason: Option<String>,
+    /// Sentences about the input.
+    pub warnings: Vec<String>,
+    /// The model, if there is one.
+    pub model: Option<ModelFacts>,
+}
+
+/// What is reported of a finished model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelFacts {
+    /// File name of the model.
+    pub file: String,
+    /// File name of its thumbnail.
+    pub thumbnail: Option<String>,
+    /// Size in voxels.
+    pub dims: [u32; 3],
+    /// Distance of neighbours in mm.
+    pub spacing_mm: [f64; 3],
+    /// Type of the samples.
+    pub dtype: String,
+    /// Values inside, in physical units; no upper end means all from the lower one.
+    pub range: (f64, Option<f64>),
+    /// Skin voxels.
+    pub skin_voxels: u64,
+    /// Infobytes.
+    pub nodes: u64,
+    /// Bytes of the model.
+    pub bytes: u64,
+    /// Seconds from opening the input to the finished thumbnail.
+    pub wall_s: f64,
+    /// Memory that the job was granted.
+    pub memory_bytes: u64,
+    /// Bytes of scratch files.
+    pub scratch_bytes: u64,
+}
+
+/// A record on disk: the item, and what it was made of.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Record {
+    /// Version of the program.
+    pub(super) version: String,
+    /// Options and input files in one number each.
+    pub(super) options: u64,
+    pub(super) inputs: u64,
+    /// Bytes of the thumbnail.
+    pub(super) thumbnail_bytes: u64,
+    pub(super) item: Item,
+}
+
+/// Longest record that is read; warnings are the only part without a small bound.
+const MOST_RECORD_BYTES: u64 = 1 << 20;
+
+/// Path of the record of the model `name`.
+pub(super) fn record_path(out: &Path, name: &str) -> PathBuf {
+    out.join(format!("{name}.oct.json"))
+}
+
+impl Record {
+    /// Reads the record of `name`, if there is one that can be read.
+    pub(super) fn read(out: &Path, name: &str) -> Option<Self> {
+        let file = File::open(record_path(out, name)).ok()?;
+        serde_json::from_reader(BufReader::new(file.take(MOST_RECORD_BYTES))).ok()
+    }
+
+    pub(super) fn write(&self, out: &Path) -> io::Result<()> {
+        let file = AtomicFile::create(&record_path(out, &self.item.name))?;
+        file.file().write_all(&serde_json::to_vec_pretty(self)?)?;
+        file.commit()
+    }
+
+    /// Are the files that it tells of still there, and as long as they were?
+    pub(super) fn is_whole(&self, out: &Path) -> bool {
+        let length = |name: &str| fs::metadata(out.join(name)).map_or(0, |meta| meta.len());
+        let Some(model) = &self.item.model else { return false };
+        length(&model.file) == model.bytes
+            && model.thumbnail.as_ref().is_none_or(|file| length(file) == self.thumbnail_bytes)
+    }
+}
+
+/// The items of this run, in a nameless file; 32 bytes of memory for each.
+#[derive(Debug)]
+pub(super) struct Journal {
+    file: File,
+    index: Mutex<Vec<Place>>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    /// Item of the catalogue, and volume in it: the order of reports.
+    order: (usize, usize),
+    offset: u64,
+    len: usize,
+}
+
+impl Journal {
+    pub(super) fn create(folder: &Path) -> io::Result<Self> {
+        Ok(Self { file: nameless(folder)?, index: Mutex::default() })
+    }
+
+    pub(super) fn add(&self, order: (usize, usize), item: &Item) -> io::Result<()> {
+        let text = serde_json::to_vec(item)?;
+        let mut index = self.index.lock().unwrap_or_else(PoisonError::into_inner);
+        let offset = index.last().map_or(0, |place| place.offset + place.len as u64);
+        self.file.write_all_at(&text, offset)?;
+        index.push(Place { order, offset, len: text.len() });
+        Ok(())
+    }
+
+    /// Every item, in the order of the catalogue, whatever order they were finished in.
+    pub(super) fn for_each(&self, work: &mut dyn FnMut(Item) -> io::Result<()>) -> io::Result<()> {
+        let mut places = self.index.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        places.sort_by_key(|place| place.order);
+        for place in places {
+            let mut text = vec![0; place.len];
+            self.file.read_exact_at(&mut text, place.offset)?;
+            work(serde_json::from_slice(&text)?)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    pub(in crate::jobs::batch) fn item(name: &str) -> Item {
+        Item {
+            status: Status::Converted,
+            name: name.into(),
+            input: format!("folder/{name}.nrrd"),
+            format: "nrrd".into(),
+            part: String::new(),
+            files: 1,
+            input_bytes: 1000,
+            reason: None,
+            warnings: vec!["a \"quoted\", <odd> one".into()],
+            model: Some(ModelFacts {
+                file: format!("{name}.oct"),
+                thumbnail: None,
+                dims: [3, 4, 5],
+                spacing_mm: [0.5, 0.5, 2.0],
+                dtype: "i16".into(),
+                range: (300.0, None),
+                skin_voxels: 10,
+                nodes: 7,
+                bytes: 5,
+                wall_s: 0.25,
+                memory_bytes: 1 << 20,
+                scratch_bytes: 0,
+            }),
+        }
+    }
+
+    #[test]
+    fn a_record_comes_back_and_notices_missing_files() {
+        let out = tempfile::tempdir().unwrap();
+        let record =
+            Record { version: "1".into(), options: u64::MAX, inputs: 3, thumbnail_bytes: 0, item: item("a") };
+        record.write(out.path()).unwrap();
+        let read = Record::read(out.path(), "a").unwrap();
+        assert_eq!((read.options, read.inputs, &read.item), (u64::MAX, 3, &record.item));
+        assert!(!read.is_whole(out.path()));
+        fs::write(out.path().join("a.oct"), [0; 5]).unwrap();
+        assert!(read.is_whole(out.path()));
+        fs::write(out.path().join("a.oct"), [0; 4]).unwrap();
+        assert!(!read.is_whole(out.path()));
+        fs::write(record_path(out.path(), "b"), b"{ \"version\": ").unwrap();
+        assert!(Record::read(out.path(), "b").is_none() && Record::read(out.path(), "c").is_none());
+    }
+
+    #[test]
+    fn the_journal_gives_items_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let journal = Journal::create(folder.path()).unwrap();
+        for (at, name) in [((2, 0), "c"), ((0, 1), "b"), ((0, 0), "a")] {
+            journal.add(at, &item(name)).unwrap();
+        }
+        let mut names = String::new();
+        journal
+            .for_each(&mut |item| {
+                names += &item.name;
+                Ok(())
+            })
+            .unwrap();
+        assert_eq!(names, "abc");
+    }
+}

@@ -1,0 +1,144 @@
+//! `report.json` and `report.csv`: one entry for each volume, in the order of the catalogue.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::record::{Item, Journal, Status};
+use super::{page, write_whole};
+
+/// How many volumes came to which end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counts {
+    /// Built in this run.
+    pub converted: u64,
+    /// Built before.
+    pub skipped: u64,
+    /// Refused or failed.
+    pub failed: u64,
+}
+
+/// What a batch did.
+#[derive(Clone, Debug)]
+pub struct BatchReport {
+    /// Ends of the volumes.
+    pub counts: Counts,
+    /// Files that are no volume: reason, how many, the first.
+    pub left_out: Vec<(String, u64, String)>,
+    /// The cap.
+    pub memory_budget_bytes: u64,
+    /// Peak resident memory of the process.
+    pub peak_rss_bytes: u64,
+    /// Volumes worked on at a time.
+    pub jobs: usize,
+    /// Seconds in all.
+    pub wall_s: f64,
+}
+
+const CSV_HEAD: &str = "status,name,input,part,format,nx,ny,nz,spacing_x_mm,spacing_y_mm,spacing_z_mm,dtype,range_low,range_high,\
+skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,reason,warnings\n";
+
+impl BatchReport {
+    pub(super) fn write(&self, out: &Path, journal: &Journal) -> io::Result<()> {
+        write_whole(&out.join("report.json"), |w| self.write_json(journal, w))?;
+        write_whole(&out.join("report.csv"), |w| {
+            w.write_all(CSV_HEAD.as_bytes())?;
+            journal.for_each(&mut |item| w.write_all(csv_line(&item).as_bytes()))
+        })?;
+        write_whole(&out.join("index.html"), |w| page::write(self, out, journal, w))
+    }
+
+    /// The object of the command contract, items included, as one line of text.
+    fn write_json(&self, journal: &Journal, w: &mut dyn Write) -> io::Result<()> {
+        let head = self.json().to_string();
+        // The closing brace goes behind the items, which are never all in memory.
+        w.write_all(head.strip_suffix('}').unwrap_or(&head).as_bytes())?;
+        w.write_all(b",\"items\":[")?;
+        let mut first = true;
+        journal.for_each(&mut |item| {
+            w.write_all(if first { b"\n" } else { b",\n" })?;
+            first = false;
+            serde_json::to_writer(&mut *w, &item)?;
+            Ok(())
+        })?;
+        w.write_all(b"\n]}\n")
+    }
+
+    /// Everything but the items, which are in `report.json`.
+    pub fn json(&self) -> Value {
+        json!({
+            "converted": self.counts.converted,
+            "skipped": self.counts.skipped,
+            "failed": self.counts.failed,
+            "left_out": self.left_out.iter().map(|(reason, count, first)| json!({
+                "reason": reason, "count": count, "first": first
+            })).collect::<Vec<_>>(),
+            "memory_budget_bytes": self.memory_budget_bytes,
+            "peak_rss_bytes": self.peak_rss_bytes,
+            "jobs": self.jobs,
+            "wall_s": self.wall_s,
+        })
+    }
+}
+
+/// One line of the table; texts are quoted as RFC 4180 says.
+fn csv_line(item: &Item) -> String {
+    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\"").replace(['\n', '\r'], " "));
+    let mut cells = vec![
+        status(item.status).to_owned(),
+        quoted(&item.name),
+        quoted(&item.input),
+        quoted(&item.part),
+        quoted(&item.format),
+    ];
+    match &item.model {
+        Some(m) => {
+            cells.extend(m.dims.map(|n| n.to_string()));
+            cells.extend(m.spacing_mm.map(|s| s.to_string()));
+            cells.push(m.dtype.clone());
+            cells.push(m.range.0.to_string());
+            cells.push(m.range.1.map(|v| v.to_string()).unwrap_or_default());
+            cells.extend([m.skin_voxels, m.nodes, m.bytes].map(|n| n.to_string()));
+        }
+        None => cells.extend(std::iter::repeat_n(String::new(), 12)),
+    }
+    cells.extend([item.files, item.input_bytes].map(|n| n.to_string()));
+    match &item.model {
+        Some(m) => {
+            cells.push(format!("{:.3}", m.wall_s));
+            cells.extend([m.memory_bytes, m.scratch_bytes].map(|n| n.to_string()));
+        }
+        None => cells.extend(std::iter::repeat_n(String::new(), 3)),
+    }
+    cells.push(quoted(item.reason.as_deref().unwrap_or_default()));
+    cells.push(quoted(&item.warnings.join("; ")));
+    cells.join(",") + "\n"
+}
+
+pub(super) fn status(status: Status) -> &'static str {
+    match status {
+        Status::Converted => "converted",
+        Status::Skipped => "skipped",
+        Status::Failed => "failed",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::tests::item;
+    use super::*;
+
+    #[test]
+    fn lines_have_as_many_cells_as_the_head_and_quote_texts() {
+        let mut failed = item("b");
+        (failed.model, failed.status, failed.reason) = (None, Status::Failed, Some("no".into()));
+        for item in [item("a"), failed] {
+            let line = csv_line(&item);
+            // Commas within quotes do not count.
+            let cells = line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>();
+            assert_eq!(cells, CSV_HEAD.matches(',').count(), "{line}");
+            assert!(line.contains("\"a \"\"quoted\"\", <odd> one\""), "{line}");
+        }
+    }
+}
