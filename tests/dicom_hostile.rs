@@ -5,7 +5,6 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use infobyte::source::VolumeSource;
 use infobyte::source::dicom::{DicomHeader, PixelLayout, ScanError, scan};
 use infobyte::source::{OpenOptions, open};
 

@@ -195,6 +195,8 @@ impl Catalogue {
         let mut found = Self { inputs, items, log, left_out, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
+        found.items.shrink_to_fit();
+        found.log.shrink();
         Ok(found)
     }
 

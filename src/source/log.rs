@@ -25,7 +25,7 @@ pub(super) const NONE: u64 = u64::MAX;
 const HEAD_BYTES: usize = 32;
 
 /// Bytes that wait in memory; what is smaller altogether never touches the disk.
-const MEMORY_BYTES: usize = 128 << 10;
+const MEMORY_BYTES: usize = 64 << 10;
 
 /// Longest path that is kept; the system's own limit is 4096.
 const MAX_PATH_BYTES: usize = 16 << 10;
@@ -80,6 +80,11 @@ impl Log {
         self.tail.extend_from_slice(&u32::try_from(path.len()).unwrap_or(0).to_le_bytes());
         self.tail.extend_from_slice(path);
         Ok(offset)
+    }
+
+    /// Gives back memory that no record waits in.
+    pub(super) fn shrink(&mut self) {
+        self.tail.shrink_to_fit();
     }
 
     fn spill(&mut self) -> io::Result<()> {

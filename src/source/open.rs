@@ -45,7 +45,7 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
 ///
 /// Folders are searched five levels deep. Of several volumes the largest is taken, unless
 /// [`OpenOptions::volume`] chooses one; the others are listed in a warning. A single slice is a volume,
-/// but only if nothing has several. More names of files than fit into some 128 KiB wait in a nameless
+/// but only if nothing has several. More names of files than fit into some 64 KiB wait in a nameless
 /// file in `scratch`.
 ///
 /// # Errors

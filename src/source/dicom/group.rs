@@ -101,9 +101,9 @@ impl Key {
         };
         match self {
             Self::ImageType => [slice.image_type.into(), 0],
-            Self::Number(at) => [slice.keys.get(at).copied().map_or(0, bits), 0],
+            Self::Number(at) => [slice.keys.get(at).map_or(0, |v| bits((*v).into())), 0],
             Self::Rescale => {
-                slice.rescale.map_or([0, 0], |(slope, intercept)| [bits(slope), bits(intercept)])
+                slice.rescale().map_or([0, 0], |(slope, intercept)| [bits(slope), bits(intercept)])
             }
         }
     }
@@ -125,19 +125,42 @@ pub(super) struct Slice {
     /// Hash of the SOP Instance UID; 0 without one.
     pub(super) identity: u64,
     pub(super) instance: Option<i32>,
-    pub(super) position: Option<[f64; 3]>,
-    /// Offset of the pixels where they can be read by position.
-    pub(super) native: Option<u64>,
-    /// Offset and length of the pixel element of a file of one frame.
-    pub(super) pixels: Option<(u64, u64)>,
-    /// Slope and intercept, if stated and to be applied.
-    pub(super) rescale: Option<(f64, f64)>,
+    /// NaN where not stated; see [`Slice::position`].
+    pub(super) at: [f64; 3],
+    /// Offset of the pixels where they can be read by position, else `u64::MAX`.
+    pub(super) native: u64,
+    /// Offset and length of the pixel element of a file of one frame; of length 0 otherwise.
+    pub(super) pixels: (u64, u64),
+    /// Slope and intercept, if stated and to be applied, else NaN; see [`Slice::rescale`].
+    pub(super) linear: (f64, f64),
     /// Do slope and intercept apply at all?
     pub(super) rescales: bool,
     /// Pixel Padding Value and Range Limit as their bits.
     pub(super) padding: (Option<u16>, Option<u16>),
     /// Numbers that tell images at one position apart; NaN where not stated.
-    pub(super) keys: [f64; Key::NUMBERS],
+    pub(super) keys: [f32; Key::NUMBERS],
+}
+
+impl Slice {
+    /// Image Position (Patient), if stated.
+    pub(super) fn position(&self) -> Option<[f64; 3]> {
+        Some(self.at).filter(|p| !p[0].is_nan())
+    }
+
+    /// Slope and intercept, if stated and to be applied.
+    pub(super) fn rescale(&self) -> Option<(f64, f64)> {
+        Some(self.linear).filter(|(slope, _)| !slope.is_nan())
+    }
+
+    /// Offset of the pixels where they can be read by position.
+    pub(super) fn native(&self) -> Option<u64> {
+        Some(self.native).filter(|at| *at != u64::MAX)
+    }
+
+    /// The position as bits that are equal when positions are.
+    fn place(&self) -> Option<[u64; 3]> {
+        self.position().map(|p| p.map(|c| (c + 0.0).to_bits()))
+    }
 }
 
 /// What the images of a group have in common.
@@ -253,7 +276,9 @@ impl Series {
         let at = known.min().map_or(self.groups.len(), |at| at as usize);
         if at == self.groups.len() {
             self.index.entry((key, bucket)).or_default().push(u32::try_from(at).unwrap_or(u32::MAX));
-            self.groups.push(Group { shared, slices: Vec::new() });
+            // Most series are one group of as many images as files.
+            let slices = Vec::with_capacity(if at == 0 { self.files.len() } else { 0 });
+            self.groups.push(Group { shared, slices });
         }
         &mut self.groups[at]
     }
@@ -318,9 +343,12 @@ impl Series {
             for slice in &mut group.slices {
                 slice.image_type = rank.get(slice.image_type as usize).copied().unwrap_or(u32::MAX);
             }
-            group.slices.sort_by_key(|s| {
-                (s.instance, s.identity, s.frame, s.obstacle != NO_OBSTACLE, s.native.is_none(), s.file)
+            // Copies lie side by side, the one that stays first.
+            group.slices.sort_unstable_by_key(|s| {
+                let coded = s.native().is_none();
+                (s.instance, s.identity, s.frame, s.place(), s.obstacle != NO_OBSTACLE, coded, s.file)
             });
+            group.slices.shrink_to_fit();
         }
         let files = &self.files;
         for group in &mut self.groups {
@@ -338,24 +366,22 @@ impl Series {
 /// at one position and equal pixels. Of copies the one that can be read stays, then the one that needs
 /// no decoding. Returns how many were dropped.
 fn drop_copies(slices: &mut Vec<Slice>, files: &FileList) -> u64 {
-    let place = |s: &Slice| s.position.map(|p| p.map(|c| (c + 0.0).to_bits()));
     let before = slices.len();
-    let mut seen = HashSet::new();
-    slices.retain(|s| s.identity == 0 || seen.insert((s.identity, s.frame, place(s), s.instance)));
-    drop(seen);
+    let identity = |s: &Slice| (s.identity, s.frame, s.place(), s.instance);
+    slices.dedup_by(|s, kept| s.identity != 0 && identity(s) == identity(kept));
     // Pixels are read only where all the numbers agree.
-    let mut alike: HashMap<u64, Vec<usize>> = HashMap::new();
+    let mut alike: Vec<(u64, usize)> = Vec::new();
     for (i, s) in slices.iter().enumerate() {
-        let (Some(place), Some(_), Some(_)) = (place(s), s.pixels, s.instance) else { continue };
+        let (Some(place), 1.., Some(instance)) = (s.place(), s.pixels.1, s.instance) else { continue };
         let keys = Key::all().filter(|k| *k != Key::Rescale).flat_map(|k| k.value(s));
-        let mut hash = place.into_iter().chain(keys).fold(StableHash::new(), StableHash::number);
-        hash = hash.number(s.instance.unwrap_or(0).cast_unsigned().into());
-        alike.entry(hash.finish()).or_default().push(i);
+        let hash = place.into_iter().chain(keys).fold(StableHash::new(), StableHash::number);
+        alike.push((hash.number(instance.cast_unsigned().into()).finish(), i));
     }
+    alike.sort_unstable();
     let mut dropped = HashSet::new();
-    for copies in alike.values().filter(|c| c.len() > 1) {
+    for copies in alike.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() > 1) {
         let mut known: Vec<(usize, u64)> = Vec::new();
-        for i in copies {
+        for (_, i) in copies {
             let Some(slice) = slices.get(*i) else { continue };
             let Ok(hash) = pixel_hash(slice, files) else { continue };
             let same = |(k, h): &(usize, u64)| {
@@ -380,7 +406,7 @@ const PIECE: usize = 16 << 10;
 
 /// Runs over the pixel bytes of an image.
 fn pieces(slice: &Slice, files: &FileList, each: &mut dyn FnMut(&[u8])) -> io::Result<()> {
-    let Some((mut at, mut left)) = slice.pixels else { return Err(io::ErrorKind::InvalidInput.into()) };
+    let (mut at, mut left) = slice.pixels;
     let file = File::open(files.path(slice.file as usize))?;
     let mut piece = [0; PIECE];
     while left > 0 {
@@ -401,7 +427,7 @@ fn pixel_hash(slice: &Slice, files: &FileList) -> io::Result<u64> {
 }
 
 fn same_pixels(a: &Slice, b: &Slice, files: &FileList) -> io::Result<bool> {
-    let (Some((_, length)), Some((mut at, other))) = (a.pixels, b.pixels) else { return Ok(false) };
+    let ((_, length), (mut at, other)) = (a.pixels, b.pixels);
     if length != other {
         return Ok(false);
     }

@@ -50,7 +50,7 @@ pub(super) fn assemble(
     let slices: Vec<(usize, &Slice)> =
         chosen.iter().filter_map(|i| group.slices.get(*i).map(|s| (*i, s))).collect();
     let [dx, dy] = pixel_spacing(group, &mut warnings);
-    let placed = slices.iter().all(|(_, s)| s.position.is_some());
+    let placed = slices.iter().all(|(_, s)| s.position().is_some());
     let Some(axes) = group.shared.orientation.filter(|_| placed) else {
         return without_positions(group, &slices, [dx, dy], warnings);
     };
@@ -59,7 +59,7 @@ pub(super) fn assemble(
     })?;
     let normal = cross(row, column);
     let mut placed: Vec<(f64, [f64; 3], usize, &Slice)> =
-        slices.iter().filter_map(|(i, s)| s.position.map(|p| (dot(p, normal), p, *i, *s))).collect();
+        slices.iter().filter_map(|(i, s)| s.position().map(|p| (dot(p, normal), p, *i, *s))).collect();
     placed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
     let (Some(first), Some(last)) = (placed.first(), placed.last()) else {
         return Err(Refusal::Other("no image".into()));
@@ -110,7 +110,7 @@ pub(super) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> 
     let (row, column) = perpendicular(group.shared.orientation?)?;
     let normal = cross(row, column);
     let slices = chosen.iter().filter_map(|i| group.slices.get(*i));
-    slices.map(|s| s.position.map(|p| dot(p, normal))).collect()
+    slices.map(|s| s.position().map(|p| dot(p, normal))).collect()
 }
 
 /// `axial`, `coronal` or `sagittal`, by the nearest axis of the patient.

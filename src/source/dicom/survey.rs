@@ -145,7 +145,7 @@ fn add_frame(
     let rescales = image.is_none_or(Image::rescales);
     let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
     let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
-    let mut keys = [f64::NAN; Key::NUMBERS];
+    let mut keys = [f32::NAN; Key::NUMBERS];
     for (slot, value) in keys.iter_mut().zip([
         series.stack_index(&frame.stack_id),
         frame.segment.map_or(f64::NAN, f64::from),
@@ -161,7 +161,9 @@ fn add_frame(
         number(frame.acquisition),
         value(header.acquisition_time),
     ]) {
-        *slot = value;
+        #[expect(clippy::cast_possible_truncation, reason = "seven digits tell images apart")]
+        let short = value as f32;
+        *slot = short;
     }
     let native = match image.map(|i| i.access) {
         Some(Access::Native { offset, frame_bytes }) => {
@@ -181,13 +183,13 @@ fn add_frame(
             StableHash::new().part(header.instance_uid.as_bytes()).finish()
         },
         instance: header.instance,
-        position: frame.position,
-        native,
+        at: frame.position.unwrap_or([f64::NAN; 3]),
+        native: native.unwrap_or(u64::MAX),
         pixels: header
             .pixels
             .filter(|_| image.is_some_and(|i| i.frames == 1))
-            .map(|p| (p.offset, p.available)),
-        rescale: rescale.filter(|_| rescales),
+            .map_or((0, 0), |p| (p.offset, p.available)),
+        linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
         rescales,
         padding: (header.padding, header.padding_limit),
         keys,

@@ -1,6 +1,5 @@
 //! A DICOM series as a volume.
 
-use std::collections::HashMap;
 use std::fs::File;
 use std::io;
 use std::ops::Range;
@@ -96,18 +95,18 @@ impl DicomVolume {
         warnings.extend(group.shared.warnings.iter().cloned());
         warnings.extend(of_stack);
         let shared = &group.shared;
-        let (used, layers) = number_images(&layers);
+        let (used, layers) = number_images(layers);
         let slices: Vec<&Slice> = used.iter().filter_map(|i| group.slices.get(*i)).collect();
-        let rescaled: Vec<&&Slice> = slices.iter().filter(|s| s.rescales).collect();
-        let stated = rescaled.iter().filter(|s| s.rescale.is_some()).count();
-        if stated > 0 && stated < rescaled.len() {
+        let rescaled = slices.iter().filter(|s| s.rescales).count();
+        let stated = slices.iter().filter(|s| s.rescales && s.rescale().is_some()).count();
+        if stated > 0 && stated < rescaled {
             return Err(format!(
                 "{} of {} slices state no rescale slope and intercept, so their values cannot be compared",
-                rescaled.len() - stated,
+                rescaled - stated,
                 slices.len()
             ));
         }
-        let rescale_of = |s: &Slice| s.rescale.unwrap_or((1.0, 0.0));
+        let rescale_of = |s: &Slice| s.rescale().unwrap_or((1.0, 0.0));
         if slices.iter().any(|s| rescale_of(s).0 == 0.0) {
             return Err("the rescale slope is 0, so every pixel would have the same value".into());
         }
@@ -116,14 +115,15 @@ impl DicomVolume {
         if physical {
             warnings.push("slices differ in rescale; values are converted to single precision".into());
         }
-        if stated == 0 && !rescaled.is_empty() && shared.modality == "CT" {
+        if stated == 0 && rescaled > 0 && shared.modality == "CT" {
             warnings.push("the images state no rescale; values may not be HU".into());
         }
         let layout_of = |s: &Slice| series.layouts.get(s.layout as usize).ok_or("an image without layout");
         let layout = *layout_of(slices.first().ok_or("no image")?)?;
         let background = if shared.modality == "CT" { CT_BACKGROUND } else { 0.0 };
-        let mut files: Vec<u32> = Vec::new();
-        let mut numbers: HashMap<u32, usize> = HashMap::new();
+        let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
+        files.sort_unstable();
+        files.dedup();
         let mut paddings: Vec<Option<Padding>> = Vec::new();
         let mut places = Vec::with_capacity(slices.len());
         let mut coded = 0;
@@ -140,11 +140,8 @@ impl DicomVolume {
                 paddings.len() - 1
             });
             let padding = u32::try_from(at).map_err(|_| "too many padding values")?;
-            let file = *numbers.entry(slice.file).or_insert_with(|| {
-                files.push(slice.file);
-                files.len() - 1
-            });
-            let at = match slice.native {
+            let file = files.binary_search(&slice.file).map_err(|_| "an image without a file")?;
+            let at = match slice.native() {
                 Some(offset) => At::File(offset),
                 None => {
                     coded += 1;
@@ -276,7 +273,7 @@ impl DicomVolume {
 }
 
 /// The images that layers refer to, each once, and the layers in terms of these.
-fn number_images(layers: &[Layer]) -> (Vec<usize>, Vec<Layer>) {
+fn number_images(layers: Vec<Layer>) -> (Vec<usize>, Vec<Layer>) {
     let mut used: Vec<usize> = Vec::with_capacity(layers.len());
     // Layers go forwards, so an image that was met lies close to the end.
     let mut number = |image: usize| match used.iter().rev().take(2).position(|known| *known == image) {
@@ -286,14 +283,14 @@ fn number_images(layers: &[Layer]) -> (Vec<usize>, Vec<Layer>) {
             used.len() - 1
         }
     };
-    let renumber = |layer: &Layer| match *layer {
+    let renumber = |layer| match layer {
         Layer::Image(at) => Layer::Image(number(at)),
         Layer::Between(from, to, part) => {
             let from = number(from);
             Layer::Between(from, number(to), part)
         }
     };
-    let layers = layers.iter().map(renumber).collect();
+    let layers = layers.into_iter().map(renumber).collect();
     (used, layers)
 }
 
