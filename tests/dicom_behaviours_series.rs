@@ -221,7 +221,6 @@ fn behaviour_04_localizers_and_derived_images_are_split_off() {
     assert_eq!(
         parts(&findings),
         [("localizer", [2, 2, 1], true), ("", [2, 2, 3], true), ("derived", [2, 2, 1], true)]
-            .map(|(p, s, ok)| (if p.is_empty() { "set 1" } else { p }, s, ok))
     );
     let chosen = folder.open(GapPolicy::Error).unwrap();
     assert!(chosen.info().dims.nz() == 3 && warnings(chosen.as_ref()).contains("3 sets of images"));

@@ -52,8 +52,8 @@ const VOLUMES: &[Row] = &[
     ("ct-short/tilt-4", "", [512, 512, 4], [0.418, 0.418, 5.0], Some((0, 254))),
     ("mr-sag-35", "", [256, 256, 35], [1.016, 1.016, 4.8], Some((0, 1948))),
     ("mr-mixed-folder", "", [512, 512, 2], [0.449, 0.449, 6.0], Some((0, 730))),
-    ("mr-mixed-folder", "", [512, 512, 2], [0.449, 0.449, 6.0], Some((0, 357))),
-    ("mr-mixed-folder", "", [512, 512, 2], [0.449, 0.449, 12.0], Some((0, 819))),
+    ("mr-mixed-folder", "", [512, 512, 2], [0.469, 0.469, 6.0], Some((0, 357))),
+    ("mr-mixed-folder", "", [512, 512, 2], [0.469, 0.469, 12.0], Some((0, 819))),
     ("mr-mixed-folder", "", [256, 256, 24], [0.898, 0.898, 6.0], Some((0, 780))),
     ("mr-mag-phase-4", "magnitude", [768, 768, 2], [0.299, 0.299, 1.0], Some((0, 254))),
     ("mr-mag-phase-4", "phase", [768, 768, 2], [0.299, 0.299, 1.0], Some((0, 254))),
@@ -71,6 +71,16 @@ const VOLUMES: &[Row] = &[
     ("multiframe/emri-10f-bigendian.dcm", "", [64, 64, 10], [0.0; 3], Some((0, 467))),
     ("multiframe/emri-10f-jpegls.dcm", "", [64, 64, 10], [0.0; 3], Some((0, 467))),
     ("multiframe/ct-2f-fragmented-no-bot-jpeg12.dcm", "", [512, 512, 2], [0.0; 3], Some((1010, 2223))),
+];
+
+/// Where the last voxel lies, in LPS mm, by the positions and orientations that pydicom reads.
+const LAST_CORNERS: &[(&str, u32, [f64; 3])] = &[
+    ("ct-j2k-2", 2, [158.7559, -39.2441, -230.0]),
+    ("ct-short/tilt-4", 4, [106.791, -49.3811, -98.6221]),
+    ("mr-mixed-folder", 24, [120.7349, 124.9686, 87.0219]),
+    ("mr-sag-35", 35, [-81.6, 128.9844, -128.9844]),
+    ("multiframe/ct-enhanced-2f.dcm", 2, [-99.1114, -102.8886, -159.0]),
+    ("multiframe/mr-xa30-t1-96f.dcm", 96, [-100.424, 97.906, -140.776]),
 ];
 
 #[test]
@@ -97,6 +107,10 @@ fn every_volume_has_the_size_place_and_values_of_another_reader() {
         assert!(info.affine.determinant() > 0.0, "{name}");
         for (got, expected) in info.spacing_mm.into_iter().zip(spacing) {
             assert!(*expected == 0.0 || (got - expected).abs() < 1e-2, "{name}: {:?}", info.spacing_mm);
+        }
+        let last = info.affine.apply(dims.map(|n| f64::from(n - 1)));
+        for (_, _, expected) in LAST_CORNERS.iter().filter(|(n, nz, _)| n == name && *nz == dims[2]) {
+            assert!(last.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{name}: {last:?}");
         }
         if let Some(range) = range {
             assert_eq!(range_of(&mut *volume), *range, "{name}");

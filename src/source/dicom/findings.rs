@@ -75,7 +75,7 @@ fn group_labels(groups: &[Group]) -> Vec<String> {
     groups.iter().map(label).collect()
 }
 
-/// Two parts of a series never have one label.
+/// Two parts of a series never have one label; the first that needs none has none.
 fn make_distinct(parts: &mut [(&Group, Part)]) {
     if parts.len() < 2 {
         return;
@@ -84,7 +84,7 @@ fn make_distinct(parts: &mut [(&Group, Part)]) {
     for (_, part) in parts.iter_mut() {
         let times: &mut u32 = seen.entry(part.label.clone()).or_insert(0);
         *times += 1;
-        if *times > 1 || part.label.is_empty() {
+        if *times > 1 {
             part.label = format!("{} set {times}", part.label).trim().to_owned();
         }
     }
