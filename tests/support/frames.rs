@@ -114,16 +114,20 @@ pub(crate) fn rle16(samples: &[u16]) -> Vec<u8> {
     rle(&[high, low])
 }
 
-/// A sound explicit little-endian file as a deflated one.
-pub(crate) fn deflated(file: &[u8], zlib: bool) -> Vec<u8> {
+/// Meta header of a sound explicit little-endian file made one of a deflated file, and the dataset.
+pub(crate) fn deflated_parts(file: &[u8]) -> (Vec<u8>, &[u8]) {
     let uid = Syntax::ExplicitLe.uid().as_bytes();
     let at = file.windows(uid.len()).position(|part| part == uid).unwrap();
     // The UID grows from 19 bytes and a zero to 22.
-    let mut out = file[..at].to_vec();
-    let n = out.len();
-    out[n - 2] = 22;
-    out.extend(DEFLATED.as_bytes());
-    let rest = &file[at + 20..];
+    let mut meta = file[..at].to_vec();
+    meta[at - 2] = 22;
+    meta.extend(DEFLATED.as_bytes());
+    (meta, &file[at + 20..])
+}
+
+/// A sound explicit little-endian file as a deflated one.
+pub(crate) fn deflated(file: &[u8], zlib: bool) -> Vec<u8> {
+    let (mut out, rest) = deflated_parts(file);
     let level = flate2::Compression::default();
     out.extend(if zlib {
         let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), level);
