@@ -77,7 +77,8 @@ fn enhanced(syntax: Syntax, defined: bool, frames: u32, per_frame: u32) -> Vec<u
             );
         }],
     );
-    let items: Vec<Box<dyn Fn(&mut Writer)>> = (0..per_frame)
+    type Item = Box<dyn Fn(&mut Writer)>;
+    let items: Vec<Item> = (0..per_frame)
         .map(|i| {
             let item = move |w: &mut Writer| {
                 sequence(
@@ -128,7 +129,7 @@ fn enhanced(syntax: Syntax, defined: bool, frames: u32, per_frame: u32) -> Vec<u
                     );
                 }
             };
-            Box::new(item) as Box<dyn Fn(&mut Writer)>
+            Box::new(item) as Item
         })
         .collect();
     let items: Vec<&dyn Fn(&mut Writer)> = items.iter().map(|item| &**item).collect();
