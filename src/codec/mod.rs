@@ -4,6 +4,8 @@
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
 
+pub mod jpeg;
+
 use std::io;
 
 use thiserror::Error;

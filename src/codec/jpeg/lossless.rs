@@ -1,0 +1,207 @@
+//! Lossless images: each sample predicted from its neighbours (T.81, annex H).
+//!
+//! A frame in one scan is handed on line by line, with two lines held. One in several scans (each
+//! component by itself) is gathered whole, checked against the memory first.
+
+use super::super::{CodecError, RowSink};
+use super::bits::{Bits, Restarts};
+use super::bytes::Bytes;
+use super::huffman::Huffman;
+use super::markers::{Event, Frame, Scan, Tables};
+use super::{damaged, reserve};
+
+/// Decodes from the first scan on.
+pub(super) fn decode(
+    bytes: &mut Bytes<'_>,
+    tables: &mut Tables,
+    frame: &Frame,
+    scan: &Scan,
+    memory_bytes: u64,
+    sink: &mut dyn RowSink,
+) -> Result<(), CodecError> {
+    if frame.components.len() > 1 && (frame.h_max, frame.v_max) != (1, 1) {
+        return Err(CodecError::Unsupported("lossless JPEG with subsampled components".to_owned()));
+    }
+    let count = frame.components.len();
+    let samples_in_row = frame.columns as usize * count;
+    // Two lines of 16 bits, one row of 32.
+    let lines_bytes = samples_in_row as u64 * 8;
+    if scan.components.len() == count {
+        reserve(lines_bytes, memory_bytes)?;
+        let mut row = vec![0; samples_in_row];
+        // The components of the scan may come in another order than those of the frame.
+        let order: Vec<usize> = scan.components.iter().map(|c| c.index).collect();
+        lines(bytes, tables, frame, scan, |_, line, finish| {
+            for (row, line) in row.chunks_exact_mut(count).zip(line.chunks_exact(count)) {
+                for (&component, &sample) in order.iter().zip(line) {
+                    row[component] = finish.sample(sample)?.into();
+                }
+            }
+            sink.row(&row)
+        })?;
+        return Ok(());
+    }
+    reserve(lines_bytes + samples_in_row as u64 * 2 * u64::from(frame.rows), memory_bytes)?;
+    let mut image = vec![0_u16; samples_in_row * frame.rows as usize];
+    let mut seen = vec![false; count];
+    let mut scan = scan.clone();
+    loop {
+        for component in &scan.components {
+            if std::mem::replace(&mut seen[component.index], true) {
+                return Err(damaged("two scans hold the same component"));
+            }
+        }
+        let marker = lines(bytes, tables, frame, &scan, |y, line, finish| {
+            let row = image.chunks_exact_mut(samples_in_row).nth(y as usize).unwrap_or(&mut []);
+            for (row, line) in row.chunks_exact_mut(count).zip(line.chunks_exact(scan.components.len())) {
+                for (component, &sample) in scan.components.iter().zip(line) {
+                    row[component.index] = finish.sample(sample)?;
+                }
+            }
+            Ok(())
+        })?;
+        if !seen.contains(&false) {
+            break;
+        }
+        scan = match tables.next(bytes, marker, Some(frame))? {
+            Event::Scan(scan) => scan,
+            _ => return Err(damaged("a component has no scan")),
+        };
+    }
+    let mut row = vec![0; samples_in_row];
+    for line in image.chunks_exact(samples_in_row) {
+        for (row, &sample) in row.iter_mut().zip(line) {
+            *row = sample.into();
+        }
+        sink.row(&row)?;
+    }
+    Ok(())
+}
+
+/// What makes a sample of the image out of a predicted one.
+struct Finish {
+    point_transform: u8,
+    /// Bits of a predicted sample.
+    bits: u8,
+}
+
+impl Finish {
+    /// Undoes the point transform.
+    ///
+    /// Arithmetic is modulo 2^16 whatever the precision, and some encoders hand signed samples of fewer
+    /// bits to it as they are: the bits above the precision are then copies of the sign, and fall off here.
+    ///
+    /// # Errors
+    /// The sample has more bits than the frame header says.
+    #[inline]
+    fn sample(&self, predicted: u16) -> Result<u16, CodecError> {
+        let above = u32::from(predicted) >> self.bits;
+        if above != 0 {
+            let sign_and_above = predicted >> (self.bits - 1);
+            if sign_and_above != u16::MAX >> (self.bits - 1) {
+                return Err(damaged("a sample is out of the range that its header gives"));
+            }
+        }
+        let mask = u16::MAX >> (16 - self.bits);
+        Ok((predicted & mask) << self.point_transform)
+    }
+}
+
+/// Decodes one scan line by line, the components of a pixel side by side; returns the marker behind it.
+fn lines(
+    bytes: &mut Bytes<'_>,
+    tables: &Tables,
+    frame: &Frame,
+    scan: &Scan,
+    mut receive: impl FnMut(u32, &[u16], &Finish) -> Result<(), CodecError>,
+) -> Result<Option<u8>, CodecError> {
+    if !(1..=7).contains(&scan.start) {
+        return Err(damaged(format!("a lossless scan has the predictor {}", scan.start)));
+    }
+    let bits_left = frame.precision.checked_sub(scan.low).filter(|&bits| bits > 0);
+    let finish = match bits_left {
+        Some(bits) => Finish { point_transform: scan.low, bits },
+        None => return Err(damaged("the point transform leaves nothing of the samples")),
+    };
+    if !tables.restart_interval.is_multiple_of(frame.columns) {
+        return Err(damaged("restart markers stand within a line of a lossless image"));
+    }
+    let huffman: Vec<&Huffman> = scan.components.iter().map(|c| tables.dc(c.dc)).collect::<Result<_, _>>()?;
+    let mut bits = Bits::new(bytes);
+    let mut restarts = Restarts::new(tables.restart_interval / frame.columns);
+    let samples = frame.columns as usize * huffman.len();
+    let (mut above, mut line) = (vec![0; samples], vec![0; samples]);
+    for y in 0..frame.rows {
+        let first = restarts.unit(&mut bits)? || y == 0;
+        if first {
+            // The first sample of all is predicted by the middle of the range, by way of the line above.
+            above.fill(1 << (finish.bits - 1));
+        }
+        decode_line(&mut bits, &huffman, if first { 1 } else { scan.start }, &above, &mut line)?;
+        receive(y, &line, &finish)?;
+        std::mem::swap(&mut above, &mut line);
+    }
+    bits.finish()
+}
+
+/// One line with the predictors of table H.1; they see the samples to the left, above, and above left.
+fn decode_line(
+    bits: &mut Bits<'_, '_>,
+    tables: &[&Huffman],
+    predictor: u8,
+    above: &[u16],
+    line: &mut [u16],
+) -> Result<(), CodecError> {
+    match predictor {
+        1 => predict_line(bits, tables, above, line, |a, _, _| a),
+        2 => predict_line(bits, tables, above, line, |_, b, _| b),
+        3 => predict_line(bits, tables, above, line, |_, _, c| c),
+        4 => predict_line(bits, tables, above, line, |a, b, c| a + b - c),
+        5 => predict_line(bits, tables, above, line, |a, b, c| a + ((b - c) >> 1)),
+        6 => predict_line(bits, tables, above, line, |a, b, c| b + ((a - c) >> 1)),
+        _ => predict_line(bits, tables, above, line, |a, b, _| (a + b) >> 1),
+    }
+}
+
+#[inline]
+fn predict_line(
+    bits: &mut Bits<'_, '_>,
+    tables: &[&Huffman],
+    above: &[u16],
+    line: &mut [u16],
+    predict: impl Fn(i32, i32, i32) -> i32,
+) -> Result<(), CodecError> {
+    // A line begins with what stands above it; that is all the same for left and above left.
+    let mut left = [0; 4];
+    let mut above_left = [0; 4];
+    let pixels = line.chunks_exact_mut(tables.len()).zip(above.chunks_exact(tables.len()));
+    for (x, (pixel, above)) in pixels.enumerate() {
+        let neighbours = left.iter_mut().zip(&mut above_left);
+        for (((sample, &above), table), (left, above_left)) in
+            pixel.iter_mut().zip(above).zip(tables).zip(neighbours)
+        {
+            let above = i32::from(above);
+            let predicted = if x == 0 { above } else { predict(*left, above, *above_left) };
+            *sample = modulo(predicted + difference(bits, table)?);
+            (*left, *above_left) = (i32::from(*sample), above);
+        }
+    }
+    Ok(())
+}
+
+/// The next difference (H.1.2.2); size 16 stands alone, for 32768.
+#[inline]
+fn difference(bits: &mut Bits<'_, '_>, table: &Huffman) -> Result<i32, CodecError> {
+    match bits.symbol(table)? {
+        size @ 0..=15 => bits.signed(size.into()),
+        16 => Ok(1 << 15),
+        size => Err(damaged(format!("a difference has {size} bits"))),
+    }
+}
+
+/// Modulo 2^16 (H.1.2.1).
+#[inline]
+fn modulo(value: i32) -> u16 {
+    let [low, high, ..] = value.to_le_bytes();
+    u16::from_le_bytes([low, high])
+}
