@@ -34,7 +34,10 @@ impl<'b, 'r> Bits<'b, 'r> {
             self.refill()?;
         }
         let [high, low, ..] = self.window.to_be_bytes();
-        let (length, symbol) = table.find(u16::from_be_bytes([high, low]))?;
+        let (length, symbol) = table.find(u16::from_be_bytes([high, low]));
+        if length == 0 {
+            return Err(no_such_code());
+        }
         self.consume(length)?;
         Ok(symbol)
     }
@@ -154,6 +157,12 @@ impl<'b, 'r> Bits<'b, 'r> {
     }
 }
 
+/// Kept out of the hot path.
+#[cold]
+fn no_such_code() -> CodecError {
+    damaged("it holds a code that its Huffman table does not have")
+}
+
 /// Counts the units of a scan towards its restart markers (T.81, B.2.4.4).
 pub(super) struct Restarts {
     interval: u32,
@@ -190,7 +199,8 @@ mod tests {
 
     #[test]
     fn bits_come_in_order_across_stuffing_and_refills() {
-        let plain: Vec<u8> = (0..400_u32).map(|i| (i * i * 37 + i).to_le_bytes()[0]).collect();
+        let plain: Vec<u8> =
+            (0..400_u32).map(|i| if i % 23 < 2 { 0xFF } else { (i * i * 37).to_le_bytes()[0] }).collect();
         let stuffed: Vec<u8> =
             plain.iter().flat_map(|&b| if b == 0xFF { vec![b, 0] } else { vec![b] }).collect();
         assert!(stuffed.len() > plain.len());

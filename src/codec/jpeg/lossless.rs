@@ -123,12 +123,13 @@ fn lines(
         Some(bits) => Finish { point_transform: scan.low, bits },
         None => return Err(damaged("the point transform leaves nothing of the samples")),
     };
-    if !tables.restart_interval.is_multiple_of(frame.columns) {
+    let restarts_come = u64::from(tables.restart_interval) < u64::from(frame.columns) * u64::from(frame.rows);
+    if restarts_come && !tables.restart_interval.is_multiple_of(frame.columns) {
         return Err(damaged("restart markers stand within a line of a lossless image"));
     }
     let huffman: Vec<&Huffman> = scan.components.iter().map(|c| tables.dc(c.dc)).collect::<Result<_, _>>()?;
     let mut bits = Bits::new(bytes);
-    let mut restarts = Restarts::new(tables.restart_interval / frame.columns);
+    let mut restarts = Restarts::new(tables.restart_interval.div_ceil(frame.columns));
     let samples = frame.columns as usize * huffman.len();
     let (mut above, mut line) = (vec![0; samples], vec![0; samples]);
     for y in 0..frame.rows {
@@ -144,7 +145,7 @@ fn lines(
     bits.finish()
 }
 
-/// One line with the predictors of table H.1; they see the samples to the left, above, and above left.
+/// One line of 1 to 4 components; a loop for each number of them, since grey images are many.
 fn decode_line(
     bits: &mut Bits<'_, '_>,
     tables: &[&Huffman],
@@ -152,39 +153,58 @@ fn decode_line(
     above: &[u16],
     line: &mut [u16],
 ) -> Result<(), CodecError> {
+    match *tables {
+        [a] => choose(bits, [a], predictor, above, line),
+        [a, b] => choose(bits, [a, b], predictor, above, line),
+        [a, b, c] => choose(bits, [a, b, c], predictor, above, line),
+        [a, b, c, d] => choose(bits, [a, b, c, d], predictor, above, line),
+        _ => Ok(()),
+    }
+}
+
+/// The predictors of table H.1; they see the samples to the left, above, and above left.
+fn choose<const N: usize>(
+    bits: &mut Bits<'_, '_>,
+    tables: [&Huffman; N],
+    predictor: u8,
+    above: &[u16],
+    line: &mut [u16],
+) -> Result<(), CodecError> {
+    let (above, line) = (above.as_chunks().0, line.as_chunks_mut().0);
     match predictor {
-        1 => predict_line(bits, tables, above, line, |a, _, _| a),
-        2 => predict_line(bits, tables, above, line, |_, b, _| b),
-        3 => predict_line(bits, tables, above, line, |_, _, c| c),
-        4 => predict_line(bits, tables, above, line, |a, b, c| a + b - c),
-        5 => predict_line(bits, tables, above, line, |a, b, c| a + ((b - c) >> 1)),
-        6 => predict_line(bits, tables, above, line, |a, b, c| b + ((a - c) >> 1)),
-        _ => predict_line(bits, tables, above, line, |a, b, _| (a + b) >> 1),
+        1 => predict(bits, tables, above, line, |a, _, _| a),
+        2 => predict(bits, tables, above, line, |_, b, _| b),
+        3 => predict(bits, tables, above, line, |_, _, c| c),
+        4 => predict(bits, tables, above, line, |a, b, c| a + b - c),
+        5 => predict(bits, tables, above, line, |a, b, c| a + ((b - c) >> 1)),
+        6 => predict(bits, tables, above, line, |a, b, c| b + ((a - c) >> 1)),
+        _ => predict(bits, tables, above, line, |a, b, _| (a + b) >> 1),
     }
 }
 
 #[inline]
-fn predict_line(
+fn predict<const N: usize>(
     bits: &mut Bits<'_, '_>,
-    tables: &[&Huffman],
-    above: &[u16],
-    line: &mut [u16],
-    predict: impl Fn(i32, i32, i32) -> i32,
+    tables: [&Huffman; N],
+    above: &[[u16; N]],
+    line: &mut [[u16; N]],
+    rule: impl Fn(i32, i32, i32) -> i32,
 ) -> Result<(), CodecError> {
-    // A line begins with what stands above it; that is all the same for left and above left.
-    let mut left = [0; 4];
-    let mut above_left = [0; 4];
-    let pixels = line.chunks_exact_mut(tables.len()).zip(above.chunks_exact(tables.len()));
-    for (x, (pixel, above)) in pixels.enumerate() {
-        let neighbours = left.iter_mut().zip(&mut above_left);
-        for (((sample, &above), table), (left, above_left)) in
-            pixel.iter_mut().zip(above).zip(tables).zip(neighbours)
-        {
-            let above = i32::from(above);
-            let predicted = if x == 0 { above } else { predict(*left, above, *above_left) };
-            *sample = modulo(predicted + difference(bits, table)?);
-            (*left, *above_left) = (i32::from(*sample), above);
+    let (Some((first, line)), Some((first_above, above))) = (line.split_first_mut(), above.split_first())
+    else {
+        return Ok(());
+    };
+    // The first pixel of a line is predicted by the one above, whatever the rule.
+    for n in 0..N {
+        first[n] = modulo(i32::from(first_above[n]) + difference(bits, tables[n])?);
+    }
+    let (mut left, mut above_left) = (*first, *first_above);
+    for (pixel, above) in line.iter_mut().zip(above) {
+        for n in 0..N {
+            let predicted = rule(left[n].into(), above[n].into(), above_left[n].into());
+            left[n] = modulo(predicted + difference(bits, tables[n])?);
         }
+        (*pixel, above_left) = (left, *above);
     }
     Ok(())
 }
