@@ -27,14 +27,20 @@ impl<'b, 'r> Bits<'b, 'r> {
         Self { bytes, window: 0, count: 0, marker: None, ended: false }
     }
 
-    /// The symbol of the next Huffman code.
+    /// The next 16 bits, zeros behind the end of the data; they are not taken.
     #[inline]
-    pub(super) fn symbol(&mut self, table: &Huffman) -> Result<u8, CodecError> {
+    pub(super) fn peek(&mut self) -> Result<u16, CodecError> {
         if self.count < 32 {
             self.refill()?;
         }
         let [high, low, ..] = self.window.to_be_bytes();
-        let (length, symbol) = table.find(u16::from_be_bytes([high, low]));
+        Ok(u16::from_be_bytes([high, low]))
+    }
+
+    /// The symbol of the next Huffman code.
+    #[inline]
+    pub(super) fn symbol(&mut self, table: &Huffman) -> Result<u8, CodecError> {
+        let (length, symbol) = table.find(self.peek()?);
         if length == 0 {
             return Err(no_such_code());
         }
@@ -70,8 +76,12 @@ impl<'b, 'r> Bits<'b, 'r> {
         Ok(self.number(1)? != 0)
     }
 
+    /// Takes bits, fewer than 64.
+    ///
+    /// # Errors
+    /// So many are not there.
     #[inline]
-    fn consume(&mut self, count: u32) -> Result<(), CodecError> {
+    pub(super) fn consume(&mut self, count: u32) -> Result<(), CodecError> {
         self.count = self.count.checked_sub(count).ok_or_else(ends_early)?;
         self.window <<= count;
         Ok(())
