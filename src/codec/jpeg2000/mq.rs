@@ -126,7 +126,8 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// Bits as they are, most significant first; a byte after 0xFF has seven. Zeros past the end.
+/// Bits as they are, most significant first; a byte after 0xFF has seven. Ones past the end, where
+/// encoders leave them out.
 pub(super) struct RawBits<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -142,7 +143,7 @@ impl<'a> RawBits<'a> {
     pub(super) fn bit(&mut self) -> bool {
         if self.left == 0 {
             self.left = if self.current == 0xFF { 7 } else { 8 };
-            self.current = self.bytes.get(self.at).copied().unwrap_or(0);
+            self.current = self.bytes.get(self.at).copied().unwrap_or(0xFF);
             self.at = self.at.saturating_add(1);
         }
         self.left -= 1;
