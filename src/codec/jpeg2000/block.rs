@@ -146,8 +146,14 @@ impl Scratch {
 /// of `stride`: integers, or bit patterns of floats where the component is irreversible.
 #[expect(clippy::too_many_arguments, reason = "each is a thing of its own, used once")]
 pub(super) fn decode_component(
-    codestream: &[u8], coding: &Coding, tile: &Tile, component: usize, samples: &mut [i32], stride: usize,
-    scratch: &mut Scratch, allowance: &mut Allowance,
+    codestream: &[u8],
+    coding: &Coding,
+    tile: &Tile,
+    component: usize,
+    samples: &mut [i32],
+    stride: usize,
+    scratch: &mut Scratch,
+    allowance: &mut Allowance,
 ) -> Result<(), CodecError> {
     // Code-blocks that no packet holds are zero; 0.0 has the same bits.
     let (columns, rows) = (tile.layout.rect.width() as usize, tile.layout.rect.height() as usize);
@@ -165,7 +171,8 @@ pub(super) fn decode_component(
             for ((to, &value), flags) in samples[start..start + width].iter_mut().zip(values).zip(flags) {
                 let mut value = value;
                 // The region of interest lies above all other coefficients (Annex H).
-                if coding.roi_shift > 0 && value.checked_shr(u32::from(coding.roi_shift) + 1).unwrap_or(0) > 0 {
+                if coding.roi_shift > 0 && value.checked_shr(u32::from(coding.roi_shift) + 1).unwrap_or(0) > 0
+                {
                     value >>= coding.roi_shift;
                 }
                 let negative = flags & flag::NEGATIVE != 0;
@@ -185,8 +192,14 @@ pub(super) fn decode_component(
 
 #[expect(clippy::too_many_arguments, reason = "each is a thing of its own, used once")]
 fn decode_block(
-    codestream: &[u8], style: u8, tile: &Tile, block: &Block, orientation: Orientation, planes: u32,
-    scratch: &mut Scratch, allowance: &mut Allowance,
+    codestream: &[u8],
+    style: u8,
+    tile: &Tile,
+    block: &Block,
+    orientation: Orientation,
+    planes: u32,
+    scratch: &mut Scratch,
+    allowance: &mut Allowance,
 ) -> Result<(), CodecError> {
     let Scratch { flags, values, bytes: joined } = scratch;
     let (width, height) = (usize::from(block.width), usize::from(block.height));
@@ -246,14 +259,20 @@ fn append(joined: &mut Vec<u8>, bytes: &[u8], allowance: &mut Allowance) -> Resu
 
 /// The passes of one segment, the first of them number `done` of the code-block.
 fn decode_segment(
-    segment: &[u8], style: u8, done: u8, passes: u8, planes: u32, contexts: &mut Contexts, samples: &mut Samples<'_>,
+    segment: &[u8],
+    style: u8,
+    done: u8,
+    passes: u8,
+    planes: u32,
+    contexts: &mut Contexts,
+    samples: &mut Samples<'_>,
 ) {
     let raw = style & style::BYPASS != 0 && done >= 10 && (done - 10) % 3 != 2;
     let mut decoder = Decoder::new(if raw { &[] } else { segment });
     let mut bits = RawBits::new(segment);
     for pass in u32::from(done)..u32::from(done) + u32::from(passes) {
         // The first pass of a code-block is a cleanup pass.
-        let Some(plane) = planes.checked_sub(1 + (pass + 2) / 3) else { break };
+        let Some(plane) = planes.checked_sub(1 + pass.div_ceil(3)) else { break };
         match (pass + 2) % 3 {
             0 if raw => samples.significance_pass(plane, &mut bits),
             0 => samples.significance_pass(plane, &mut Coded { decoder: &mut decoder, contexts }),
@@ -389,7 +408,8 @@ impl Samples<'_> {
             if seen & (flag::SIGNIFICANT | flag::VISITED) != flag::SIGNIFICANT {
                 return;
             }
-            let context = if seen & flag::REFINED != 0 { 16 } else { 14 + u8::from(seen & flag::AROUND != 0) };
+            let context =
+                if seen & flag::REFINED != 0 { 16 } else { 14 + u8::from(seen & flag::AROUND != 0) };
             let value = &mut samples.values[y * samples.width + x];
             // The bit for the middle of the interval becomes the decoded one, with a new middle below.
             if !decisions.decide(context) {
@@ -408,7 +428,8 @@ impl Samples<'_> {
                 let mut y = stripe;
                 let mut known = false;
                 let quiet = |samples: &Self, y: usize| {
-                    samples.seen(samples.place(x, y), y) & (flag::AROUND | flag::SIGNIFICANT | flag::VISITED) == 0
+                    samples.seen(samples.place(x, y), y) & (flag::AROUND | flag::SIGNIFICANT | flag::VISITED)
+                        == 0
                 };
                 if end == stripe + 4 && (stripe..end).all(|y| quiet(self, y)) {
                     if !decoder.decide(contexts, RUN_LENGTH) {

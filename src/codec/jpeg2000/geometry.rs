@@ -141,13 +141,17 @@ pub(super) struct TileLayout {
 
 impl TileLayout {
     pub(super) fn new(
-        rect: &Rect, parameters: &Parameters, precision: u8, allowance: &mut Allowance,
+        rect: &Rect,
+        parameters: &Parameters,
+        precision: u8,
+        allowance: &mut Allowance,
     ) -> Result<Self, CodecError> {
         let mut layout = Self { rect: *rect, components: Vec::new(), precincts: 0, bytes: 0 };
         let mut component = 0;
         while let Ok(coding) = parameters.component(component) {
             let resolutions = usize::from(coding.levels) + 1;
-            let bytes = size_of::<ComponentLayout>() * 2 + resolutions * (size_of::<Resolution>() + 3 * size_of::<Band>());
+            let bytes = size_of::<ComponentLayout>() * 2
+                + resolutions * (size_of::<Resolution>() + 3 * size_of::<Band>());
             allowance.reserve(bytes as u64)?;
             layout.bytes += bytes as u64;
             layout.add(coding, precision)?;
@@ -179,7 +183,15 @@ impl TileLayout {
                 .filter(|&count| u32::try_from(count).is_ok())
                 .ok_or_else(|| damaged("too many precincts"))?;
             let bands = self.bands(coding, precision, resolution, &rect)?;
-            resolutions.push(Resolution { rect, across, down, width_log2, height_log2, first_precinct, bands });
+            resolutions.push(Resolution {
+                rect,
+                across,
+                down,
+                width_log2,
+                height_log2,
+                first_precinct,
+                bands,
+            });
         }
         self.components.push(ComponentLayout {
             resolutions,
@@ -190,7 +202,13 @@ impl TileLayout {
     }
 
     /// The sub-bands of a resolution (B-15, E-3).
-    fn bands(&self, coding: &Coding, precision: u8, resolution: u8, rect: &Rect) -> Result<Vec<Band>, CodecError> {
+    fn bands(
+        &self,
+        coding: &Coding,
+        precision: u8,
+        resolution: u8,
+        rect: &Rect,
+    ) -> Result<Vec<Band>, CodecError> {
         let kinds: &[Orientation] = if resolution == 0 {
             &[Orientation::Ll]
         } else {
@@ -206,7 +224,8 @@ impl TileLayout {
             };
             let depth = u32::from(coding.levels) - u32::from(resolution) + u32::from(resolution > 0);
             let half = if depth == 0 { 0 } else { 1u64 << (depth - 1) };
-            let reduce = |place: u32, high: u64| ceil_shift(u64::from(place).saturating_sub(half * high), depth);
+            let reduce =
+                |place: u32, high: u64| ceil_shift(u64::from(place).saturating_sub(half * high), depth);
             let band = Rect {
                 x0: reduce(self.rect.x0, right),
                 y0: reduce(self.rect.y0, below),
@@ -247,7 +266,9 @@ impl ComponentLayout {
     /// The sub-bands of a precinct, with their code-blocks.
     pub(super) fn grids(&self, resolution: usize, precinct: u32) -> impl Iterator<Item = (&Band, Grid)> {
         let level = self.resolutions.get(resolution);
-        level.into_iter().flat_map(move |level| level.bands.iter().map(move |band| (band, self.grid(resolution, level, band, precinct))))
+        level.into_iter().flat_map(move |level| {
+            level.bands.iter().map(move |band| (band, self.grid(resolution, level, band, precinct)))
+        })
     }
 
     fn grid(&self, resolution: usize, level: &Resolution, band: &Band, precinct: u32) -> Grid {
@@ -264,7 +285,8 @@ impl ComponentLayout {
         let (x0, x1) = within(column, across_log2, band.rect.x0, band.rect.x1);
         let (y0, y1) = within(row, down_log2, band.rect.y0, band.rect.y1);
         let area = Rect { x0, y0, x1, y1 };
-        let (width_log2, height_log2) = (self.block_width_log2.min(across_log2), self.block_height_log2.min(down_log2));
+        let (width_log2, height_log2) =
+            (self.block_width_log2.min(across_log2), self.block_height_log2.min(down_log2));
         let (column, row) = (x0 >> width_log2, y0 >> height_log2);
         let (across, down) = if area.is_empty() {
             (0, 0)

@@ -32,7 +32,8 @@ struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     fn take(&mut self, count: usize) -> Result<&'a [u8], CodecError> {
-        let (head, tail) = self.bytes.split_at_checked(count).ok_or_else(|| damaged("a header ends early"))?;
+        let (head, tail) =
+            self.bytes.split_at_checked(count).ok_or_else(|| damaged("a header ends early"))?;
         self.bytes = tail;
         Ok(head)
     }
@@ -91,7 +92,11 @@ pub(super) fn find_codestream(bytes: &[u8]) -> Result<&[u8], CodecError> {
         }
         let head = rest.len() - fields.bytes.len();
         // A last box may leave its length open, and a cut one reaches as far as there are bytes.
-        let end = if length == 0 { rest.len() } else { usize::try_from(length).unwrap_or(usize::MAX).min(rest.len()) };
+        let end = if length == 0 {
+            rest.len()
+        } else {
+            usize::try_from(length).unwrap_or(usize::MAX).min(rest.len())
+        };
         let body = rest.get(head..end).ok_or_else(|| damaged("a JP2 box is shorter than its head"))?;
         match kind {
             b"jp2c" => return Ok(body),
@@ -127,7 +132,8 @@ impl ImageSize {
         }
         let _capabilities = fields.u16()?;
         let [x1, y1, x0, y0] = [fields.u32()?, fields.u32()?, fields.u32()?, fields.u32()?];
-        let [tile_width, tile_height, tile_x0, tile_y0] = [fields.u32()?, fields.u32()?, fields.u32()?, fields.u32()?];
+        let [tile_width, tile_height, tile_x0, tile_y0] =
+            [fields.u32()?, fields.u32()?, fields.u32()?, fields.u32()?];
         let count = fields.u16()?;
         if x1 <= x0 || y1 <= y0 || count == 0 || tile_width == 0 || tile_height == 0 {
             return Err(damaged("the image is empty"));
@@ -136,7 +142,9 @@ impl ImageSize {
         if x1 > i32::MAX.unsigned_abs() || y1 > i32::MAX.unsigned_abs() {
             return Err(unsupported("a side of more than 2147483647 pixels"));
         }
-        let reaches = |tile: u32, size: u32, image: u32| tile <= image && u64::from(tile) + u64::from(size) > image.into();
+        let reaches = |tile: u32, size: u32, image: u32| {
+            tile <= image && u64::from(tile) + u64::from(size) > image.into()
+        };
         if !reaches(tile_x0, tile_width, x0) || !reaches(tile_y0, tile_height, y0) {
             return Err(damaged("the first tile holds nothing of the image"));
         }
@@ -214,7 +222,8 @@ impl Coding {
     /// Exponent and mantissa of the quantisation step of a sub-band (E.1): `band` is 0 for the lowest one,
     /// then three for each resolution.
     pub(super) fn step(&self, resolution: u8, band: usize) -> Result<(u32, u32), CodecError> {
-        let (index, lower) = if self.derived { (0, u32::from(resolution.saturating_sub(1))) } else { (band, 0) };
+        let (index, lower) =
+            if self.derived { (0, u32::from(resolution.saturating_sub(1))) } else { (band, 0) };
         if index >= usize::from(self.step_count) {
             return Err(damaged("a sub-band has no quantisation step"));
         }
@@ -248,7 +257,9 @@ impl Coding {
         };
         self.precincts = [0xFF; MAX_LEVELS + 1];
         if custom_precincts {
-            for (resolution, precinct) in self.precincts.iter_mut().take(usize::from(self.levels) + 1).enumerate() {
+            for (resolution, precinct) in
+                self.precincts.iter_mut().take(usize::from(self.levels) + 1).enumerate()
+            {
                 *precinct = fields.u8()?;
                 if resolution > 0 && (*precinct & 15 == 0 || *precinct >> 4 == 0) {
                     return Err(damaged("a precinct is smaller than a sample"));
@@ -312,7 +323,11 @@ impl Parameters {
     }
 
     /// Parses the main header from `at`; also where the first tile-part begins.
-    pub(super) fn parse_main(codestream: &[u8], mut at: usize, components: u8) -> Result<(Self, usize), CodecError> {
+    pub(super) fn parse_main(
+        codestream: &[u8],
+        mut at: usize,
+        components: u8,
+    ) -> Result<(Self, usize), CodecError> {
         let coding = Coding {
             levels: 0,
             block_width_log2: 6,
@@ -355,7 +370,12 @@ impl Parameters {
     }
 
     /// These parameters with what the headers of a tile's parts change.
-    pub(super) fn of_tile(&self, codestream: &[u8], parts: &[TilePart], components: u8) -> Result<Self, CodecError> {
+    pub(super) fn of_tile(
+        &self,
+        codestream: &[u8],
+        parts: &[TilePart],
+        components: u8,
+    ) -> Result<Self, CodecError> {
         let mut own = self.clone();
         debug_assert_eq!(own.coding.len(), usize::from(components));
         for coding in &mut own.coding {
@@ -391,7 +411,12 @@ impl Parameters {
             return self.changes.clone();
         }
         let components = u8::try_from(self.coding.len()).unwrap_or(u8::MAX);
-        vec![Progression { order: self.order, layers: self.layers, resolutions: 0..33, components: 0..components }]
+        vec![Progression {
+            order: self.order,
+            layers: self.layers,
+            resolutions: 0..33,
+            components: 0..components,
+        }]
     }
 
     fn read(&mut self, marker: u16, mut fields: Fields<'_>) -> Result<(), CodecError> {
@@ -500,7 +525,10 @@ pub(super) struct TileParts {
 impl TileParts {
     /// Finds all tile-parts from `at` on.
     pub(super) fn index(
-        codestream: &[u8], mut at: usize, size: &ImageSize, allowance: &mut Allowance,
+        codestream: &[u8],
+        mut at: usize,
+        size: &ImageSize,
+        allowance: &mut Allowance,
     ) -> Result<Self, CodecError> {
         let tiles = size.tile_columns() * size.tile_rows();
         let mut parts: Vec<TilePart> = Vec::new();
@@ -532,11 +560,16 @@ impl TileParts {
                 at = next;
             };
             // Length 0: up to the end of the codestream. Too long a one is cut: missing packets are noticed.
-            let end = if length == 0 { codestream.len() } else { start.saturating_add(length).min(codestream.len()) };
+            let end = if length == 0 {
+                codestream.len()
+            } else {
+                start.saturating_add(length).min(codestream.len())
+            };
             if end < body {
                 return Err(damaged("a tile-part is shorter than its header"));
             }
-            allowance.push(&mut parts, TilePart { tile, header: place(next)?, body: place(body)?..place(end)? })?;
+            allowance
+                .push(&mut parts, TilePart { tile, header: place(next)?, body: place(body)?..place(end)? })?;
             at = end;
         }
         // Stable, so parts of a tile keep their order.

@@ -18,13 +18,19 @@ const MAX_QUADS: usize = 512 + 1;
 
 /// Decodes a segment: the cleanup pass, or after it the significance and refinement passes.
 pub(super) fn decode_segment(
-    segment: &[u8], done: u8, passes: u8, planes: u32, samples: &mut Samples<'_>,
+    segment: &[u8],
+    done: u8,
+    passes: u8,
+    planes: u32,
+    samples: &mut Samples<'_>,
 ) -> Result<(), CodecError> {
     if done == 0 {
-        let plane = planes.checked_sub(1).ok_or_else(|| damaged("a code-block without bit planes has passes"))?;
+        let plane =
+            planes.checked_sub(1).ok_or_else(|| damaged("a code-block without bit planes has passes"))?;
         return cleanup(segment, plane, samples);
     }
-    let plane = planes.checked_sub(2).ok_or_else(|| damaged("a code-block has more passes than bit planes"))?;
+    let plane =
+        planes.checked_sub(2).ok_or_else(|| damaged("a code-block has more passes than bit planes"))?;
     significance(segment, plane, samples);
     if passes > 1 {
         refinement(segment, plane, samples);
@@ -218,7 +224,12 @@ impl Quad {
 }
 
 /// Exponent differences of two quads (7.3.6).
-fn differences(first_row: bool, quads: &[Quad; 2], runs: &mut RunLengths<'_>, codes: &mut Backward<'_>) -> [u32; 2] {
+fn differences(
+    first_row: bool,
+    quads: &[Quad; 2],
+    runs: &mut RunLengths<'_>,
+    codes: &mut Backward<'_>,
+) -> [u32; 2] {
     match [quads[0].has_difference, quads[1].has_difference] {
         [false, false] => [0, 0],
         [true, false] => {
@@ -260,7 +271,8 @@ fn cleanup(segment: &[u8], plane: u32, samples: &mut Samples<'_>) -> Result<(), 
         count,
         stuffed: second_last | 15 > 0x8F,
     };
-    let mut runs = RunLengths { bytes: &tail[..tail.len() - 1], current: 0, left: 0, state: 0, run: 0, ends: false };
+    let mut runs =
+        RunLengths { bytes: &tail[..tail.len() - 1], current: 0, left: 0, state: 0, run: 0, ends: false };
 
     let across = samples.width.div_ceil(2);
     // Quads of the row above, with an empty one to the right; those to the left are kept apart.
@@ -278,9 +290,15 @@ fn cleanup(segment: &[u8], plane: u32, samples: &mut Samples<'_>) -> Result<(), 
                 let context = if first_row {
                     left >> 1 | left & 1
                 } else {
-                    let [north_west, north, north_east, far] =
-                        [above_left.significant >> 3, over.significant >> 1, over.significant >> 3, right.significant >> 1];
-                    ((north_west | north) & 1) | (((left >> 2) | (left >> 3)) & 1) << 1 | ((north_east | far) & 1) << 2
+                    let [north_west, north, north_east, far] = [
+                        above_left.significant >> 3,
+                        over.significant >> 1,
+                        over.significant >> 3,
+                        right.significant >> 1,
+                    ];
+                    ((north_west | north) & 1)
+                        | (((left >> 2) | (left >> 3)) & 1) << 1
+                        | ((north_east | far) & 1) << 2
                 };
                 let quad = Quad::decode(table, context, &mut runs, &mut codes);
                 let [e1, e2] = over.exponents;
@@ -305,7 +323,8 @@ fn cleanup(segment: &[u8], plane: u32, samples: &mut Samples<'_>) -> Result<(), 
                         continue;
                     }
                     let known = u32::from(quad.known >> sample & 1);
-                    let value = magnitudes.take(bits - known) | u32::from(quad.known_ones >> sample & 1) << (bits - known);
+                    let value = magnitudes.take(bits - known)
+                        | u32::from(quad.known_ones >> sample & 1) << (bits - known);
                     let odd = value | 1;
                     if sample & 1 == 1 {
                         now.exponents[sample >> 1] = u8::try_from(32 - odd.leading_zeros()).unwrap_or(0);
@@ -359,7 +378,9 @@ fn refinement(segment: &[u8], plane: u32, samples: &mut Samples<'_>) {
     for stripe in (0..samples.height).step_by(4) {
         for x in 0..samples.width {
             for y in stripe..samples.height.min(stripe + 4) {
-                if samples.flags[samples.place(x, y)] & (flag::SIGNIFICANT | flag::VISITED) != flag::SIGNIFICANT {
+                if samples.flags[samples.place(x, y)] & (flag::SIGNIFICANT | flag::VISITED)
+                    != flag::SIGNIFICANT
+                {
                     continue;
                 }
                 let value = &mut samples.values[y * samples.width + x];

@@ -5,7 +5,7 @@
 //! ```text
 //! header    marker segments -> image size, coding and quantisation of each component, tile-parts
 //! geometry  a tile -> resolutions, sub-bands, precincts, code-blocks, and what they will take
-//! packets   packet headers (tag trees) -> where the bytes of each code-block are
+//! packets   packet headers (tag trees) -> where the bytes of each code-block are      progression  their order
 //! mq, block bit-plane decoding of a code-block (EBCOT)      ht, ht_tables   its high-throughput kin
 //! wavelet   the inverse transforms 5/3 (integers, exact) and 9/7 (floats)
 //! ```
@@ -14,8 +14,9 @@
 //! if it is one tile), transformed in place; and per tile some 40 bytes for a code-block and 16 for each
 //! of its pieces. All of it is counted before it is allocated, against the bytes allowed.
 //!
-//! Time: every packet consumes a byte at least, and every other loop is over samples that the receiver
-//! accepted or over bytes that were read. Bit planes of a code-block are limited to [`MAX_PLANES`].
+//! Time: every packet consumes a byte at least; visits of code-blocks that consume nothing are counted;
+//! every other loop is over samples that the receiver accepted or over bytes that were read. Bit planes of
+//! a code-block are limited to [`MAX_PLANES`].
 //!
 //! Not decoded: components of different size, precision or sign; packed packet headers (PPM, PPT); more
 //! than [`MAX_PLANES`] bit planes; palettes; code-blocks mixing both block coders; Part 2 extensions.
@@ -31,6 +32,7 @@ mod ht;
 mod ht_tables;
 mod mq;
 mod packets;
+mod progression;
 #[cfg(test)]
 mod tests;
 mod wavelet;
@@ -53,10 +55,18 @@ fn unsupported(what: &str) -> CodecError {
     CodecError::Unsupported(what.to_owned())
 }
 
-/// Counts what is held against what may be held.
+/// Visits of code-blocks and precincts that a frame may take besides [`VISITS_PER_SAMPLE`]: less than a second,
+/// far more than any encoder's choices lead to.
+const VISITS: u64 = 1 << 22;
+
+/// One layer of the smallest code-blocks is a sixteenth of a visit for each sample.
+const VISITS_PER_SAMPLE: u64 = 4;
+
+/// Counts what is held against what may be held, and work that no byte of the input pays for.
 struct Allowance {
     used: u64,
     allowed: u64,
+    visits: u64,
 }
 
 impl Allowance {
@@ -66,6 +76,12 @@ impl Allowance {
             return Err(CodecError::Memory { needed_bytes: needed, allowed_bytes: self.allowed });
         }
         self.used = needed;
+        Ok(())
+    }
+
+    fn visit(&mut self, count: usize) -> Result<(), CodecError> {
+        self.visits =
+            self.visits.checked_sub(count as u64).ok_or_else(|| damaged("its packets lead nowhere"))?;
         Ok(())
     }
 
@@ -119,9 +135,12 @@ impl Allowance {
 /// The codestream is damaged or ends early, is of a kind named in the module's text, needs more memory
 /// than allowed, or `sink` refuses it.
 pub fn decode(
-    input: &mut dyn Read, compressed_bytes: u64, memory_bytes: u64, sink: &mut dyn RowSink,
+    input: &mut dyn Read,
+    compressed_bytes: u64,
+    memory_bytes: u64,
+    sink: &mut dyn RowSink,
 ) -> Result<(), CodecError> {
-    let mut allowance = Allowance { used: 0, allowed: memory_bytes };
+    let mut allowance = Allowance { used: 0, allowed: memory_bytes, visits: VISITS };
     let too_long = || CodecError::Memory { needed_bytes: compressed_bytes, allowed_bytes: memory_bytes };
     // Places in the codestream are kept as 32 bits.
     if compressed_bytes >= u64::from(u32::MAX) {
@@ -151,20 +170,28 @@ pub fn decode(
 
 /// Decodes row of tiles after row of tiles and hands over their rows.
 fn decode_tiles(
-    codestream: &[u8], size: &ImageSize, parameters: &Parameters, parts: &TileParts, allowance: &mut Allowance,
+    codestream: &[u8],
+    size: &ImageSize,
+    parameters: &Parameters,
+    parts: &TileParts,
+    allowance: &mut Allowance,
     sink: &mut dyn RowSink,
 ) -> Result<(), CodecError> {
     let columns = (size.x1 - size.x0) as usize;
     let components = usize::from(size.components);
     let band_rows = (0..size.tile_rows()).map(|row| size.tile(0, row).height()).max().unwrap_or(0) as usize;
     let plane = columns.checked_mul(band_rows).filter(|plane| plane.checked_mul(components).is_some());
-    let plane = plane.ok_or(CodecError::Memory { needed_bytes: u64::MAX, allowed_bytes: allowance.allowed })?;
+    let plane =
+        plane.ok_or(CodecError::Memory { needed_bytes: u64::MAX, allowed_bytes: allowance.allowed })?;
     // All components of a row of tiles, one after the other, each `band_rows` rows of `columns`.
     let mut samples: Vec<i32> = allowance.filled(plane * components, 0)?;
+    let image = columns as u64 * u64::from(size.y1 - size.y0) * components as u64;
+    allowance.visits = VISITS.saturating_add(image.saturating_mul(VISITS_PER_SAMPLE));
     let longest = columns.max(band_rows);
     let mut line = wavelet::Scratch::new(longest, allowance)?;
     let mut blocks = block::Scratch::new(allowance)?;
-    let mut interleaved: Vec<i32> = if components > 1 { allowance.filled(columns * components, 0)? } else { Vec::new() };
+    let mut interleaved: Vec<i32> =
+        if components > 1 { allowance.filled(columns * components, 0)? } else { Vec::new() };
 
     for tile_row in 0..size.tile_rows() {
         for tile_column in 0..size.tile_columns() {
@@ -178,7 +205,16 @@ fn decode_tiles(
                 let origin = (rect.x0 - size.x0) as usize;
                 let Some(area) = area.get_mut(origin..) else { continue };
                 let coding = tile_parameters.component(component)?;
-                block::decode_component(codestream, coding, &tile, component, area, columns, &mut blocks, allowance)?;
+                block::decode_component(
+                    codestream,
+                    coding,
+                    &tile,
+                    component,
+                    area,
+                    columns,
+                    &mut blocks,
+                    allowance,
+                )?;
                 wavelet::invert(coding.reversible, &tile.layout, component, area, columns, &mut line);
             }
             finish_samples(&rect, size, &tile_parameters, &mut samples, plane, columns)?;
@@ -206,7 +242,12 @@ fn decode_tiles(
 /// Undoes the component transform (Annex G), turns floats into integers, shifts unsigned samples to their
 /// range and clamps all.
 fn finish_samples(
-    rect: &geometry::Rect, size: &ImageSize, parameters: &Parameters, samples: &mut [i32], plane: usize, columns: usize,
+    rect: &geometry::Rect,
+    size: &ImageSize,
+    parameters: &Parameters,
+    samples: &mut [i32],
+    plane: usize,
+    columns: usize,
 ) -> Result<(), CodecError> {
     let half = 1i32 << (size.precision - 1);
     let (shift, least, most) =
@@ -214,7 +255,10 @@ fn finish_samples(
     let (x, width, height) = ((rect.x0 - size.x0) as usize, rect.width() as usize, rect.height() as usize);
     let finish = |value: i32| value.saturating_add(shift).clamp(least, most);
     let rounded = |value: f32| {
-        #[expect(clippy::cast_possible_truncation, reason = "saturates, and NaN is 0: then clamped to the precision")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "saturates, and NaN is 0: then clamped to the precision"
+        )]
         let whole = value.round_ties_even() as i32;
         finish(whole)
     };
@@ -222,14 +266,17 @@ fn finish_samples(
     let transformed = parameters.component_transform && size.components >= 3;
     if transformed {
         let reversible = parameters.component(0)?.reversible;
-        if parameters.component(1)?.reversible != reversible || parameters.component(2)?.reversible != reversible {
+        if parameters.component(1)?.reversible != reversible
+            || parameters.component(2)?.reversible != reversible
+        {
             return Err(damaged("components transformed together are of different wavelets"));
         }
         let (first, rest) = samples.split_at_mut(plane);
         let (second, rest) = rest.split_at_mut(plane);
         for row in 0..height {
             let range = row * columns + x..row * columns + x + width;
-            let pixels = first[range.clone()].iter_mut().zip(&mut second[range.clone()]).zip(&mut rest[range]);
+            let pixels =
+                first[range.clone()].iter_mut().zip(&mut second[range.clone()]).zip(&mut rest[range]);
             for ((a, b), c) in pixels {
                 if reversible {
                     let green = a.wrapping_sub(b.wrapping_add(*c) >> 2);

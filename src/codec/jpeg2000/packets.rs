@@ -3,8 +3,8 @@
 use std::ops::ControlFlow;
 
 use super::geometry::{Grid, Orientation, TileLayout};
-use super::header::{Parameters, Progression, TilePart};
-use super::{Allowance, CodecError, MAX_PLANES, damaged, unsupported};
+use super::header::{Parameters, TilePart};
+use super::{Allowance, CodecError, MAX_PLANES, damaged, progression, unsupported};
 
 /// Code-block styles (Table A.19).
 pub(super) mod style {
@@ -111,7 +111,8 @@ impl Tile {
             first_group: allowance.room(layout.precincts)?,
             groups: allowance.room(groups)?,
             blocks: allowance.room(blocks)?,
-            nodes: allowance.filled(nodes, Node { layer: 0, layer_known: false, planes: 0, planes_known: false })?,
+            nodes: allowance
+                .filled(nodes, Node { layer: 0, layer_known: false, planes: 0, planes_known: false })?,
             pieces: Vec::new(),
             layout,
         };
@@ -120,8 +121,12 @@ impl Tile {
             if tile.first_group.len() == precinct {
                 tile.first_group.push(number(tile.groups.len())?);
             }
-            tile.groups.push(BlockGroup { first_block: number(tile.blocks.len())?, first_node: number(first_node)? });
-            first_node += tree_levels(grid).map(|(across, down)| across as usize * down as usize).sum::<usize>();
+            tile.groups.push(BlockGroup {
+                first_block: number(tile.blocks.len())?,
+                first_node: number(first_node)?,
+            });
+            first_node +=
+                tree_levels(grid).map(|(across, down)| across as usize * down as usize).sum::<usize>();
             for row in 0..grid.down {
                 for column in 0..grid.across {
                     let (x, y, width, height) = grid.block(column, row);
@@ -158,20 +163,21 @@ impl Tile {
     /// All code-blocks of a component that have any passes, with orientation, bit planes and step of
     /// their sub-bands.
     pub(super) fn coded_blocks(
-        &self, component: usize, mut visit: impl FnMut(&Block, Orientation, u32, f32) -> Result<(), CodecError>,
+        &self,
+        component: usize,
+        mut visit: impl FnMut(&Block, Orientation, u32, f32) -> Result<(), CodecError>,
     ) -> Result<(), CodecError> {
         let Some(layout) = self.layout.components.get(component) else { return Ok(()) };
         for (index, resolution) in layout.resolutions.iter().enumerate() {
             for precinct in 0..resolution.across * resolution.down {
-                let mut group = self.first_group[(resolution.first_precinct + precinct) as usize] as usize;
-                for (band, grid) in layout.grids(index, precinct) {
+                let first_group = self.first_group[(resolution.first_precinct + precinct) as usize] as usize;
+                for (group, (band, grid)) in (first_group..).zip(layout.grids(index, precinct)) {
                     let first = self.groups[group].first_block as usize;
                     for block in &self.blocks[first..first + grid.blocks()] {
                         if block.passes > 0 {
                             visit(block, band.orientation, band.planes, band.step)?;
                         }
                     }
-                    group += 1;
                 }
             }
         }
@@ -179,7 +185,11 @@ impl Tile {
     }
 
     /// The pieces of a code-block: bytes and the number of passes that end with them.
-    pub(super) fn pieces<'a>(&'a self, block: &Block, codestream: &'a [u8]) -> impl Iterator<Item = (&'a [u8], u8)> {
+    pub(super) fn pieces<'a>(
+        &'a self,
+        block: &Block,
+        codestream: &'a [u8],
+    ) -> impl Iterator<Item = (&'a [u8], u8)> {
         let mut at = block.first;
         std::iter::from_fn(move || {
             let piece = self.pieces.get(at as usize)?;
@@ -193,7 +203,8 @@ impl Tile {
 
 /// Calls `visit` with the number of each precinct, its place in its resolution, and each sub-band's grid.
 fn each_grid(
-    layout: &TileLayout, mut visit: impl FnMut(usize, u32, &Grid) -> Result<(), CodecError>,
+    layout: &TileLayout,
+    mut visit: impl FnMut(usize, u32, &Grid) -> Result<(), CodecError>,
 ) -> Result<(), CodecError> {
     for component in &layout.components {
         for (index, resolution) in component.resolutions.iter().enumerate() {
@@ -270,15 +281,20 @@ impl HeaderBits<'_> {
 
 /// Reads all packets of a tile.
 pub(super) fn read(
-    codestream: &[u8], parts: &[TilePart], parameters: &Parameters, tile: &mut Tile, allowance: &mut Allowance,
+    codestream: &[u8],
+    parts: &[TilePart],
+    parameters: &Parameters,
+    tile: &mut Tile,
+    allowance: &mut Allowance,
 ) -> Result<(), CodecError> {
     let total: u64 = tile.layers.len() as u64 * u64::from(parameters.layers);
-    let mut reader = Reader { codestream, parts: parts.iter(), at: 0, end: 0, parameters, allowance, read: 0 };
+    let mut reader =
+        Reader { codestream, parts: parts.iter(), at: 0, end: 0, parameters, allowance, read: 0 };
     for progression in parameters.progressions() {
         if reader.read == total {
             break;
         }
-        walk(tile, &progression, &mut reader)?;
+        progression::walk(tile, &progression, &mut reader)?;
     }
     // Changes of progression may leave packets out; they would be missing from the image.
     if reader.read < total {
@@ -287,140 +303,27 @@ pub(super) fn read(
     Ok(())
 }
 
-struct Reader<'a> {
+/// Reads packets one after the other, from all parts of a tile.
+pub(super) struct Reader<'a> {
     codestream: &'a [u8],
     parts: std::slice::Iter<'a, TilePart>,
     at: usize,
     end: usize,
     parameters: &'a Parameters,
-    allowance: &'a mut Allowance,
+    pub(super) allowance: &'a mut Allowance,
     /// Packets read.
     read: u64,
 }
 
-/// Visits the packets of a progression in order (B.12.1).
-fn walk(tile: &mut Tile, progression: &Progression, reader: &mut Reader<'_>) -> Result<(), CodecError> {
-    // What has no precincts is passed over once, not in every layer.
-    let mut present: Vec<(u8, u8)> = Vec::new();
-    let components = usize::from(progression.components.start)..usize::from(progression.components.end);
-    for component in components {
-        let Some(layout) = tile.layout.components.get(component) else { break };
-        for (index, resolution) in layout.resolutions.iter().enumerate() {
-            let (Ok(index), Ok(component)) = (u8::try_from(index), u8::try_from(component)) else { continue };
-            if progression.resolutions.contains(&index) && resolution.across > 0 && resolution.down > 0 {
-                present.push((index, component));
-            }
-        }
-    }
-    reader.allowance.reserve(present.capacity() as u64 * 2)?;
-    let layers = progression.layers;
-    match progression.order {
-        0 | 1 => {
-            present.sort_unstable();
-            let by_resolution: Vec<&[(u8, u8)]> = present.chunk_by(|a, b| a.0 == b.0).collect();
-            let mut level = |reader: &mut Reader<'_>, layer: u16, level: &[(u8, u8)]| {
-                for &(resolution, component) in level {
-                    let precincts = {
-                        let level = &tile.layout.components[usize::from(component)].resolutions[usize::from(resolution)];
-                        level.across * level.down
-                    };
-                    for precinct in 0..precincts {
-                        reader.packet(tile, usize::from(component), usize::from(resolution), precinct, layer)?;
-                    }
-                }
-                Ok::<(), CodecError>(())
-            };
-            if progression.order == 0 {
-                for layer in 0..layers {
-                    for group in &by_resolution {
-                        level(reader, layer, group)?;
-                    }
-                }
-            } else {
-                for group in &by_resolution {
-                    for layer in 0..layers {
-                        level(reader, layer, group)?;
-                    }
-                }
-            }
-        }
-        2 => {
-            present.sort_unstable();
-            for group in present.chunk_by(|a, b| a.0 == b.0) {
-                by_position(tile, group, layers, reader)?;
-            }
-        }
-        3 => {
-            present.sort_unstable_by_key(|&(resolution, component)| (component, resolution));
-            by_position(tile, &present, layers, reader)?;
-        }
-        _ => {
-            present.sort_unstable_by_key(|&(resolution, component)| (component, resolution));
-            for group in present.chunk_by(|a, b| a.1 == b.1) {
-                by_position(tile, group, layers, reader)?;
-            }
-        }
-    }
-    reader.allowance.release(present.capacity() as u64 * 2);
-    Ok(())
-}
-
-/// Visits precincts by their upper left corners on the reference grid, then in the order of `present`,
-/// then by layer.
-fn by_position(
-    tile: &mut Tile, present: &[(u8, u8)], layers: u16, reader: &mut Reader<'_>,
-) -> Result<(), CodecError> {
-    let rect = tile.layout.rect;
-    // The smallest precinct's sides: no corner lies between multiples of them.
-    let (mut step_x, mut step_y) = (31, 31);
-    for &(resolution, component) in present {
-        let layout = &tile.layout.components[usize::from(component)];
-        let depth = layout.resolutions.len() - 1 - usize::from(resolution);
-        let depth = u32::try_from(depth).unwrap_or(0);
-        let level = &layout.resolutions[usize::from(resolution)];
-        step_x = step_x.min(level.width_log2 + depth);
-        step_y = step_y.min(level.height_log2 + depth);
-    }
-    let next = |place: u32, log2: u32| ((u64::from(place) >> log2) + 1) << log2;
-    let mut y = rect.y0;
-    while y < rect.y1 {
-        let mut x = rect.x0;
-        while x < rect.x1 {
-            for &(resolution, component) in present {
-                if let Some(precinct) = precinct_at(tile, usize::from(component), usize::from(resolution), x, y) {
-                    for layer in 0..layers {
-                        reader.packet(tile, usize::from(component), usize::from(resolution), precinct, layer)?;
-                    }
-                }
-            }
-            x = u32::try_from(next(x, step_x)).unwrap_or(u32::MAX);
-        }
-        y = u32::try_from(next(y, step_y)).unwrap_or(u32::MAX);
-    }
-    Ok(())
-}
-
-/// The precinct whose upper left corner is at a place of the reference grid, if any (B.12.1.3).
-fn precinct_at(tile: &Tile, component: usize, resolution: usize, x: u32, y: u32) -> Option<u32> {
-    let layout = &tile.layout.components[component];
-    let level = &layout.resolutions[resolution];
-    let depth = u32::try_from(layout.resolutions.len() - 1 - resolution).ok()?;
-    let index = |place: u32, tile_start: u32, start: u32, log2: u32| {
-        let corner = u64::from(place) & ((1u64 << (log2 + depth)) - 1) == 0;
-        // The first precinct may begin before the tile does.
-        let cut = place == tile_start && (u64::from(start) << depth) & ((1u64 << (log2 + depth)) - 1) != 0;
-        let reduced = (u64::from(place) + (1u64 << depth) - 1) >> depth;
-        (corner || cut).then_some(u32::try_from(reduced >> log2).ok()?.checked_sub(start >> log2)?)
-    };
-    let column = index(x, tile.layout.rect.x0, level.rect.x0, level.width_log2)?;
-    let row = index(y, tile.layout.rect.y0, level.rect.y0, level.height_log2)?;
-    (column < level.across && row < level.down).then(|| row * level.across + column)
-}
-
 impl Reader<'_> {
     /// Reads one packet, unless an earlier progression had it.
-    fn packet(
-        &mut self, tile: &mut Tile, component: usize, resolution: usize, precinct: u32, layer: u16,
+    pub(super) fn packet(
+        &mut self,
+        tile: &mut Tile,
+        component: usize,
+        resolution: usize,
+        precinct: u32,
+        layer: u16,
     ) -> Result<(), CodecError> {
         let level = &tile.layout.components[component].resolutions[resolution];
         let precinct_number = (level.first_precinct + precinct) as usize;
@@ -459,18 +362,26 @@ impl Reader<'_> {
 
     /// Which code-blocks a packet holds, and how many bytes of each (B.10).
     fn header(
-        &mut self, bits: &mut HeaderBits<'_>, tile: &mut Tile, component: usize, resolution: usize, precinct: u32, layer: u16,
+        &mut self,
+        bits: &mut HeaderBits<'_>,
+        tile: &mut Tile,
+        component: usize,
+        resolution: usize,
+        precinct: u32,
+        layer: u16,
     ) -> Result<(), CodecError> {
         let coding = self.parameters.component(component)?;
         let layout = &tile.layout.components[component];
         let level = &layout.resolutions[resolution];
-        let mut group = tile.first_group[(level.first_precinct + precinct) as usize] as usize;
-        for (band, grid) in layout.grids(resolution, precinct) {
+        let first_group = tile.first_group[(level.first_precinct + precinct) as usize] as usize;
+        for (group, (band, grid)) in (first_group..).zip(layout.grids(resolution, precinct)) {
             let BlockGroup { first_block, first_node } = tile.groups[group];
-            group += 1;
+            // A tag tree may pass over all code-blocks with one bit.
+            self.allowance.visit(grid.blocks())?;
             for index in 0..grid.blocks() {
                 let block = &mut tile.blocks[first_block as usize + index];
-                let (column, row) = (index as u32 % grid.across, index as u32 / grid.across);
+                let index = number(index)?;
+                let (column, row) = (index % grid.across, index / grid.across);
                 let nodes = &mut tile.nodes[first_node as usize..];
                 if block.passes > 0 {
                     if bits.bit()? == 0 {
@@ -505,9 +416,11 @@ impl Reader<'_> {
                     passes -= now;
                     let now = u8::try_from(now).unwrap_or(u8::MAX);
                     block.passes += now;
-                    block.segment_passes = if u32::from(now) == room { 0 } else { block.segment_passes + now };
+                    block.segment_passes =
+                        if u32::from(now) == room { 0 } else { block.segment_passes + now };
                     let place = number(tile.pieces.len())?;
-                    self.allowance.push(&mut tile.pieces, Piece { start: 0, length, next: NONE, passes: now })?;
+                    self.allowance
+                        .push(&mut tile.pieces, Piece { start: 0, length, next: NONE, passes: now })?;
                     if block.first == NONE {
                         block.first = place;
                     } else if let Some(last) = tile.pieces.get_mut(block.last as usize) {
@@ -523,7 +436,10 @@ impl Reader<'_> {
 
 /// Calls `step` with each node from the root to a leaf; stops where it says so.
 fn descend<B>(
-    nodes: &mut [Node], grid: &Grid, column: u32, row: u32,
+    nodes: &mut [Node],
+    grid: &Grid,
+    column: u32,
+    row: u32,
     mut step: impl FnMut(&mut Node) -> Result<ControlFlow<B>, CodecError>,
 ) -> Result<Option<B>, CodecError> {
     // At most 17 levels: a side has less than 2^16 code-blocks within a precinct of 2^15.
@@ -548,7 +464,12 @@ fn descend<B>(
 
 /// Does a code-block first appear in this layer? It is known not to have appeared before.
 fn included(
-    bits: &mut HeaderBits<'_>, nodes: &mut [Node], grid: &Grid, column: u32, row: u32, layer: u16,
+    bits: &mut HeaderBits<'_>,
+    nodes: &mut [Node],
+    grid: &Grid,
+    column: u32,
+    row: u32,
+    layer: u16,
 ) -> Result<bool, CodecError> {
     let mut least = 0;
     let excluded = descend(nodes, grid, column, row, |node| {
@@ -569,7 +490,11 @@ fn included(
 
 /// The number of zero bit planes of a code-block.
 fn zero_planes(
-    bits: &mut HeaderBits<'_>, nodes: &mut [Node], grid: &Grid, column: u32, row: u32,
+    bits: &mut HeaderBits<'_>,
+    nodes: &mut [Node],
+    grid: &Grid,
+    column: u32,
+    row: u32,
 ) -> Result<u8, CodecError> {
     let mut least = 0u8;
     descend(nodes, grid, column, row, |node| {
@@ -578,7 +503,10 @@ fn zero_planes(
             if bits.bit()? == 1 {
                 node.planes_known = true;
             } else {
-                node.planes = node.planes.checked_add(1).ok_or_else(|| damaged("a code-block has impossible bit planes"))?;
+                node.planes = node
+                    .planes
+                    .checked_add(1)
+                    .ok_or_else(|| damaged("a code-block has impossible bit planes"))?;
             }
         }
         least = node.planes;

@@ -37,7 +37,12 @@ impl Scratch {
 
 /// Transforms one component of a tile whose area begins at the first of `samples`, in rows of `stride`.
 pub(super) fn invert(
-    reversible: bool, layout: &TileLayout, component: usize, samples: &mut [i32], stride: usize, scratch: &mut Scratch,
+    reversible: bool,
+    layout: &TileLayout,
+    component: usize,
+    samples: &mut [i32],
+    stride: usize,
+    scratch: &mut Scratch,
 ) {
     let Some(component) = layout.components.get(component) else { return };
     for level in component.resolutions.iter().skip(1) {
@@ -75,7 +80,12 @@ pub(super) fn invert(
 }
 
 /// Puts the low coefficients, which come first, and the high ones in turns.
-fn interleave<const N: usize>(line: &mut [[i32; N]], odd: usize, low: usize, value: impl Fn(usize) -> [i32; N]) {
+fn interleave<const N: usize>(
+    line: &mut [[i32; N]],
+    odd: usize,
+    low: usize,
+    value: impl Fn(usize) -> [i32; N],
+) {
     for (index, to) in line.iter_mut().skip(odd).step_by(2).enumerate() {
         *to = value(index);
     }
@@ -95,7 +105,9 @@ fn filter<const N: usize>(reversible: bool, line: &mut [[i32; N]], odd: usize) {
     }
     let (low, high) = (odd, 1 - odd);
     if reversible {
-        lift(line, low, |value, before, after| value.wrapping_sub(before.wrapping_add(after).wrapping_add(2) >> 2));
+        lift(line, low, |value, before, after| {
+            value.wrapping_sub(before.wrapping_add(after).wrapping_add(2) >> 2)
+        });
         lift(line, high, |value, before, after| value.wrapping_add(before.wrapping_add(after) >> 1));
         return;
     }
@@ -104,7 +116,9 @@ fn filter<const N: usize>(reversible: bool, line: &mut [[i32; N]], odd: usize) {
         *values = values.map(|value| pattern(float(value) * scale));
     }
     for (first, factor) in [(low, DELTA), (high, GAMMA), (low, BETA), (high, ALPHA)] {
-        lift(line, first, |value, before, after| pattern(float(value) - factor * (float(before) + float(after))));
+        lift(line, first, |value, before, after| {
+            pattern(float(value) - factor * (float(before) + float(after)))
+        });
     }
 }
 
