@@ -12,6 +12,8 @@ use std::io;
 
 use thiserror::Error;
 
+pub mod jpeg2000;
+
 /// What a codestream says of its image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameFormat {
