@@ -5,13 +5,14 @@
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
 
 pub mod jpeg;
-pub mod jpeg2000;
 pub mod jpegls;
 pub mod rle;
 
 use std::io;
 
 use thiserror::Error;
+
+pub mod jpeg2000;
 
 /// What a codestream says of its image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

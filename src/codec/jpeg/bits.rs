@@ -27,14 +27,23 @@ impl<'b, 'r> Bits<'b, 'r> {
         Self { bytes, window: 0, count: 0, marker: None, ended: false }
     }
 
-    /// The symbol of the next Huffman code.
+    /// The next 16 bits, zeros behind the end of the data; they are not taken.
     #[inline]
-    pub(super) fn symbol(&mut self, table: &Huffman) -> Result<u8, CodecError> {
+    pub(super) fn peek(&mut self) -> Result<u16, CodecError> {
         if self.count < 32 {
             self.refill()?;
         }
         let [high, low, ..] = self.window.to_be_bytes();
-        let (length, symbol) = table.find(u16::from_be_bytes([high, low]))?;
+        Ok(u16::from_be_bytes([high, low]))
+    }
+
+    /// The symbol of the next Huffman code.
+    #[inline]
+    pub(super) fn symbol(&mut self, table: &Huffman) -> Result<u8, CodecError> {
+        let (length, symbol) = table.find(self.peek()?);
+        if length == 0 {
+            return Err(no_such_code());
+        }
         self.consume(length)?;
         Ok(symbol)
     }
@@ -67,8 +76,12 @@ impl<'b, 'r> Bits<'b, 'r> {
         Ok(self.number(1)? != 0)
     }
 
+    /// Takes bits, fewer than 64.
+    ///
+    /// # Errors
+    /// So many are not there.
     #[inline]
-    fn consume(&mut self, count: u32) -> Result<(), CodecError> {
+    pub(super) fn consume(&mut self, count: u32) -> Result<(), CodecError> {
         self.count = self.count.checked_sub(count).ok_or_else(ends_early)?;
         self.window <<= count;
         Ok(())
@@ -154,6 +167,12 @@ impl<'b, 'r> Bits<'b, 'r> {
     }
 }
 
+/// Kept out of the hot path.
+#[cold]
+fn no_such_code() -> CodecError {
+    damaged("it holds a code that its Huffman table does not have")
+}
+
 /// Counts the units of a scan towards its restart markers (T.81, B.2.4.4).
 pub(super) struct Restarts {
     interval: u32,
@@ -190,7 +209,8 @@ mod tests {
 
     #[test]
     fn bits_come_in_order_across_stuffing_and_refills() {
-        let plain: Vec<u8> = (0..400_u32).map(|i| (i * i * 37 + i).to_le_bytes()[0]).collect();
+        let plain: Vec<u8> =
+            (0..400_u32).map(|i| if i % 23 < 2 { 0xFF } else { (i * i * 37).to_le_bytes()[0] }).collect();
         let stuffed: Vec<u8> =
             plain.iter().flat_map(|&b| if b == 0xFF { vec![b, 0] } else { vec![b] }).collect();
         assert!(stuffed.len() > plain.len());

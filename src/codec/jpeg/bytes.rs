@@ -139,6 +139,7 @@ impl Segment<'_, '_> {
 }
 
 /// The input stops inside the image.
+#[cold]
 pub(super) fn ends_early() -> CodecError {
     damaged("it ends early")
 }

@@ -25,7 +25,7 @@ pub(super) fn decode(
     let count = frame.components.len();
     let samples_in_row = frame.columns as usize * count;
     // Two lines of 16 bits, one row of 32.
-    let lines_bytes = samples_in_row as u64 * 8;
+    let lines_bytes = samples_in_row as u64 * 8 + count as u64 * Differences::BYTES;
     if scan.components.len() == count {
         reserve(lines_bytes, memory_bytes)?;
         let mut row = vec![0; samples_in_row];
@@ -123,13 +123,17 @@ fn lines(
         Some(bits) => Finish { point_transform: scan.low, bits },
         None => return Err(damaged("the point transform leaves nothing of the samples")),
     };
-    if !tables.restart_interval.is_multiple_of(frame.columns) {
+    let restarts_come = u64::from(tables.restart_interval) < u64::from(frame.columns) * u64::from(frame.rows);
+    if restarts_come && !tables.restart_interval.is_multiple_of(frame.columns) {
         return Err(damaged("restart markers stand within a line of a lossless image"));
     }
-    let huffman: Vec<&Huffman> = scan.components.iter().map(|c| tables.dc(c.dc)).collect::<Result<_, _>>()?;
+    let mut differences = Vec::with_capacity(4);
+    for component in &scan.components {
+        differences.push(Differences::new(tables.dc(component.dc)?));
+    }
     let mut bits = Bits::new(bytes);
-    let mut restarts = Restarts::new(tables.restart_interval / frame.columns);
-    let samples = frame.columns as usize * huffman.len();
+    let mut restarts = Restarts::new(tables.restart_interval.div_ceil(frame.columns));
+    let samples = frame.columns as usize * differences.len();
     let (mut above, mut line) = (vec![0; samples], vec![0; samples]);
     for y in 0..frame.rows {
         let first = restarts.unit(&mut bits)? || y == 0;
@@ -137,65 +141,121 @@ fn lines(
             // The first sample of all is predicted by the middle of the range, by way of the line above.
             above.fill(1 << (finish.bits - 1));
         }
-        decode_line(&mut bits, &huffman, if first { 1 } else { scan.start }, &above, &mut line)?;
+        decode_line(&mut bits, &differences, if first { 1 } else { scan.start }, &above, &mut line)?;
         receive(y, &line, &finish)?;
         std::mem::swap(&mut above, &mut line);
     }
     bits.finish()
 }
 
-/// One line with the predictors of table H.1; they see the samples to the left, above, and above left.
+/// One line of 1 to 4 components; a loop for each number of them, since grey images are many.
 fn decode_line(
     bits: &mut Bits<'_, '_>,
-    tables: &[&Huffman],
+    tables: &[Differences<'_>],
     predictor: u8,
     above: &[u16],
     line: &mut [u16],
 ) -> Result<(), CodecError> {
+    match tables {
+        [a] => choose(bits, [a], predictor, above, line),
+        [a, b] => choose(bits, [a, b], predictor, above, line),
+        [a, b, c] => choose(bits, [a, b, c], predictor, above, line),
+        [a, b, c, d] => choose(bits, [a, b, c, d], predictor, above, line),
+        _ => Ok(()),
+    }
+}
+
+/// The predictors of table H.1; they see the samples to the left, above, and above left.
+fn choose<const N: usize>(
+    bits: &mut Bits<'_, '_>,
+    tables: [&Differences<'_>; N],
+    predictor: u8,
+    above: &[u16],
+    line: &mut [u16],
+) -> Result<(), CodecError> {
+    let (above, line) = (above.as_chunks().0, line.as_chunks_mut().0);
     match predictor {
-        1 => predict_line(bits, tables, above, line, |a, _, _| a),
-        2 => predict_line(bits, tables, above, line, |_, b, _| b),
-        3 => predict_line(bits, tables, above, line, |_, _, c| c),
-        4 => predict_line(bits, tables, above, line, |a, b, c| a + b - c),
-        5 => predict_line(bits, tables, above, line, |a, b, c| a + ((b - c) >> 1)),
-        6 => predict_line(bits, tables, above, line, |a, b, c| b + ((a - c) >> 1)),
-        _ => predict_line(bits, tables, above, line, |a, b, _| (a + b) >> 1),
+        1 => predict(bits, tables, above, line, |a, _, _| a),
+        2 => predict(bits, tables, above, line, |_, b, _| b),
+        3 => predict(bits, tables, above, line, |_, _, c| c),
+        4 => predict(bits, tables, above, line, |a, b, c| a + b - c),
+        5 => predict(bits, tables, above, line, |a, b, c| a + ((b - c) >> 1)),
+        6 => predict(bits, tables, above, line, |a, b, c| b + ((a - c) >> 1)),
+        _ => predict(bits, tables, above, line, |a, b, _| (a + b) >> 1),
     }
 }
 
 #[inline]
-fn predict_line(
+fn predict<const N: usize>(
     bits: &mut Bits<'_, '_>,
-    tables: &[&Huffman],
-    above: &[u16],
-    line: &mut [u16],
-    predict: impl Fn(i32, i32, i32) -> i32,
+    tables: [&Differences<'_>; N],
+    above: &[[u16; N]],
+    line: &mut [[u16; N]],
+    rule: impl Fn(i32, i32, i32) -> i32,
 ) -> Result<(), CodecError> {
-    // A line begins with what stands above it; that is all the same for left and above left.
-    let mut left = [0; 4];
-    let mut above_left = [0; 4];
-    let pixels = line.chunks_exact_mut(tables.len()).zip(above.chunks_exact(tables.len()));
-    for (x, (pixel, above)) in pixels.enumerate() {
-        let neighbours = left.iter_mut().zip(&mut above_left);
-        for (((sample, &above), table), (left, above_left)) in
-            pixel.iter_mut().zip(above).zip(tables).zip(neighbours)
-        {
-            let above = i32::from(above);
-            let predicted = if x == 0 { above } else { predict(*left, above, *above_left) };
-            *sample = modulo(predicted + difference(bits, table)?);
-            (*left, *above_left) = (i32::from(*sample), above);
+    let (Some((first, line)), Some((first_above, above))) = (line.split_first_mut(), above.split_first())
+    else {
+        return Ok(());
+    };
+    // The first pixel of a line is predicted by the one above, whatever the rule.
+    for n in 0..N {
+        first[n] = modulo(i32::from(first_above[n]) + tables[n].next(bits)?);
+    }
+    let (mut left, mut above_left) = (*first, *first_above);
+    for (pixel, above) in line.iter_mut().zip(above) {
+        for n in 0..N {
+            let predicted = rule(left[n].into(), above[n].into(), above_left[n].into());
+            left[n] = modulo(predicted + tables[n].next(bits)?);
         }
+        (*pixel, above_left) = (left, *above);
     }
     Ok(())
 }
 
-/// The next difference (H.1.2.2); size 16 stands alone, for 32768.
-#[inline]
-fn difference(bits: &mut Bits<'_, '_>, table: &Huffman) -> Result<i32, CodecError> {
-    match bits.symbol(table)? {
-        size @ 0..=15 => bits.signed(size.into()),
-        16 => Ok(1 << 15),
-        size => Err(damaged(format!("a difference has {size} bits"))),
+/// Codes that fit into this many bits together with the difference behind them are found at once.
+const FUSED_BITS: u32 = 10;
+
+/// Decodes the differences of one component.
+struct Differences<'t> {
+    table: &'t Huffman,
+    /// By the next bits: how many of them hold a code and its difference, and the difference; (0, 0) where
+    /// they do not suffice.
+    fused: Box<[(u8, i16); 1 << FUSED_BITS]>,
+}
+
+impl<'t> Differences<'t> {
+    /// What one holds.
+    const BYTES: u64 = size_of::<[(u8, i16); 1 << FUSED_BITS]>() as u64;
+
+    fn new(table: &'t Huffman) -> Self {
+        let mut fused = Box::new([(0, 0); 1 << FUSED_BITS]);
+        for (bits, entry) in (0_u16..).zip(fused.iter_mut()) {
+            let bits = bits << (16 - FUSED_BITS);
+            let (length, size) = table.find(bits);
+            let whole = length + u32::from(size);
+            if length > 0 && whole <= FUSED_BITS {
+                let value = i32::from(bits << length) >> (16 - size);
+                // The same as `Bits::signed`; sizes up to 9 bits fit whatever the table says.
+                let value = if value < (1 << size) >> 1 { value - (1 << size) + 1 } else { value };
+                *entry = (whole.to_le_bytes()[0], i16::try_from(value).unwrap_or(0));
+            }
+        }
+        Self { table, fused }
+    }
+
+    /// The next difference (H.1.2.2); size 16 stands alone, for 32768.
+    #[inline]
+    fn next(&self, bits: &mut Bits<'_, '_>) -> Result<i32, CodecError> {
+        let (length, value) = self.fused[usize::from(bits.peek()? >> (16 - FUSED_BITS))];
+        if length > 0 {
+            bits.consume(length.into())?;
+            return Ok(value.into());
+        }
+        match bits.symbol(self.table)? {
+            size @ 0..=15 => bits.signed(size.into()),
+            16 => Ok(1 << 15),
+            size => Err(damaged(format!("a difference has {size} bits"))),
+        }
     }
 }
 

@@ -28,7 +28,7 @@ pub(super) struct Component {
     pub(super) h: u32,
     /// Samples for each `v_max` rows of the image.
     pub(super) v: u32,
-    /// The slot of its quantisation table, below 4.
+    /// The slot of its quantisation table.
     pub(super) steps: usize,
 }
 
@@ -45,7 +45,7 @@ pub(super) struct Frame {
     pub(super) v_max: u32,
 }
 
-/// One component of a scan, with the slots of its Huffman tables, below 4.
+/// One component of a scan, with the slots of its Huffman tables.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ScanComponent {
     pub(super) index: usize,
@@ -131,7 +131,7 @@ impl Frame {
             let id = segment.byte()?;
             let (h, v) = segment.nibbles()?;
             let steps = usize::from(segment.byte()?);
-            if !(1..=4).contains(&h) || !(1..=4).contains(&v) || steps > 3 {
+            if !(1..=4).contains(&h) || !(1..=4).contains(&v) {
                 return Err(damaged(format!("component {id} of the frame makes no sense")));
             }
             if components.iter().any(|other| other.id == id) {
@@ -167,9 +167,6 @@ impl Scan {
                 })?;
             if components.iter().any(|other| other.index == index) {
                 return Err(damaged(format!("a scan names component {id} twice")));
-            }
-            if dc > 3 || ac > 3 {
-                return Err(damaged("a scan names a Huffman table above 3"));
             }
             components.push(ScanComponent { index, dc: dc.into(), ac: ac.into() });
         }

@@ -5,7 +5,8 @@
 //! ```text
 //! header    marker segments -> image size, coding and quantisation of each component, tile-parts
 //! geometry  a tile -> resolutions, sub-bands, precincts, code-blocks, and what they will take
-//! packets   packet headers (tag trees) -> where the bytes of each code-block are      progression  their order
+//! packets   packet headers (tag trees) -> where the bytes of each code-block are
+//!           progression: the order of packets
 //! mq, block bit-plane decoding of a code-block (EBCOT)      ht, ht_tables   its high-throughput kin
 //! wavelet   the inverse transforms 5/3 (integers, exact) and 9/7 (floats)
 //! ```
@@ -61,6 +62,9 @@ const VISITS: u64 = 1 << 22;
 
 /// One layer of the smallest code-blocks is a sixteenth of a visit for each sample.
 const VISITS_PER_SAMPLE: u64 = 4;
+
+/// Bytes for lists of a few dozen bytes each, which are not counted one by one.
+const SMALL_LISTS: u64 = 4096;
 
 /// Counts what is held against what may be held, and work that no byte of the input pays for.
 struct Allowance {
@@ -141,6 +145,7 @@ pub fn decode(
     sink: &mut dyn RowSink,
 ) -> Result<(), CodecError> {
     let mut allowance = Allowance { used: 0, allowed: memory_bytes, visits: VISITS };
+    allowance.reserve(SMALL_LISTS)?;
     let too_long = || CodecError::Memory { needed_bytes: compressed_bytes, allowed_bytes: memory_bytes };
     // Places in the codestream are kept as 32 bits.
     if compressed_bytes >= u64::from(u32::MAX) {

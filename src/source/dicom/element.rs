@@ -71,6 +71,15 @@ pub(super) struct Parser<'a, R: ReadAt + ?Sized> {
     pub(super) window: Window<'a, R>,
 }
 
+/// Reads one item: from the offset of its first element, its end if that is known, and how it is written,
+/// to the offset after its last element.
+pub(super) type ItemReader<'f, 'a, R> =
+    dyn FnMut(&mut Parser<'a, R>, u64, Option<u64>, Encoding) -> Result<u64, ScanError> + 'f;
+
+/// Reads one element at an offset, and returns the offset after it, or `None` to have it stepped over.
+pub(super) type ElementReader<'f, 'a, R> =
+    dyn FnMut(&mut Parser<'a, R>, &Element, u64) -> Result<Option<u64>, ScanError> + 'f;
+
 pub(super) fn damaged(offset: u64, reason: impl Into<String>) -> ScanError {
     ScanError::Damaged { offset, reason: reason.into() }
 }
@@ -146,15 +155,13 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         }
     }
 
-    /// Visits the items of a sequence, one after another: `item` gets the parser, the offset of the
-    /// item's first element, its end if that is known, and how it is written; it returns the offset
-    /// after its last element. Returns the offset after the sequence.
+    /// Visits the items of a sequence, one after another, and returns the offset after it.
     pub(super) fn items(
         &mut self,
         sequence: &Element,
         at: u64,
         outer: Encoding,
-        item: &mut dyn FnMut(&mut Self, u64, Option<u64>, Encoding) -> Result<u64, ScanError>,
+        item: &mut ItemReader<'_, 'a, R>,
     ) -> Result<u64, ScanError> {
         let encoding = sequence.content(outer);
         let end = if sequence.length.is_some() { Some(self.end(sequence, at)?) } else { None };
@@ -179,15 +186,13 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         }
     }
 
-    /// Visits the elements of an item that begins at `at`: `element` gets the parser, the element and its
-    /// offset, and returns the offset after it, or `None` to have it stepped over. Returns the offset
-    /// after the item.
+    /// Visits the elements of an item that begins at `at`, and returns the offset after the item.
     pub(super) fn elements(
         &mut self,
         mut at: u64,
         end: Option<u64>,
         encoding: Encoding,
-        element: &mut dyn FnMut(&mut Self, &Element, u64) -> Result<Option<u64>, ScanError>,
+        element: &mut ElementReader<'_, 'a, R>,
     ) -> Result<u64, ScanError> {
         loop {
             if let Some(end) = end

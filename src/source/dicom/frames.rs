@@ -1,7 +1,7 @@
 //! Position and meaning of every frame of a file (PS3.3 C.7.6.16, functional groups).
 
 use super::deflated::Inflated;
-use super::element::{Element, Parser, damaged};
+use super::element::{Element, ItemReader, Parser, damaged};
 use super::header::{DicomHeader, Encoding, Tag, double, number, numbers, text};
 use super::scan::ScanError;
 use super::syntax::TransferSyntax;
@@ -70,7 +70,8 @@ pub struct FrameGeometry {
 /// Tells `each` of every frame of a file, in the order of the file, in constant memory and in one pass
 /// over the functional groups. `each` returns false to end early.
 ///
-/// Frames for which the file has no functional group get what the file says of all of them.
+/// Frames for which the file has no functional group get what the file says of all of them. The number of
+/// frames is believed: only [`super::Image::of`] compares it with the pixels.
 ///
 /// # Errors
 /// The functional groups are damaged, or the file cannot be read.
@@ -205,10 +206,6 @@ fn of_grid<R: ReadAt + ?Sized>(
     }
     Ok(frames)
 }
-
-/// A function that reads one item: its first element, its end if known, how it is written.
-type ItemReader<'f, 'a, R> =
-    dyn FnMut(&mut Parser<'a, R>, u64, Option<u64>, Encoding) -> Result<u64, ScanError> + 'f;
 
 /// Reads the first item of the sequence at `at`, steps over the others, and returns the offset after it.
 fn first_item<'a, R: ReadAt + ?Sized>(

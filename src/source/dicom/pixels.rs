@@ -229,11 +229,7 @@ impl PixelLayout {
                 let at = if Endian::Little.is_native() { 0 } else { 4 - width };
                 word[at..at + width].copy_from_slice(sample);
             }
-            #[expect(
-                clippy::cast_precision_loss,
-                clippy::cast_possible_truncation,
-                reason = "32-bit integers are exact in f64; the result is single precision by contract"
-            )]
+            #[expect(clippy::cast_possible_truncation, reason = "the result is single precision by contract")]
             let physical = (slope * self.number(bytemuck::cast(word)) + intercept) as f32;
             if let Some(slot) = out.get_mut(4 * i..4 * i + 4) {
                 slot.copy_from_slice(bytemuck::bytes_of(&physical));
