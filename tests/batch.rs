@@ -103,6 +103,7 @@ fn without_times(value: &mut Value) {
                 "converted",
                 "skipped",
                 "scratch_bytes",
+                "jobs",
             ] {
                 map.remove(key);
             }
@@ -279,7 +280,7 @@ fn all_of_the_real_data_within_16_mib() {
     assert!(code == 8 && converted >= 30 && failed >= 5, "{code}: {converted} converted, {failed} failed");
     for item in report["items"].as_array().unwrap() {
         let reason = item["reason"].as_str().unwrap_or_default();
-        assert!((item["status"] == "failed") == !reason.is_empty(), "{item}");
+        assert!((item["status"] == "failed") != reason.is_empty(), "{item}");
         assert!(!reason.contains("internal error"), "{item}");
     }
 }

@@ -127,9 +127,11 @@ pub fn scan(
     let catalogue = Catalogue::survey(inputs, how, &std::env::temp_dir())?;
     let masked = Masked::new(keep_names, inputs);
     let mut report = ScanReport { usable: 0, refused: 0, left_out: Vec::new() };
+    let mut number = 0;
     for at in 0..catalogue.len() {
-        for (number, finding) in catalogue.open(at).into_iter().enumerate() {
-            let listed = list(&masked, number + 1, &finding);
+        for finding in catalogue.open(at) {
+            number += 1;
+            let listed = list(&masked, number, &finding);
             match listed.facts {
                 Ok(_) => report.usable += 1,
                 Err(_) => report.refused += 1,

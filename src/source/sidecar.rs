@@ -12,7 +12,8 @@
 //! | `orientation` | three letters such as `"LPS"` | `LPS` |
 //! | `file` | name of the data, in the same folder | the file or folder of the same stem |
 //!
-//! Other keys are left alone.
+//! Other keys are left alone. Of TOML, keys before the first table are read, with strings, numbers and lists
+//! as values; that needs no parser of the whole language, whose code would count as memory.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -51,13 +52,45 @@ pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
     }
     file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
     let value: Value = if path.extension().is_some_and(|e| e == "toml") {
-        toml::from_str(&text).ok()?
+        flat_toml(&text)
     } else {
         serde_json::from_str(&text).ok()?
     };
     let (dims, dtype) = (value.get("dims")?, value.get("dtype")?);
     let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
     Some(parse(&value, dims, dtype).map_err(unusable))
+}
+
+/// The keys of a TOML text before its first table. Values that are not strings, numbers or lists of these are
+/// left out; those that are read as JSON, which they are but for quotes and commas.
+fn flat_toml(text: &str) -> Value {
+    let plain = |line: &str| {
+        let quotes = |head: &str| head.matches(['"', '\'']).count();
+        let comment = line.match_indices('#').map(|(at, _)| at);
+        let end = comment.into_iter().find(|at| line.get(..*at).is_some_and(|head| quotes(head) % 2 == 0));
+        line.get(..end.unwrap_or(line.len())).unwrap_or_default().trim().to_owned()
+    };
+    let mut keys = serde_json::Map::new();
+    let mut lines = text.lines();
+    while let Some(line) = lines.next() {
+        let line = plain(line);
+        if line.starts_with('[') {
+            break;
+        }
+        let Some((key, value)) = line.split_once('=') else { continue };
+        let mut value = value.trim().to_owned();
+        while value.starts_with('[')
+            && !value.ends_with(']')
+            && let Some(more) = lines.next()
+        {
+            value.push_str(&plain(more));
+        }
+        let value = value.replace('\'', "\"").replace(" ]", "]").replace(",]", "]");
+        if let Ok(value) = serde_json::from_str(&value) {
+            keys.insert(key.trim().trim_matches('"').to_owned(), value);
+        }
+    }
+    Value::Object(keys)
 }
 
 fn parse(value: &Value, dims: &Value, dtype: &Value) -> Result<Sidecar, String> {
@@ -220,6 +253,15 @@ mod tests {
             let error = of("c.json", wrong).unwrap().unwrap_err().to_string();
             assert!(error.contains(word), "{error}");
         }
+    }
+
+    #[test]
+    fn toml_is_read_as_far_as_side_cars_need_it() {
+        let text = "# a head\n dims = [ # x first\n  2, 3,\n  4,\n ]\ndtype = 'u8' # \"#\"\nnote = \"a # b\"\n\
+                    date = 2026-11-21\nskip = 7\n[table]\nskip = 9\n";
+        let expected = serde_json::json!({"dims": [2, 3, 4], "dtype": "u8", "note": "a # b", "skip": 7});
+        assert_eq!(flat_toml(text), expected);
+        assert_eq!(flat_toml("a = [1,\n\n= = =\n'"), serde_json::json!({}));
     }
 
     #[test]

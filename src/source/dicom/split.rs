@@ -105,7 +105,7 @@ fn named(key: Key, parts: Parts, whole: &Part, group: &Group, types: &[String]) 
     for (rank, part) in parts.values().enumerate() {
         let slice = part.first().and_then(|i| group.slices.get(*i));
         let label = slice.map_or_else(String::new, |s| label_of(key, s, rank, &siblings, types));
-        let known = labels.iter().any(|l| *l == label);
+        let known = labels.contains(&label);
         labels.push(if known || label.is_empty() { format!("{label} set {}", rank + 1) } else { label });
     }
     let join = |label: String| {
