@@ -99,7 +99,8 @@ fn shape(image: &Image) -> String {
 fn stored_values_of_every_file_match_another_readers() {
     let Some(list) = real_data("EXPECTED.tsv") else { return };
     let root = list.parent().unwrap().to_path_buf();
-    let (mut exact, mut near, mut wrong) = (0, 0, Vec::new());
+    let (mut exact, mut near, mut wrong, mut unjudged) = (0, 0, Vec::new(), Vec::new());
+    let mut hashes = Vec::new();
     for line in fs::read_to_string(&list).unwrap().lines().skip(1) {
         let fields: Vec<&str> = line.split('\t').collect();
         let [name, syntax, expected_shape, _, low, high, mean, hash, ..] = fields[..] else {
@@ -115,7 +116,9 @@ fn stored_values_of_every_file_match_another_readers() {
         let (header, image) = match image {
             Ok(found) => found,
             Err(obstacle) => {
-                assert!(hash.is_empty(), "{name}: {obstacle}");
+                if !hash.is_empty() {
+                    wrong.push(format!("{name}: {obstacle}"));
+                }
                 continue;
             }
         };
@@ -130,6 +133,7 @@ fn stored_values_of_every_file_match_another_readers() {
                 continue;
             }
         };
+        unjudged.extend(hash.is_empty().then(|| (name.to_owned(), got.hash())));
         if hash.is_empty() {
             println!(
                 "{name}: {} {} to {} ({}), which the other reader could not decode",
@@ -140,8 +144,12 @@ fn stored_values_of_every_file_match_another_readers() {
             );
             continue;
         }
-        assert_eq!(shape(&image), expected_shape, "{name}");
+        if shape(&image) != expected_shape {
+            wrong.push(format!("{name}: {} for {expected_shape}", shape(&image)));
+            continue;
+        }
         if got.hash() == hash {
+            hashes.push((name.to_owned(), hash.to_owned()));
             exact += 1;
             continue;
         }
@@ -160,6 +168,16 @@ fn stored_values_of_every_file_match_another_readers() {
         }
     }
     println!("{exact} exact, {near} within 2");
+    // What the other reader cannot decode agrees with its kin: a file whose pixels lack only their end with
+    // the whole one, and the retired kinds of JPEG with each other.
+    let of = |list: &[(String, String)], name: &str| {
+        list.iter().find(|(known, _)| known == name).map(|(_, hash)| hash.clone())
+    };
+    let cut = of(&unjudged, "dicom-odd/j2k-cut-short-no-pixels.dcm");
+    assert_eq!(cut, of(&hashes, "multiframe/emri-10f.dcm"));
+    let [spectral, progressive] = ["spectral-53", "progressive-55"]
+        .map(|kind| of(&unjudged, &format!("dicom-ct-15-syntaxes/jpeg-{kind}.dcm")));
+    assert!(spectral.is_some() && spectral == progressive);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(exact > 160, "only {exact} files were compared");
 }
