@@ -16,9 +16,6 @@ use sha2::{Digest, Sha256};
 mod data;
 use data::real_data;
 
-/// What a decoder may hold; 512 x 512 fits.
-const MEMORY: u64 = 6 << 20;
-
 /// Hash and extent of all samples of a file.
 struct Summary {
     scalar: ScalarType,
@@ -73,7 +70,8 @@ impl FrameSink for Summary {
 fn summary(file: &File, path: &Path, header: &DicomHeader, image: &Image) -> Result<Summary, SourceError> {
     let mut summary = Summary::new(image.layout.scalar());
     match image.access {
-        Access::Unrolled => unroll(file, path, header, image, MEMORY, &mut summary)?,
+        // What it says it needs is enough.
+        Access::Unrolled => unroll(file, path, header, image, image.unroll_bytes(), &mut summary)?,
         Access::Native { offset, frame_bytes } => {
             for frame in 0..image.frames {
                 let mut cells = vec![0; usize::try_from(frame_bytes).unwrap()];
