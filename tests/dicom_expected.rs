@@ -226,3 +226,61 @@ fn functional_groups_of_real_files_are_read() {
         assert!(frames.iter().all(|frame| frame.position.is_none()), "{item}");
     }
 }
+
+/// Takes what comes.
+struct Anything;
+
+impl FrameSink for Anything {
+    fn row(&mut self, _frame: u32, _row: u32, _samples: &[u8]) -> Result<(), SourceError> {
+        Ok(())
+    }
+}
+
+#[test]
+fn damaged_real_files_end_quickly() {
+    let mut state = 0x0123_4567_89ab_cdef_u64;
+    let mut random = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        usize::try_from(state >> 33).unwrap() % below
+    };
+    let mut paths = Vec::new();
+    for folder in ["dicom-ct-15-syntaxes", "dicom-odd", "multiframe"] {
+        let Some(folder) = real_data(folder) else { return };
+        paths.extend(fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()));
+    }
+    paths.sort();
+    let (mut tried, mut refused) = (0, 0);
+    for path in paths {
+        let clean = fs::read(&path).unwrap();
+        for attempt in 0..30 {
+            let mut bytes = clean.clone();
+            if attempt < 12 {
+                bytes.truncate(random(clean.len()));
+            } else {
+                for _ in 0..=random(8) {
+                    // Some in the header and the tables, some anywhere.
+                    let reach = if random(2) == 0 { clean.len() } else { clean.len().min(8000) };
+                    bytes[random(reach)] = u8::try_from(random(256)).unwrap();
+                }
+            }
+            let start = std::time::Instant::now();
+            let sound = scan(&bytes[..]).ok().and_then(|header| {
+                let image = Image::of(&header).ok()?;
+                let mut told = 0;
+                let visited = visit(&bytes[..], &header, &mut |_| {
+                    told += 1;
+                    told < 100_000
+                });
+                let memory = image.unroll_bytes().min(8 << 20);
+                let unrolled = unroll(&bytes[..], &path, &header, &image, memory, &mut Anything);
+                (visited.is_ok() && unrolled.is_ok()).then_some(())
+            });
+            tried += 1;
+            refused += u32::from(sound.is_none());
+            let took = start.elapsed();
+            assert!(took.as_secs() < 5, "{}: attempt {attempt} took {took:?}", path.display());
+        }
+    }
+    println!("{refused} of {tried} damaged files refused");
+    assert!(refused > tried / 4 && refused < tried);
+}
