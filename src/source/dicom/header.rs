@@ -1,5 +1,7 @@
 //! The elements of one image that a volume needs, parsed (PS3.3 C.7.6, C.11.1; PS3.5 section 6.2).
 
+use std::fmt;
+
 use super::syntax::TransferSyntax;
 use crate::source::Endian;
 
@@ -88,9 +90,34 @@ impl Places {
     }
 }
 
+/// Patient's Name and Patient ID: kept only to be looked for in paths and masked, never shown or stored.
+#[derive(Clone, Default, PartialEq, Eq)]
+pub struct Secrets {
+    name: String,
+    id: String,
+}
+
+impl Secrets {
+    /// The texts, as far as they could be read.
+    pub(super) fn texts(&self) -> [&str; 2] {
+        [&self.name, &self.id]
+    }
+}
+
+impl fmt::Debug for Secrets {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Secrets")
+    }
+}
+
+/// Text in UTF-8, or else in Latin-1.
+fn any_text(value: &[u8]) -> String {
+    std::str::from_utf8(value).map_or_else(|_| value.iter().map(|b| char::from(*b)).collect(), str::to_owned)
+}
+
 /// What one DICOM file says of its image; `None` where an element is missing or illegible.
 ///
-/// No patient data is kept: no names, dates, or free text.
+/// No patient data is kept that could get out: no dates, no free text, and names only as [`Secrets`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct DicomHeader {
     /// How elements and pixels are encoded.
@@ -169,6 +196,14 @@ pub struct DicomHeader {
     pub b_value: Option<f64>,
     /// Complex Image Component: `MAGNITUDE`, `PHASE`, ...
     pub complex_component: String,
+    /// Diffusion Gradient Orientation, a unit vector in patient coordinates.
+    pub gradient: Option<[f64; 3]>,
+    /// Nominal Percentage of Cardiac Phase.
+    pub cardiac_phase: Option<f64>,
+    /// Acquisition Time, as the number HHMMSS.FFFFFF; only to tell images apart.
+    pub acquisition_time: Option<f64>,
+    /// Whom the image shows.
+    pub secrets: Secrets,
     /// Is there a Modality LUT Sequence? Then values are not linear.
     pub modality_lut: bool,
     /// How elements are written.
@@ -223,6 +258,10 @@ impl DicomHeader {
             temporal_position: None,
             b_value: None,
             complex_component: String::new(),
+            gradient: None,
+            cardiac_phase: None,
+            acquisition_time: None,
+            secrets: Secrets::default(),
             modality_lut: false,
             encoding: Encoding { explicit: true, endian: Endian::Little },
             dataset: 0,
@@ -279,6 +318,11 @@ impl DicomHeader {
             0x0008_0016 => self.sop_class = text(value),
             0x0008_0018 => self.instance_uid = text(value),
             0x0008_9208 => self.complex_component = text(value),
+            0x0008_0032 => self.acquisition_time = number(value),
+            0x0010_0010 => self.secrets.name = any_text(value),
+            0x0010_0020 => self.secrets.id = any_text(value),
+            0x0018_9089 => self.gradient = doubles(value, endian),
+            0x0020_9241 => self.cardiac_phase = single(value, endian),
             0x0008_0060 => self.modality = text(value),
             0x0018_0050 => self.slice_thickness = number(value),
             0x0018_0080 => self.repetition_time = number(value),
@@ -329,6 +373,11 @@ impl DicomHeader {
                 | 0x0008_0018
                 | 0x0008_0060
                 | 0x0008_9208
+                | 0x0008_0032
+                | 0x0010_0010
+                | 0x0010_0020
+                | 0x0018_9089
+                | 0x0020_9241
                 | 0x0018_0050
                 | 0x0018_0080
                 | 0x0018_0081
@@ -383,6 +432,19 @@ pub(super) fn double(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<8>()?;
     let number = if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) };
     number.is_finite().then_some(number)
+}
+
+/// Three finite binary doubles.
+fn doubles(value: &[u8], endian: Endian) -> Option<[f64; 3]> {
+    let at = |i: usize| double(value.get(8 * i..)?, endian);
+    Some([at(0)?, at(1)?, at(2)?])
+}
+
+/// One finite binary single (VR FL).
+fn single(value: &[u8], endian: Endian) -> Option<f64> {
+    let bytes = *value.first_chunk::<4>()?;
+    let number = if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) };
+    number.is_finite().then_some(number.into())
 }
 
 /// Exactly `N` finite decimals separated by backslashes.

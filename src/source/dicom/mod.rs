@@ -15,8 +15,12 @@
 //! | `lut` | modality tables and palettes |
 //! | `convert` | rows of cells, or of decoded samples, into delivered ones |
 //! | `unroll` | decodes frames row by row: [`unroll`](fn@unroll) |
-//! | `survey` | finds the images of a folder by content and groups them |
-//! | `series` | orders a group by position and judges its gaps |
+//! | `survey` | tells images from other files, and loads the images of one series |
+//! | `group` | groups them by what must be equal, drops copies |
+//! | `split` | tells images that repeat positions apart: echoes, phases, ... |
+//! | `series` | orders a group by position, judges and fills its gaps |
+//! | `gaps` | uneven and missing slices |
+//! | `findings` | the volumes of a series, named without patient data |
 //! | `volume` | [`DicomVolume`], the source itself |
 //!
 //! What is found and cannot be read is named, not guessed at. The standard is cited as PS3.x.
@@ -25,24 +29,30 @@ mod convert;
 mod deflated;
 mod element;
 mod encapsulated;
+mod findings;
 mod frames;
+mod gaps;
+mod group;
 mod header;
 mod image;
 mod lut;
 mod pixels;
 mod scan;
 mod series;
+mod split;
 mod survey;
 mod syntax;
 mod unroll;
 mod volume;
 mod window;
 
+pub(crate) use findings::open_series;
 pub use frames::{FrameGeometry, Origin, visit};
-pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places};
+pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places, Secrets};
 pub use image::{Access, Image, Obstacle};
 pub use pixels::{Padding, PixelLayout};
 pub use scan::{ScanError, scan};
+pub(crate) use survey::{Recognised, recognise};
 pub use syntax::TransferSyntax;
 pub use unroll::{FrameSink, unroll};
 pub use volume::DicomVolume;
