@@ -116,6 +116,29 @@ fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
         .tempfile_in(folder)
 }
 
+/// Removes what processes that were killed in the one moment of replacing a file have left in `folder`: a
+/// whole file under a second, hidden name.
+pub fn sweep(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let process = name.to_str().and_then(|n| n.strip_prefix(SECOND_NAME)?.split_once('-'));
+        let gone = |(id, count): (&str, &str)| {
+            let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+            digits(id)
+                && digits(count)
+                && Path::new("/proc/self").exists()
+                && !Path::new("/proc").join(id).exists()
+        };
+        if process.is_some_and(gone) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Beginning of the second name; the process and a count follow.
+const SECOND_NAME: &str = ".oct-";
+
 /// Gives a nameless file the target's name. A free name is taken directly; an existing target is
 /// replaced by way of a second name, because a link cannot replace.
 fn link(file: &File, folder: &Path, target: &Path) -> io::Result<()> {
@@ -128,7 +151,7 @@ fn link(file: &File, folder: &Path, target: &Path) -> io::Result<()> {
         other => return other,
     }
     for attempt in 0..1000_u32 {
-        let name = folder.join(format!(".oct-{}-{attempt}", std::process::id()));
+        let name = folder.join(format!("{SECOND_NAME}{}-{attempt}", std::process::id()));
         match link_to(&name) {
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
             Err(e) => return Err(e),
@@ -147,6 +170,20 @@ mod tests {
     use std::io::Write;
 
     use super::*;
+
+    #[test]
+    fn only_second_names_of_dead_processes_are_swept() {
+        let folder = tempfile::tempdir().unwrap();
+        let mine = format!(".oct-{}-0", std::process::id());
+        for name in [".oct-4294967295-0", &mine, ".oct-x-0", "a.oct", ".oct-4294967295-"] {
+            fs::write(folder.path().join(name), "x").unwrap();
+        }
+        sweep(folder.path());
+        assert!(!folder.path().join(".oct-4294967295-0").exists());
+        for name in [&mine, ".oct-x-0", "a.oct", ".oct-4294967295-"] {
+            assert!(folder.path().join(name).exists(), "{name}");
+        }
+    }
 
     fn names(folder: &Path) -> Vec<String> {
         let mut names: Vec<String> =

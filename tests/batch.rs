@@ -92,6 +92,14 @@ fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
+/// The same files with the same bytes; only names are printed.
+fn same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (name, bytes) in a {
+        assert!(b[name] == *bytes, "{name} differs");
+    }
+}
+
 fn without_times(value: &mut Value) {
     match value {
         Value::Object(map) => {
@@ -137,7 +145,7 @@ fn every_volume_is_converted_or_explained_and_nothing_is_done_twice() {
     let before = results(&out);
     let (code, again) = batch(&top, &out, &["--memory", "16MiB", "--jobs", "1"]);
     assert_eq!((code, counts(&again)), (8, [0, 3, 1]), "{again}");
-    assert_eq!(results(&out), before);
+    same(&results(&out), &before);
 
     // Other options, a missing result, a changed input: what is concerned is built again.
     let (_, other) = batch(&top, &out, &["--iso", "0"]);
@@ -241,7 +249,7 @@ fn killed_at_any_moment_and_started_again_the_results_are_the_same() {
     let mut interrupted = 0;
     for round in 0..20 {
         // A fresh start now and then, so that every moment of a run is met.
-        if round % 5 == 0 && killed.exists() {
+        if round % 2 == 0 && killed.exists() {
             fs::remove_dir_all(&killed).unwrap();
         }
         let mut child = Command::new(binary())
@@ -250,12 +258,15 @@ fn killed_at_any_moment_and_started_again_the_results_are_the_same() {
             .stdout(Stdio::null())
             .spawn()
             .unwrap();
-        std::thread::sleep(Duration::from_micros(random.below(u64::try_from(usual.as_micros()).unwrap())));
+        std::thread::sleep(Duration::from_micros(
+            random.below(u64::try_from(usual.as_micros() * 3 / 4).unwrap()),
+        ));
         let _ = child.kill();
         interrupted += u32::from(child.wait().unwrap().signal() == Some(9));
         if killed.exists() {
             // Nothing half-written has a name.
-            for name in names(&killed) {
+            // A whole file may be left under the hidden name by which it was to replace another.
+            for name in names(&killed).into_iter().filter(|name| !name.starts_with(".oct-")) {
                 let path = killed.join(&name);
                 let known = [".oct", ".png", ".json", ".csv", ".html"].iter().any(|end| name.ends_with(end));
                 assert!(known && fs::metadata(&path).unwrap().len() > 0, "{name}");
@@ -267,7 +278,7 @@ fn killed_at_any_moment_and_started_again_the_results_are_the_same() {
     }
     assert!(interrupted >= 5, "only {interrupted} of 20 runs were interrupted");
     batch(&top, &killed, &[]);
-    assert_eq!(results(&killed), results(&whole));
+    same(&results(&killed), &results(&whole));
 }
 
 #[test]
@@ -280,7 +291,7 @@ fn all_of_the_real_data_within_16_mib() {
     assert!(code == 8 && converted >= 30 && failed >= 5, "{code}: {converted} converted, {failed} failed");
     for item in report["items"].as_array().unwrap() {
         let reason = item["reason"].as_str().unwrap_or_default();
-        assert!((item["status"] == "failed") != reason.is_empty(), "{item}");
+        assert_eq!(item["status"] == "failed", !reason.is_empty(), "{item}");
         assert!(!reason.contains("internal error"), "{item}");
     }
 }

@@ -4,8 +4,8 @@
 
 use std::path::Path;
 
-use infobyte::source::ScalarType;
 use infobyte::source::dicom::{Access, Image, Obstacle, Origin, unroll};
+use infobyte::source::{ScalarType, SourceError};
 
 #[path = "support/dicom.rs"]
 mod dicom;
@@ -553,4 +553,32 @@ fn frame_counts_that_are_no_numbers_or_too_many_are_named() {
     let cut = encapsulated(JPEG, Spec::default(), &[], &[vec![0xff, 0xd8, 0xff, 0xd9]]);
     let error = frames_of(&cut).unwrap_err();
     assert!(error.starts_with("x.dcm: the compressed image is damaged"), "{error}");
+}
+
+/// Refuses everything.
+struct Full;
+
+impl infobyte::source::dicom::FrameSink for Full {
+    fn row(&mut self, _: u32, _: u32, _: &[u8]) -> Result<(), SourceError> {
+        let cause = std::io::ErrorKind::StorageFull.into();
+        Err(SourceError::Scratch { path: "scratch".into(), cause })
+    }
+}
+
+#[test]
+fn too_little_memory_and_a_full_disk_are_told_apart() {
+    let file = encapsulated(RLE, Spec::default(), &[], &[rle16(&[1, 2, 3, 4])]);
+    let header = header_of(&file);
+    let image = Image::of(&header).unwrap();
+    let mut all = Collected::default();
+    let error = unroll(&file[..], Path::new("x"), &header, &image, 10, &mut all).unwrap_err();
+    assert!(matches!(error, SourceError::Memory { allowed_bytes: 10, .. }), "{error}");
+    assert!(image.unroll_bytes() <= MEMORY);
+    let error = unroll(&file[..], Path::new("x"), &header, &image, MEMORY, &mut Full).unwrap_err();
+    assert!(matches!(error, SourceError::Scratch { .. }), "{error}");
+    let plain = deflated(&native(Syntax::ExplicitLe, Spec::default(), &[0; 8]), false);
+    let header = header_of(&plain);
+    let image = Image::of(&header).unwrap();
+    let error = unroll(&plain[..], Path::new("x"), &header, &image, MEMORY, &mut Full).unwrap_err();
+    assert!(matches!(error, SourceError::Scratch { .. }), "{error}");
 }

@@ -33,6 +33,7 @@ use std::time::Instant;
 use super::build::build_source;
 use super::picture::thumbnail_file;
 use super::scan::Masked;
+use crate::atomic::sweep;
 use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes, peak_rss_bytes};
 use crate::build::{self, BuildError, BuildOptions};
 use crate::error::Error;
@@ -97,6 +98,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let started = Instant::now();
     let out_error = |cause| Error::Output { path: request.out.clone(), cause };
     fs::create_dir_all(&request.out).map_err(out_error)?;
+    sweep(&request.out);
     let scratch = request.build.scratch_folder(&request.out.join("x"));
     let how = OpenOptions { skip: request.out.canonicalize().ok(), ..request.how.clone() };
     let catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;

@@ -15,7 +15,7 @@ const BLOCK: usize = 8 << 10;
 const MOST_EXPANSION: u64 = 1032;
 
 /// Bytes that may be inflated in search of the pixels: no header is as long, and the search ends.
-const LONGEST_SEARCH: u64 = 256 << 20;
+const LONGEST_SEARCH: u64 = 64 << 20;
 
 /// Offsets before `start` are the file's own; from there on they count inflated bytes.
 ///

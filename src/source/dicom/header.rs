@@ -280,7 +280,14 @@ impl DicomHeader {
             "5.1.4.1.1.2.1" => "enhanced CT",
             "5.1.4.1.1.4" => "MR image",
             "5.1.4.1.1.4.1" => "enhanced MR",
+            "5.1.4.1.1.3.1" | "5.1.4.1.1.6.1" => "ultrasound image",
             "5.1.4.1.1.7" => "secondary capture",
+            "5.1.4.1.1.7.1" | "5.1.4.1.1.7.2" | "5.1.4.1.1.7.3" | "5.1.4.1.1.7.4" => {
+                "multi-frame secondary capture"
+            }
+            "5.1.4.1.1.13.1.1" | "5.1.4.1.1.13.1.2" | "5.1.4.1.1.13.1.3" => "X-ray 3D image",
+            "5.1.4.1.1.20" => "NM image",
+            "5.1.4.1.1.130" => "enhanced PET",
             "5.1.4.1.1.66.4" => "segmentation",
             "5.1.4.1.1.30" => "parametric map",
             "5.1.4.1.1.128" => "PET image",

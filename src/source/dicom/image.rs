@@ -24,7 +24,8 @@ pub enum Obstacle {
     /// Native syntax, but no length.
     #[error("the pixels have no length, though {0} pixels must have one")]
     NoLength(TransferSyntax),
-    /// Number of Frames is illegible or 0.
+    /// Number of Frames is illegible or 0. It is not guessed from the length of the pixels: what else the
+    /// header says may be as wrong.
     #[error("the number of frames is not a positive number")]
     BadFrames,
     /// More frames than could lie in the file.
@@ -255,7 +256,8 @@ impl Image {
         }
     }
 
-    /// Is there room for all frames in the pixel element?
+    /// Is there room for all frames in the pixel element? Of a deflated file only an upper bound is known;
+    /// what it lacks is noticed when it is unrolled.
     fn check_length(&self, got: u64) -> Result<(), Obstacle> {
         let needed = match self.storage {
             Storage::Coded(_) => {

@@ -69,7 +69,8 @@ pub fn unroll<R: ReadAt + ?Sized>(
 
 impl Image {
     /// Bytes of memory that [`unroll`] holds for this image: an upper bound for all but JPEG 2000, which
-    /// takes what its codestream needs, and for progressive JPEG, which is held whole.
+    /// takes what its codestream needs, and for JPEG whose components come one after another, which is held
+    /// whole.
     pub fn unroll_bytes(&self) -> u64 {
         let samples = u64::from(self.layout.columns) * u64::from(self.samples);
         let frame = u64::from(self.layout.rows) * samples;
@@ -78,6 +79,7 @@ impl Image {
             Storage::Coded(Codec::Jpeg2000) => frame.saturating_mul(6),
             // Sixteen rows of 32 bits in the widest subsampling.
             Storage::Coded(Codec::Jpeg | Codec::JpegLs) => samples * 4 * 20,
+            Storage::Coded(Codec::JpegPasses) => frame.saturating_mul(2) + samples * 4 * 20,
             Storage::Coded(Codec::Rle | Codec::None) | Storage::Plain | Storage::Bits => 0,
         };
         codec + self.rows_bytes() + FIXED_BYTES + self.table_bytes()
@@ -384,7 +386,7 @@ impl<'a> Rows<'a> {
         let mut receiver = Receiver { rows: self, frame, next: 0, sink, error: None };
         let mut reader = FrameReader::new(input, span);
         let decoded = match codec {
-            Codec::Jpeg => jpeg::decode(&mut reader, memory_bytes, &mut receiver),
+            Codec::Jpeg | Codec::JpegPasses => jpeg::decode(&mut reader, memory_bytes, &mut receiver),
             Codec::JpegLs => jpegls::decode(&mut reader, memory_bytes, &mut receiver),
             Codec::Jpeg2000 => jpeg2000::decode(&mut reader, span.bytes, memory_bytes, &mut receiver),
             Codec::Rle | Codec::None => {
