@@ -7,6 +7,8 @@ mod catalogue;
 pub mod dicom;
 mod error;
 mod files;
+#[allow(dead_code, reason = "its lists are still empty")]
+mod formats;
 mod natural;
 mod open;
 mod raw;

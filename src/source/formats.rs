@@ -1,0 +1,44 @@
+//! The volume formats that are read besides DICOM and headerless files: two short lists.
+//!
+//! A file belongs to the first format of [`FORMATS`] that recognises it, else, if [`STACKS`] does, to the
+//! stack of all such files of its folder. DICOM is asked before both. Formats are told by content; a
+//! name may only decide between things that look alike (a gzip file called `.nii.gz`).
+
+use std::path::Path;
+
+use super::files::FileList;
+use super::{OpenOptions, SourceError, VolumeSource};
+
+/// Bytes of a file that [`Format::recognise`] is shown, or all of a shorter one.
+pub(crate) const HEAD_BYTES: usize = 1024;
+
+/// Volumes that a file of some kind holds.
+type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
+
+/// A kind of file that holds one or several volumes.
+pub(crate) struct Format {
+    /// As shown to users and in [`super::SourceDescription::format`]: `nrrd`, `nifti`, ...
+    pub(crate) name: &'static str,
+    /// Is the file, which begins with these bytes, of this kind? A damaged one is, too, so that it is
+    /// refused by name. Called for every file that is no DICOM: quick, and without opening the file
+    /// unless `head` already speaks for the format.
+    pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
+    /// Opens a file that was recognised: its volumes, in the order of the file.
+    pub(crate) open: fn(path: &Path, options: &OpenOptions) -> Opened,
+}
+
+/// A kind of picture of which the files of a folder, in natural order of their names, make a volume.
+pub(crate) struct StackFormat {
+    /// As shown to users.
+    pub(crate) name: &'static str,
+    /// Is the file, which begins with these bytes, a slice of this kind?
+    pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
+    /// Opens all such files of one folder; at least one, in natural order.
+    pub(crate) open: fn(slices: FileList, options: &OpenOptions) -> Opened,
+}
+
+/// Formats of whole volumes.
+pub(crate) const FORMATS: &[Format] = &[];
+
+/// Formats of single slices.
+pub(crate) const STACKS: &[StackFormat] = &[];
