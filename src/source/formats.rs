@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use super::files::FileList;
-use super::{OpenOptions, SourceError, VolumeSource};
+use super::{OpenOptions, SourceError, VolumeSource, metaimage, nifti, npy, nrrd, png_stack, tiff};
 
 /// Bytes of a file that [`Format::recognise`] is shown, or all of a shorter one.
 pub(crate) const HEAD_BYTES: usize = 1024;
@@ -18,6 +18,7 @@ type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
 /// A kind of file that holds one or several volumes.
 pub(crate) struct Format {
     /// As shown to users and in [`super::SourceDescription::format`]: `nrrd`, `nifti`, ...
+    #[allow(dead_code, reason = "read by the catalogue")]
     pub(crate) name: &'static str,
     /// Is the file, which begins with these bytes, of this kind? A damaged one is, too, so that it is
     /// refused by name. Called for every file that is no DICOM: quick, and without opening the file
@@ -30,6 +31,7 @@ pub(crate) struct Format {
 /// A kind of picture of which the files of a folder, in natural order of their names, make a volume.
 pub(crate) struct StackFormat {
     /// As shown to users.
+    #[allow(dead_code, reason = "read by the catalogue")]
     pub(crate) name: &'static str,
     /// Is the file, which begins with these bytes, a slice of this kind?
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
@@ -38,7 +40,15 @@ pub(crate) struct StackFormat {
 }
 
 /// Formats of whole volumes.
-pub(crate) const FORMATS: &[Format] = &[];
+pub(crate) const FORMATS: &[Format] = &[
+    Format { name: "nrrd", recognise: nrrd::recognise, open: nrrd::open },
+    Format { name: "nifti", recognise: nifti::recognise, open: nifti::open },
+    Format { name: "npy", recognise: npy::recognise, open: npy::open },
+    Format { name: "metaimage", recognise: metaimage::recognise, open: metaimage::open },
+];
 
 /// Formats of single slices.
-pub(crate) const STACKS: &[StackFormat] = &[];
+pub(crate) const STACKS: &[StackFormat] = &[
+    StackFormat { name: "tiff", recognise: tiff::recognise, open: tiff::open },
+    StackFormat { name: "png", recognise: png_stack::recognise, open: png_stack::open },
+];

@@ -7,14 +7,21 @@ mod catalogue;
 pub mod dicom;
 mod error;
 mod files;
-#[allow(dead_code, reason = "its lists are still empty")]
 mod formats;
+mod header;
+mod metaimage;
 mod natural;
+mod nifti;
+mod npy;
+mod nrrd;
 mod open;
+mod png_stack;
 mod raw;
 mod scalar;
 mod spool;
+mod stored;
 mod synthetic;
+mod tiff;
 
 pub use catalogue::{Catalogue, Finding, GapPolicy, InputFiles, LeftOut, OpenOptions};
 pub use error::SourceError;
