@@ -1,7 +1,7 @@
 //! NumPy arrays (`.npy`, versions 1 to 3).
 //!
 //! The fastest axis is x: of an array in C order with shape (z, y, x) the last, of one in Fortran order with
-//! shape (x, y, z) the first. The header is a Python literal; it is parsed, never evaluated.
+//! shape (x, y, z), as readers of NIfTI give it, the first. So no axis is ever turned into another. The header is a Python literal; it is parsed, never evaluated.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -167,7 +167,7 @@ impl Array {
             "f2" => Samples::F16,
             _ => {
                 return Err(format!(
-                    "its elements are `{}`, which is not read; save real numbers of up to 64 bits",
+                    "its elements are of the type `{}`, which is not read; save real numbers of up to 64 bits",
                     self.descr.escape_debug()
                 ));
             }

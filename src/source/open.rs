@@ -18,6 +18,9 @@ const KNOWN: [(usize, &[u8], &str); 4] = [
     (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
 ];
 
+/// Files of a folder, in natural order, of which one has to be a picture for a stack to be looked for.
+const SAMPLED: usize = 8;
+
 /// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
 ///
 /// A file that holds several volumes gives its first. The pictures of a folder, or those given, are a stack
@@ -73,8 +76,8 @@ fn by_format(
         let head = head_of(&path);
         STACKS.iter().position(|s| (s.recognise)(&head, &path))
     };
-    // The first file tells whether the others are worth a look.
-    kind_of(0)?;
+    // A few files tell whether the others are worth a look, so that a DICOM folder is not opened twice.
+    (0..list.len().min(SAMPLED)).find_map(kind_of)?;
     let kinds: Vec<Option<usize>> = (0..list.len()).map(kind_of).collect();
     let counted = |kind: usize| kinds.iter().filter(|k| **k == Some(kind)).count();
     let best = (0..STACKS.len()).max_by_key(|kind| counted(*kind))?;

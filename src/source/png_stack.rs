@@ -53,7 +53,7 @@ pub(super) fn open(list: FileList, _: &OpenOptions) -> Result<Vec<Box<dyn Volume
             return Err(unusable(
                 &path,
                 format!(
-                    "is {head} where the first slice is {expected}; slices of a volume are all alike, move the other away"
+                    "is {head} where the first slice is {expected}; slices of a volume are alike in size and type, move the other away"
                 ),
             ));
         }

@@ -65,7 +65,7 @@ impl Stored {
         let sides = self.size.map(|n| u32::try_from(n).unwrap_or(0));
         let Some(dims) = Dims::new(sides[0], sides[1], sides[2]) else {
             return wrong(format!(
-                "{nx}x{ny}x{nz} voxels are out of range; a side has 1 to {} of them",
+                "its size of {nx}x{ny}x{nz} voxels is out of range; a side has 1 to {} of them",
                 Dims::MAX_SIDE
             ));
         };

@@ -207,7 +207,7 @@ impl Stack {
         }
         let say = |s: Shape| format!("{}x{} {}", s.size[0], s.size[1], s.samples.delivered());
         Err(format!(
-            "a page is {} where the first is {}; slices of a volume are all alike, move the other away",
+            "a page is {} where the first is {}; slices of a volume are alike in size and type, move the other away",
             say(shape),
             say(first)
         ))
