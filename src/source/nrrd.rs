@@ -85,8 +85,7 @@ impl Header {
         }
         let mut header = Self::default();
         let mut wrong = None;
-        loop {
-            let Some(line) = next(&mut lines)? else { break };
+        while let Some(line) = next(&mut lines)? {
             if line.is_empty() {
                 header.data.get_or_insert(DataFiles::Attached(lines.offset));
                 break;
@@ -177,7 +176,8 @@ impl Header {
         let encoding = match self.encoding.as_str() {
             "raw" => Encoding::Raw,
             "gz" | "gzip" => Encoding::Gzip,
-            "bz2" | "bzip2" => Encoding::Bzip2,
+            // The size of its blocks is not known yet.
+            "bz2" | "bzip2" => Encoding::Bzip2(9),
             "txt" | "text" | "ascii" => Encoding::Text,
             "hex" => Encoding::Hex,
             "" => return Err(Wrong::Header("its header states no encoding".into())),
@@ -248,9 +248,13 @@ impl Header {
                 .map_err(|cause| Wrong::Other(unreadable(&data_path, cause)))?
                 .ok_or_else(|| format!("there are fewer than the {} lines to skip", self.line_skip))?;
         }
+        let encoding = match encoding {
+            Encoding::Bzip2(_) => Encoding::bzip2(&files, skip),
+            other => other,
+        };
         let mut skip_unpacked = 0;
         let skip = match u64::try_from(self.byte_skip) {
-            Ok(bytes) if matches!(encoding, Encoding::Gzip | Encoding::Bzip2) => {
+            Ok(bytes) if matches!(encoding, Encoding::Gzip | Encoding::Bzip2(_)) => {
                 skip_unpacked = bytes;
                 Skip::Bytes(skip)
             }

@@ -89,16 +89,56 @@ impl<R: BufRead> Read for Gzip<R> {
 /// Bzip2, one stream after another, in the mode that holds 2.5 bytes per byte of a block.
 pub(super) struct Bzip2<R> {
     inner: R,
+    /// `None` between streams.
     state: Option<Decompress>,
+    /// Largest blocks that are accepted, in units of 100,000 bytes.
+    level: u8,
+    first: bool,
 }
 
 impl<R: BufRead> Bzip2<R> {
-    /// Bytes held: 2.5 times the largest block, and tables.
-    pub(super) const MEMORY_BYTES: u64 = 2_250_000 + (128 << 10);
-
-    pub(super) fn new(inner: R) -> Self {
-        Self { inner, state: Some(Decompress::new(true)) }
+    pub(super) fn new(inner: R, level: u8) -> Self {
+        Self { inner, state: None, level, first: true }
     }
+
+    /// Begins a stream, if there is one.
+    fn begin(&mut self) -> io::Result<bool> {
+        // Behind the first one, anything else than a stream is ignored.
+        if !self.first && !self.inner.fill_buf()?.starts_with(b"B") {
+            return Ok(false);
+        }
+        self.first = false;
+        let mut head = [0; BZIP2_HEAD];
+        self.inner.read_exact(&mut head)?;
+        let level = bzip2_level(&head).ok_or_else(|| invalid("bzip2: no header"))?;
+        if level > self.level {
+            return Err(invalid("bzip2: a later stream has larger blocks than the first"));
+        }
+        let mut state = Decompress::new(true);
+        state.decompress(&head, &mut []).map_err(invalid)?;
+        self.state = Some(state);
+        Ok(true)
+    }
+}
+
+/// Bytes at the head of a bzip2 stream that tell the size of its blocks.
+pub(super) const BZIP2_HEAD: usize = 4;
+
+/// Size of a stream's blocks in units of 100,000 bytes.
+pub(super) fn bzip2_level(head: &[u8; BZIP2_HEAD]) -> Option<u8> {
+    match head {
+        [b'B', b'Z', b'h', level @ b'1'..=b'9'] => Some(level - b'0'),
+        _ => None,
+    }
+}
+
+/// Bytes that decoding such blocks holds: 2.5 times a block, and tables.
+pub(super) fn bzip2_memory(level: u8) -> u64 {
+    250_000 * u64::from(level) + (128 << 10)
+}
+
+fn invalid(cause: impl ToString) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, cause.to_string())
 }
 
 impl<R: BufRead> Read for Bzip2<R> {
@@ -106,20 +146,21 @@ impl<R: BufRead> Read for Bzip2<R> {
         if buf.is_empty() {
             return Ok(0);
         }
-        while let Some(state) = &mut self.state {
+        loop {
+            if self.state.is_none() && !self.begin()? {
+                return Ok(0);
+            }
+            let Some(state) = &mut self.state else { return Ok(0) };
             let input = self.inner.fill_buf()?;
             let ended = input.is_empty();
             let (consumed, made) = (state.total_in(), state.total_out());
-            let status = state
-                .decompress(input, buf)
-                .map_err(|cause| io::Error::new(io::ErrorKind::InvalidData, cause.to_string()))?;
+            let status = state.decompress(input, buf).map_err(invalid)?;
             // Both are at most the lengths of the two buffers.
             let made = usize::try_from(state.total_out() - made).unwrap_or(0);
             let consumed = usize::try_from(state.total_in() - consumed).unwrap_or(0);
             self.inner.consume(consumed);
             if status == Status::StreamEnd {
-                let more = self.inner.fill_buf()?.starts_with(b"B");
-                self.state = more.then(|| Decompress::new(true));
+                self.state = None;
             } else if made == 0 && (ended || consumed == 0) {
                 return Err(io::ErrorKind::UnexpectedEof.into());
             }
@@ -127,7 +168,6 @@ impl<R: BufRead> Read for Bzip2<R> {
                 return Ok(made);
             }
         }
-        Ok(0)
     }
 }
 
@@ -160,7 +200,7 @@ mod tests {
                 if stream[0] == 0x1f {
                     Gzip::new(inner).read_to_end(&mut out).unwrap();
                 } else {
-                    Bzip2::new(inner).read_to_end(&mut out).unwrap();
+                    Bzip2::new(inner, 1).read_to_end(&mut out).unwrap();
                 }
                 assert_eq!(out, [&a[..], &b].concat());
             }
@@ -177,7 +217,7 @@ mod tests {
             let error = if stream[0] == 0x1f {
                 Gzip::new(cut).read_to_end(&mut out).unwrap_err()
             } else {
-                Bzip2::new(cut).read_to_end(&mut out).unwrap_err()
+                Bzip2::new(cut, 9).read_to_end(&mut out).unwrap_err()
             };
             assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof);
             assert!(plain.starts_with(&out) && out.len() < plain.len());

@@ -2,13 +2,14 @@
 
 use std::fs::File;
 use std::io::{self, Read};
+use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::inflate::{Bzip2, Gzip, section, sentence_of};
+use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section, sentence_of};
 use super::text::{Hex, Numbers};
-use super::{INPUT_BYTES, Samples, Target, Unroll};
-use crate::source::files::FileSet;
+use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
+use crate::source::files::{FileList, FileSet};
 use crate::source::{Endian, SourceError, VolumeInfo};
 
 /// Stored bytes that are turned into samples at once; a multiple of every sample's width.
@@ -27,8 +28,8 @@ pub(in crate::source) enum Encoding {
     Gzip,
     /// Zlib (RFC 1950).
     Zlib,
-    /// Bzip2.
-    Bzip2,
+    /// Bzip2, with blocks of up to this many times 100,000 bytes.
+    Bzip2(u8),
     /// Numbers as text.
     Text,
     /// Hexadecimal digits.
@@ -36,13 +37,26 @@ pub(in crate::source) enum Encoding {
 }
 
 impl Encoding {
+    /// Bzip2 with the blocks that the streams of these files state at byte `skip`; with the largest there are
+    /// where one is no stream, which shows when it is unrolled.
+    pub(in crate::source) fn bzip2(files: &FileList, skip: u64) -> Self {
+        let level_of = |index: usize| {
+            let mut head = [0; BZIP2_HEAD];
+            let path = files.path(index);
+            let file = regular(&path).ok().and_then(|_| File::open(&path).ok())?;
+            file.read_exact_at(&mut head, skip).ok()?;
+            bzip2_level(&head)
+        };
+        Self::Bzip2((0..files.len()).filter_map(level_of).max().unwrap_or(9))
+    }
+
     /// As in sentences.
     pub(in crate::source) fn name(self) -> &'static str {
         match self {
             Self::Raw => "raw",
             Self::Gzip => "gzip",
             Self::Zlib => "zlib",
-            Self::Bzip2 => "bzip2",
+            Self::Bzip2(_) => "bzip2",
             Self::Text => "text",
             Self::Hex => "hexadecimal",
         }
@@ -56,7 +70,7 @@ impl Encoding {
             // A bit of deflate makes 258 bytes / 2 bits at best.
             Self::Gzip | Self::Zlib => 1032,
             // A block of some 40 bytes makes 900,000 that run-length coding blew up by 51.
-            Self::Bzip2 => 2_000_000,
+            Self::Bzip2(_) => 2_000_000,
             // A digit and a separator.
             Self::Text => samples.bytes() as u64,
             Self::Hex => 1,
@@ -71,7 +85,7 @@ impl Encoding {
             Self::Raw => Box::new(section),
             Self::Gzip => Box::new(Gzip::new(section)),
             Self::Zlib => Box::new(flate2::bufread::ZlibDecoder::new(section)),
-            Self::Bzip2 => Box::new(Bzip2::new(section)),
+            Self::Bzip2(level) => Box::new(Bzip2::new(section, level)),
             Self::Text => Box::new(Numbers::new(section, samples)),
             Self::Hex => Box::new(Hex(section)),
         }
@@ -80,7 +94,7 @@ impl Encoding {
 
 /// Streams with one slice after another: all slices in one, or the same number in each of several.
 ///
-/// Unrolling holds 160 KiB (2.5 MiB for bzip2), whatever the size of the volume.
+/// Unrolling holds 160 KiB (for bzip2 up to 2.3 MiB more, by its blocks), whatever the size of the volume.
 #[derive(Debug)]
 pub(in crate::source) struct Linear {
     pub(in crate::source) files: Arc<FileSet>,
@@ -191,8 +205,10 @@ fn read_some(stream: &mut dyn Read, buf: &mut [u8]) -> io::Result<usize> {
 
 impl Unroll for Linear {
     fn memory_bytes(&self) -> u64 {
-        let state = if self.encoding == Encoding::Bzip2 { Bzip2::<&[u8]>::MEMORY_BYTES } else { 0 };
-        MEMORY_BYTES + state
+        match self.encoding {
+            Encoding::Bzip2(level) => MEMORY_BYTES + bzip2_memory(level),
+            _ => MEMORY_BYTES,
+        }
     }
 
     fn path(&self) -> PathBuf {

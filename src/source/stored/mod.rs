@@ -170,3 +170,6 @@ impl VolumeSource for StoredVolume {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

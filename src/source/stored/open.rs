@@ -84,7 +84,7 @@ impl Stored {
         }
         let slices = u64::from(dims.nz()) * self.volumes;
         let count = self.files.len() as u64;
-        if count == 0 || slices % count != 0 {
+        if count == 0 || !slices.is_multiple_of(count) {
             return wrong(format!(
                 "{count} data files are named for {slices} slices, which cannot be shared out evenly"
             ));
