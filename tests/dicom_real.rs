@@ -133,8 +133,7 @@ fn series_that_form_no_volume_are_refused_with_the_reason() {
         ("multiframe/ct-2f-fragmented-no-bot-jpeg12.dcm", &["JPEG extended 12-bit"]),
         ("raw-cthead", &["no DICOM image is among the 113 file(s)", "--dims"]),
         ("raw-lidc-u8/lidc2_256x256x133_u8.raw", &["is not DICOM", "--dims", "--dtype"]),
-        ("nrrd-brain/brain1_image.nrrd", &["is an NRRD file"]),
-        ("nifti-ct-i32/example_ct.nii.gz", &["is a gzip file"]),
+        ("mesh/bunny-open.ply", &["is a PLY mesh"]),
         ("mesh/bunny-open.ply", &["is a PLY mesh"]),
         ("mesh", &["no DICOM image"]),
     ] {

@@ -292,6 +292,11 @@ fn image_j_tells_its_spacing_and_has_one_directory_for_a_long_stack() {
     same(&[file(folder.path(), "one.tif", &bytes)], &object, true, "one directory");
     let pages = Tiff { contiguous: false, ..how.clone() };
     same(&[file(folder.path(), "pages.tif", &pages.write(&object))], &object, true, "a directory each");
+    let folder_of_two = folder.path().join("two");
+    file(&folder_of_two, "a.tif", &pages.write(&object));
+    file(&folder_of_two, "b.tif", &pages.write(&object));
+    let refused = ready(&[folder_of_two], folder.path()).err().unwrap().to_string();
+    assert!(refused.contains("hold 2 volumes"), "{refused}");
     let more = Tiff { description: stacked.replace("images=11", "images=900"), ..how.clone() };
     let refused = ready(&[file(folder.path(), "more.tif", &more.write(&object))], folder.path());
     assert!(refused.err().unwrap().to_string().contains("promises 900 images"));

@@ -33,8 +33,13 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
         return Ok(Box::new(RawVolume::open(inputs, raw)?));
     }
     if let Some(opened) = by_format(inputs, options) {
-        let first = opened?.into_iter().next();
+        let opened = opened?;
         let path = inputs.first().cloned().unwrap_or_default();
+        if opened.len() > 1 && (inputs.len() > 1 || path.is_dir()) {
+            let reason = format!("the files hold {} volumes; give one of them", opened.len());
+            return Err(SourceError::NoVolume { path, reason });
+        }
+        let first = opened.into_iter().next();
         return first.ok_or(SourceError::NoVolume { path, reason: "the file holds no volume".into() });
     }
     if let [path] = inputs
