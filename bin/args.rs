@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::render::RenderRequest;
-use infobyte::source::{Endian, ScalarType};
+use infobyte::source::{Endian, GapPolicy, ScalarType};
 
 /// Volumes into compact surface octrees in a fixed amount of memory, shown by exact ray traversal.
 #[derive(Debug, Parser)]
@@ -85,7 +85,44 @@ pub(crate) struct BuildArgs {
     #[arg(long)]
     pub(crate) quiet: bool,
     #[command(flatten)]
+    pub(crate) which: WhichArgs,
+    #[command(flatten)]
     pub(crate) raw: RawArgs,
+}
+
+/// What is left to choose where folders hold several volumes, or series have gaps.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Folders and series")]
+pub(crate) struct WhichArgs {
+    /// Take the volume of this number in the list of `oct scan`; the largest by default
+    #[arg(long, value_name = "N", value_parser = volume_number)]
+    pub(crate) volume: Option<usize>,
+    /// Where slices are missing or uneven: refuse, make them from their neighbours, or take them as even
+    #[arg(long, value_enum, default_value_t = Gaps::Error)]
+    pub(crate) gaps: Gaps,
+}
+
+/// What to do about gaps between slices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Gaps {
+    Error,
+    Fill,
+    Keep,
+}
+
+impl From<Gaps> for GapPolicy {
+    fn from(gaps: Gaps) -> Self {
+        match gaps {
+            Gaps::Error => Self::Error,
+            Gaps::Fill => Self::Fill,
+            Gaps::Keep => Self::Keep,
+        }
+    }
+}
+
+fn volume_number(text: &str) -> Result<usize, String> {
+    let number = text.parse::<usize>().ok().filter(|n| *n > 0);
+    number.ok_or_else(|| format!("'{text}' is not the number of a volume; they are counted from 1"))
 }
 
 /// What a headerless volume cannot say of itself.

@@ -109,7 +109,12 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
         threads: args.threads.unwrap_or_else(cores),
         scratch: args.scratch.clone(),
     };
-    let how = OpenOptions { raw: raw_options(&args.raw)?, ..OpenOptions::default() };
+    let how = OpenOptions {
+        raw: raw_options(&args.raw)?,
+        gaps: args.which.gaps.into(),
+        volume: args.which.volume,
+        ..OpenOptions::default()
+    };
     let bars = Bars::new(args.quiet || args.json);
     let summary = jobs::build::build(&args.input, &how, &options, &args.output, &bars);
     bars.finish();

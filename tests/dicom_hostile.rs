@@ -5,8 +5,8 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use infobyte::source::VolumeSource;
-use infobyte::source::dicom::{DicomHeader, DicomVolume, PixelLayout, ScanError, scan};
+use infobyte::source::dicom::{DicomHeader, PixelLayout, ScanError, scan};
+use infobyte::source::{OpenOptions, open};
 
 #[path = "support/dicom.rs"]
 mod dicom;
@@ -218,7 +218,7 @@ fn a_thousand_slices_are_opened_and_held_in_little_memory() {
     let inputs = [folder.path().to_path_buf()];
     let before = LIVE.get();
     PEAK.set(before);
-    let series = DicomVolume::open(&inputs).unwrap();
+    let series = open(&inputs, &OpenOptions::default()).unwrap();
     let (held, peak) = (LIVE.get() - before, PEAK.get() - before);
     println!("1000 slices: {held} bytes held, {peak} at most while opening");
     assert_eq!(series.info().dims.nz(), 1000);

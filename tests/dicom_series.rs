@@ -5,8 +5,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use infobyte::geom::{Dims, Orientation};
-use infobyte::source::dicom::DicomVolume;
-use infobyte::source::{Endian, RawOptions, RawVolume, ScalarType, VolumeSource, open};
+use infobyte::source::{Endian, OpenOptions, RawOptions, RawVolume, ScalarType, VolumeSource, open};
 
 #[path = "support/dicom.rs"]
 mod dicom;
@@ -42,7 +41,7 @@ fn folder_of(images: &[Image<'_>]) -> (tempfile::TempDir, PathBuf) {
 
 fn refusal(images: &[Image<'_>]) -> String {
     let (_keep, folder) = folder_of(images);
-    DicomVolume::open(&[folder]).unwrap_err().to_string()
+    open(&[folder], &OpenOptions::default()).unwrap_err().to_string()
 }
 
 fn at(z: f64) -> Image<'static> {
@@ -101,7 +100,7 @@ fn raw_file_slice_files_and_series_in_every_encoding_deliver_the_same_bytes() {
                 skip: 0,
                 orientation: Orientation::LPS,
             };
-            let series = DicomVolume::open(std::slice::from_ref(&folder)).unwrap();
+            let series = open(std::slice::from_ref(&folder), &OpenOptions::default()).unwrap();
             let info = series.info();
             assert_eq!((info.dims, info.scalar), (options.dims, scalar));
             assert_eq!(info.spacing_mm, options.spacing_mm);
@@ -116,7 +115,7 @@ fn raw_file_slice_files_and_series_in_every_encoding_deliver_the_same_bytes() {
                 let expected = read(&raws[0], z, rows, cols);
                 assert_eq!(read(&raws[1], z, rows, cols), expected);
                 assert_eq!(
-                    read(&series, z, rows, cols),
+                    read(&*series, z, rows, cols),
                     expected,
                     "{syntax:?} {scalar} {z} {rows:?} {cols:?}"
                 );
@@ -136,7 +135,7 @@ fn a_tilted_gantry_is_kept_in_the_affine() {
         })
         .collect();
     let (_keep, folder) = folder_of(&images);
-    let series = DicomVolume::open(&[folder]).unwrap();
+    let series = open(&[folder], &OpenOptions::default()).unwrap();
     let info = series.info();
     assert_eq!(info.affine.column(2), [0.0, 0.0, 4.0]);
     assert_eq!(info.affine.column(0), [0.5, 0.0, 0.0]);
@@ -152,10 +151,10 @@ fn slices_that_differ_in_rescale_become_physical_values() {
     let mut images: Vec<Image<'_>> = (0..3).map(|i| at(f64::from(i))).collect();
     images[1].rescale = Some(["0.5", "10"]);
     let (_keep, folder) = folder_of(&images);
-    let series = DicomVolume::open(&[folder]).unwrap();
+    let series = open(&[folder], &OpenOptions::default()).unwrap();
     assert_eq!((series.info().scalar, series.info().rescale.slope), (ScalarType::F32, 1.0));
     let values = |z, cols| -> Vec<f32> {
-        read(&series, z, (0, 2), cols).chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
+        read(&*series, z, (0, 2), cols).chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
     };
     assert_eq!(values(0, (0, 2)), [-1023.0, -1022.0, -1021.0, -1020.0]);
     assert_eq!(values(1, (0, 2)), [10.5, 11.0, 11.5, 12.0]);
@@ -171,9 +170,9 @@ fn padding_becomes_air_and_overlay_bits_are_cut() {
         .map(|i| Image { bits: [16, 12], padding: Some(63_536), values: &values, ..at(f64::from(i)) })
         .collect();
     let (_keep, folder) = folder_of(&images);
-    let series = DicomVolume::open(&[folder]).unwrap();
+    let series = open(&[folder], &OpenOptions::default()).unwrap();
     let got: Vec<u16> =
-        read(&series, 1, (0, 2), (0, 2)).chunks_exact(2).map(bytemuck::pod_read_unaligned).collect();
+        read(&*series, 1, (0, 2), (0, 2)).chunks_exact(2).map(bytemuck::pod_read_unaligned).collect();
     // -1000 HU is stored as 24.
     assert_eq!(got, [24, 0x123, 24, 4095]);
 }
@@ -185,14 +184,16 @@ fn gaps_repeats_and_cut_slices_are_refused_and_named() {
         error.contains("1 slice(s) seem to be missing in 1 place(s), first between 3.dcm and 4.dcm"),
         "{error}"
     );
-    let error = refusal(&[at(1.0), at(1.0), at(1.0)]);
+    let other = |z| Image { values: &[4, 3, 2, 1], ..at(z) };
+    let third = |z| Image { values: &[1, 1, 1, 1], ..at(z) };
+    let error = refusal(&[at(1.0), other(1.0), third(1.0)]);
     assert!(error.contains("all 3 images are at one position"), "{error}");
-    let error = refusal(&[at(0.0), at(2.0), at(2.0), at(4.0)]);
+    let error = refusal(&[at(0.0), at(2.0), other(2.0), at(4.0)]);
     assert!(error.contains("first: 2.dcm and 3.dcm"), "{error}");
     let cut = Image { values: &[1, 2, 3], ..at(4.0) };
     let (_keep, folder) = folder_of(&[at(0.0), at(2.0), cut]);
     // Elements after the pixels do not make up for missing ones.
-    let error = DicomVolume::open(&[folder]).unwrap_err().to_string();
+    let error = open(&[folder], &OpenOptions::default()).unwrap_err().to_string();
     assert!(error.contains("3.dcm: the pixels are cut short: 6 bytes of 8"), "{error}");
 }
 
@@ -206,11 +207,12 @@ fn the_largest_series_is_taken_and_foreign_files_are_reported() {
     fs::create_dir_all(deep.join("f")).unwrap();
     fs::write(deep.join("deepest.dcm"), other(3.0).bytes()).unwrap();
     fs::write(deep.join("f/too-deep.dcm"), other(4.0).bytes()).unwrap();
-    let series = open(&[folder], &infobyte::source::OpenOptions::default()).unwrap();
+    let series = open(&[folder], &OpenOptions::default()).unwrap();
     assert_eq!(series.info().dims.to_array(), [2, 2, 4]);
     let warned = series.info().warnings.join("\n");
     assert!(
-        warned.contains("not used: CT image 2x2x2") && warned.contains("1 file(s) that are no DICOM"),
+        warned.contains("not used: CT image 2x2x2")
+            && warned.contains("1 file(s) left out: not a volume (first: notes.txt)"),
         "{warned}"
     );
     assert!(!format!("{:?}", series.info()).contains("Nobody"));
@@ -228,9 +230,9 @@ fn many_slices_are_read_with_few_descriptors() {
     let values = [0; 4];
     let images: Vec<Image<'_>> = (0..1500).map(|i| Image { values: &values, ..at(f64::from(i)) }).collect();
     let (_keep, folder) = folder_of(&images);
-    let series = DicomVolume::open(&[folder]).unwrap();
+    let series = open(&[folder], &OpenOptions::default()).unwrap();
     for z in (0..1500).rev() {
-        assert_eq!(read(&series, z, (1, 2), (0, 2)), [0; 4]);
+        assert_eq!(read(&*series, z, (1, 2), (0, 2)), [0; 4]);
     }
     let open = fs::read_dir("/proc/self/fd").map_or(0, Iterator::count);
     // Other tests of this process hold a few of their own.

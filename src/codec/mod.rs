@@ -4,9 +4,15 @@
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
 
+pub mod jpeg;
+pub mod jpegls;
+pub mod rle;
+
 use std::io;
 
 use thiserror::Error;
+
+pub mod jpeg2000;
 
 /// What a codestream says of its image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,4 +84,41 @@ pub trait FrameBytes {
     /// # Errors
     /// The file failed.
     fn read_at(&self, buf: &mut [u8], offset: u64) -> io::Result<usize>;
+}
+
+impl FrameBytes for Vec<u8> {
+    fn len(&self) -> u64 {
+        self.as_slice().len() as u64
+    }
+
+    fn read_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<usize> {
+        let rest = usize::try_from(offset).ok().and_then(|offset| self.get(offset..)).unwrap_or_default();
+        let taken = rest.len().min(buffer.len());
+        if let (Some(to), Some(from)) = (buffer.get_mut(..taken), rest.get(..taken)) {
+            to.copy_from_slice(from);
+        }
+        Ok(taken)
+    }
+}
+
+/// Reads [`FrameBytes`] from its first byte to its last.
+pub struct FrameReader<'a> {
+    bytes: &'a dyn FrameBytes,
+    at: u64,
+}
+
+impl<'a> FrameReader<'a> {
+    /// Starts at the first byte.
+    #[must_use]
+    pub fn new(bytes: &'a dyn FrameBytes) -> FrameReader<'a> {
+        FrameReader { bytes, at: 0 }
+    }
+}
+
+impl io::Read for FrameReader<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let taken = self.bytes.read_at(buffer, self.at)?;
+        self.at = self.at.saturating_add(taken as u64);
+        Ok(taken)
+    }
 }

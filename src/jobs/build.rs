@@ -36,7 +36,7 @@ pub struct BuildSummary {
 /// Opens the inputs and builds the model.
 ///
 /// # Errors
-/// As [`source::open`] and [`build::build`]; an old model is untouched then.
+/// As [`source::open_in`] and [`build::build`]; an old model is untouched then.
 pub fn build(
     inputs: &[PathBuf],
     how: &OpenOptions,
@@ -45,7 +45,7 @@ pub fn build(
     progress: &dyn Progress,
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
-    let mut source = source::open(inputs, how)?;
+    let mut source = source::open_in(inputs, how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
     build_source(&mut *source, input, options, output, progress, started)

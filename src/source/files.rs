@@ -62,6 +62,9 @@ impl FileList {
     /// The listed files only, in the listed order.
     pub(crate) fn select(&self, order: impl Iterator<Item = usize>) -> Self {
         let mut chosen = Self::new(&self.base);
+        // A selection is not longer than the whole as a rule; grown by doubling it would take twice as much.
+        chosen.names.reserve_exact(self.names.len());
+        chosen.ends.reserve_exact(self.ends.len());
         order.for_each(|index| chosen.push(self.name(index)));
         chosen.names.shrink_to_fit();
         chosen.ends.shrink_to_fit();

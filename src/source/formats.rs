@@ -18,7 +18,6 @@ type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
 /// A kind of file that holds one or several volumes.
 pub(crate) struct Format {
     /// As shown to users and in [`super::SourceDescription::format`]: `nrrd`, `nifti`, ...
-    #[allow(dead_code, reason = "read by the catalogue")]
     pub(crate) name: &'static str,
     /// Is the file, which begins with these bytes, of this kind? A damaged one is, too, so that it is
     /// refused by name. Called for every file that is no DICOM: quick, and without opening the file
@@ -31,7 +30,6 @@ pub(crate) struct Format {
 /// A kind of picture of which the files of a folder, in natural order of their names, make a volume.
 pub(crate) struct StackFormat {
     /// As shown to users.
-    #[allow(dead_code, reason = "read by the catalogue")]
     pub(crate) name: &'static str,
     /// Is the file, which begins with these bytes, a slice of this kind?
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,

@@ -3,12 +3,14 @@
 //! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
 //! its budget allows and never sees a path. Sources are shared by the builder's threads.
 
+mod blend;
 mod catalogue;
 pub mod dicom;
 mod error;
 mod files;
 mod formats;
 mod header;
+mod log;
 mod metaimage;
 mod natural;
 mod nifti;
@@ -18,19 +20,23 @@ mod open;
 mod png_stack;
 mod raw;
 mod scalar;
+mod sidecar;
 mod spool;
+mod stable_hash;
 mod stored;
 mod synthetic;
 mod tiff;
+mod walk;
 
 pub use catalogue::{Catalogue, Finding, GapPolicy, InputFiles, LeftOut, OpenOptions};
 pub use error::SourceError;
 pub use natural::natural_cmp;
-pub use open::open;
+pub use open::{open, open_in};
 pub use raw::{RawOptions, RawVolume};
 pub use scalar::{Endian, Scalar, ScalarType};
 pub use synthetic::SyntheticHead;
 
+use std::fmt;
 use std::ops::Range;
 use std::path::Path;
 
@@ -170,5 +176,11 @@ pub trait VolumeSource: Send + Sync {
     /// Bytes that the source may hold per reading thread beyond what it holds when opened.
     fn resident_bytes(&self) -> u64 {
         0
+    }
+}
+
+impl fmt::Debug for dyn VolumeSource + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.info().fmt(f)
     }
 }

@@ -2,13 +2,19 @@
 
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::dicom::{DicomVolume, ScanError, scan};
-use super::files::FileList;
-use super::formats::{FORMATS, HEAD_BYTES, STACKS};
-use super::raw::list_folder;
-use super::{OpenOptions, RawVolume, SourceError, VolumeSource, nifti};
+use super::catalogue::{Catalogue, Finding, OpenOptions};
+use super::dicom::{Recognised, recognise};
+use super::formats::HEAD_BYTES;
+use super::{Preparation, RawVolume, SourceError, VolumeInfo, VolumeSource, Workspace, nifti};
+
+/// How deep folders are searched below the one given.
+const DEPTH: u32 = 5;
+
+/// Files or volumes named in one warning.
+const NAMED: usize = 3;
 
 /// Formats by their first bytes that are not read, to say what a refused file is.
 const KNOWN: [(usize, &[u8], &str); 4] = [
@@ -18,106 +24,217 @@ const KNOWN: [(usize, &[u8], &str); 4] = [
     (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
 ];
 
-/// Files of a folder, in natural order, of which one has to be a picture for a stack to be looked for.
-const SAMPLED: usize = 8;
+/// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
+///
+/// As [`open_in`], with the system's folder for temporary files.
+///
+/// # Errors
+/// As [`open_in`].
+pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>, SourceError> {
+    open_in(inputs, options, &std::env::temp_dir())
+}
 
 /// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
 ///
-/// A file that holds several volumes gives its first. The pictures of a folder, or those given, are a stack
-/// if they are more than half of the files.
+/// Folders are searched five levels deep. Of several volumes the largest is taken, unless
+/// [`OpenOptions::volume`] chooses one; the others are listed in a warning. A single slice is a volume,
+/// but only if nothing has several. More names of files than fit into some 64 KiB wait in a nameless
+/// file in `scratch`.
 ///
 /// # Errors
-/// A [`SourceError`] that names the input and says what was found and what to add.
-pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>, SourceError> {
+/// A [`SourceError`] that names the input and says what was found and what to add: nothing that is a
+/// volume, or only what must be refused; of the volume that is chosen, why it cannot be used.
+pub fn open_in(
+    inputs: &[PathBuf],
+    options: &OpenOptions,
+    scratch: &Path,
+) -> Result<Box<dyn VolumeSource>, SourceError> {
     if let Some(raw) = &options.raw {
         return Ok(Box::new(RawVolume::open(inputs, raw)?));
     }
-    if let Some(opened) = by_format(inputs, options) {
-        let opened = opened?;
-        let path = inputs.first().cloned().unwrap_or_default();
-        if opened.len() > 1 && (inputs.len() > 1 || path.is_dir()) {
-            let reason = format!("the files hold {} volumes; give one of them", opened.len());
-            return Err(SourceError::NoVolume { path, reason });
-        }
-        let first = opened.into_iter().next();
-        return first.ok_or(SourceError::NoVolume { path, reason: "the file holds no volume".into() });
-    }
-    if let [path] = inputs
-        && let Some(error) = refuse_foreign(path)
-    {
-        return Err(error);
-    }
-    Ok(Box::new(DicomVolume::open(inputs)?))
-}
-
-/// The volumes of files in a format of the registry; `None` for everything else.
-fn by_format(
-    inputs: &[PathBuf],
-    options: &OpenOptions,
-) -> Option<Result<Vec<Box<dyn VolumeSource>>, SourceError>> {
-    if let [path] = inputs
-        && !path.is_dir()
-    {
-        let pair = nifti::header_of_samples(path).filter(|header| nifti::recognise(&head_of(header), header));
-        let path = pair.as_ref().unwrap_or(path);
-        let head = head_of(path);
-        if head.get(128..132) == Some(b"DICM") {
-            return None;
-        }
-        if let Some(format) = FORMATS.iter().find(|f| (f.recognise)(&head, path)) {
-            return Some((format.open)(path, options));
-        }
-    }
-    let list = match inputs {
-        [folder] if folder.is_dir() => list_folder(folder).ok()?,
-        files => {
-            let mut list = FileList::new(Path::new(""));
-            files.iter().filter(|f| f.is_file()).for_each(|f| list.push(f));
-            list
-        }
+    let Some(first) = inputs.first() else {
+        return Err(SourceError::Usage { path: PathBuf::new(), reason: "no input file is given".into() });
     };
-    let kind_of = |index: usize| {
-        let path = list.path(index);
-        let head = head_of(&path);
-        STACKS.iter().position(|s| (s.recognise)(&head, &path))
+    // The samples of a pair do not say what they are; their header does.
+    let header = match inputs {
+        [path] => nifti::header_of_samples(path),
+        _ => None,
     };
-    // A few files tell whether the others are worth a look, so that a DICOM folder is not opened twice.
-    (0..list.len().min(SAMPLED)).find_map(kind_of)?;
-    let kinds: Vec<Option<usize>> = (0..list.len()).map(kind_of).collect();
-    let counted = |kind: usize| kinds.iter().filter(|k| **k == Some(kind)).count();
-    let best = (0..STACKS.len()).max_by_key(|kind| counted(*kind))?;
-    let format = STACKS.get(best).filter(|_| 2 * counted(best) > kinds.len())?;
-    let chosen = (0..list.len()).filter(|i| kinds.get(*i) == Some(&Some(best)));
-    Some((format.open)(list.select(chosen), options))
-}
-
-/// First bytes of a regular file; none of anything else.
-fn head_of(path: &Path) -> Vec<u8> {
-    let mut head = Vec::new();
-    if path.is_file()
-        && let Ok(file) = File::open(path)
-    {
-        // What could be read before a failure is judged; the reader that follows meets the failure itself.
-        let _ = file.take(HEAD_BYTES as u64).read_to_end(&mut head);
+    let inputs = header.as_ref().map_or(inputs, std::slice::from_ref);
+    let found = Catalogue::survey_to_depth(inputs, options, scratch, DEPTH)?;
+    if found.is_empty() {
+        return Err(nothing(inputs, &found, first));
     }
-    head
+    let mut choice = Choice { wanted: options.volume, ..Choice::default() };
+    for item in 0..found.len() {
+        for finding in found.open(item) {
+            choice.consider(finding);
+        }
+    }
+    choice.decide(first, &found)
 }
 
-/// The refusal of a single file that is no DICOM; `None` for everything that is left to be judged by
-/// its reader, missing files included.
-fn refuse_foreign(path: &Path) -> Option<SourceError> {
-    let unusable = |reason| Some(SourceError::Unusable { path: path.to_path_buf(), reason });
-    if let Some(what) = known(path) {
+/// How good a volume is as the one that is meant: refused, a single slice, several slices; then its size.
+type Rank = (u8, u64);
+
+/// The best of the volumes that were seen.
+#[derive(Default)]
+struct Choice {
+    wanted: Option<usize>,
+    seen: usize,
+    best: Option<(Rank, usize, Finding)>,
+    /// The largest refused one, with more than one slice?
+    refused: Option<(u64, bool, Finding)>,
+    /// What was seen, the largest first, as many as are named.
+    names: Vec<(Rank, usize, String)>,
+    unusable: Vec<String>,
+}
+
+impl Choice {
+    fn consider(&mut self, finding: Finding) {
+        self.seen += 1;
+        let number = self.seen;
+        let size = finding.size.unwrap_or_default();
+        let voxels = size.iter().map(|n| u64::from(*n)).product();
+        // A slice that is cut short is no reason to take another volume in silence.
+        let broken = matches!(finding.volume, Err(SourceError::Unusable { .. })) && finding.size.is_some();
+        let usable = finding.volume.is_ok() || broken;
+        let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
+        let rank = (tier, voxels);
+        let name = (rank, number, describe(&finding));
+        let at = self.names.iter().position(|(r, ..)| *r < rank).unwrap_or(self.names.len());
+        self.names.insert(at, name);
+        // One more than is named, for the one that is taken.
+        self.names.truncate(NAMED + 1);
+        if let Err(SourceError::Unusable { path, reason }) = &finding.volume {
+            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            if self.unusable.len() <= NAMED {
+                self.unusable.push(format!("{name}, of a series that is not used: {reason}"));
+            }
+        }
+        if self.wanted.is_some_and(|wanted| wanted != number) {
+            return;
+        }
+        if usable || self.wanted.is_some() {
+            if self.best.as_ref().is_none_or(|(best, ..)| rank > *best) {
+                self.best = Some((rank, number, finding));
+            }
+        } else if self.refused.as_ref().is_none_or(|(most, ..)| voxels > *most) {
+            self.refused = Some((voxels, size[2] > 1, finding));
+        }
+    }
+
+    fn decide(self, first: &Path, found: &Catalogue) -> Result<Box<dyn VolumeSource>, SourceError> {
+        let Self { wanted, seen, best, refused, names, unusable } = self;
+        let chosen = match (best, refused) {
+            // A scout beside a series that is refused is not mistaken for the volume.
+            (Some(((1, _), ..)), Some((_, true, refused))) if wanted.is_none() => return refused.volume,
+            (Some((_, number, finding)), _) => (number, finding),
+            (None, Some((.., refused))) => return refused.volume,
+            (None, None) => {
+                let reason = match wanted {
+                    Some(wanted) => format!(
+                        "there is no volume {wanted} among the {seen} that were found; oct scan lists them"
+                    ),
+                    None => "no volume was found".into(),
+                };
+                return Err(SourceError::Usage { path: first.to_path_buf(), reason });
+            }
+        };
+        let (number, finding) = chosen;
+        let mut warnings = Vec::new();
+        if seen > 1 {
+            let own = names.iter().find(|n| n.1 == number).map(|n| n.2.clone());
+            let own = own.unwrap_or_else(|| describe(&finding));
+            let others: Vec<String> =
+                names.iter().filter(|n| n.1 != number).take(NAMED).map(|n| n.2.clone()).collect();
+            let more = seen - 1 - others.len();
+            let more = if more > 0 { format!("; and {more} more") } else { String::new() };
+            let why = if wanted.is_some() { "the chosen one" } else { "the largest that forms a volume" };
+            warnings.push(format!(
+                "{seen} sets of images were found; {why} is used ({own}); not used: {}{more}",
+                others.join("; ")
+            ));
+        }
+        let source = finding.volume?;
+        warnings.extend(unusable.into_iter().take(NAMED));
+        for left in found.left_out().iter().take(NAMED) {
+            let name = left.first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            warnings.push(format!("{} file(s) left out: {} (first: {name})", left.count, left.reason));
+        }
+        if found.left_out().len() > NAMED {
+            let rest: u64 = found.left_out().iter().skip(NAMED).map(|l| l.count).sum();
+            warnings.push(format!("{rest} more file(s) left out for other reasons"));
+        }
+        if warnings.is_empty() {
+            return Ok(source);
+        }
+        let mut info = source.info().clone();
+        warnings.append(&mut info.warnings);
+        info.warnings = warnings;
+        Ok(Box::new(Noted { source, info }))
+    }
+}
+
+/// What a volume is, in a few words.
+fn describe(finding: &Finding) -> String {
+    let part = finding.part.as_ref().map_or_else(String::new, |part| format!(" {part}"));
+    let size = finding.size.map_or_else(String::new, |[x, y, z]| format!(" {x}x{y}x{z}"));
+    let fate = match &finding.volume {
+        Ok(_) => String::new(),
+        Err(error) => format!(", refused: {}", reason_of(error)),
+    };
+    format!("{}{part}{size}{fate}", finding.kind)
+}
+
+/// The sentence of a refusal without its path.
+fn reason_of(error: &SourceError) -> String {
+    match error {
+        SourceError::NoVolume { reason, .. }
+        | SourceError::Unusable { reason, .. }
+        | SourceError::Usage { reason, .. } => reason.clone(),
+        other => other.to_string(),
+    }
+}
+
+/// The refusal of inputs among which there is nothing like a volume.
+fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
+    if let [path] = inputs
+        && path.is_file()
+    {
+        return refuse_file(path);
+    }
+    let files: u64 = found.left_out().iter().map(|l| l.count).sum();
+    let reason = match found.left_out() {
+        [] => "the folder holds no file".into(),
+        [only] if only.reason != "not a volume" => {
+            format!("no volume is among the {files} file(s), but: {}", only.reason)
+        }
+        _ => format!(
+            "no volume is among the {files} file(s); for headerless voxels add --dims NXxNYxNZ and --dtype"
+        ),
+    };
+    SourceError::NoVolume { path: first.to_path_buf(), reason }
+}
+
+/// The refusal of a single file that is no volume.
+fn refuse_file(path: &Path) -> SourceError {
+    let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
+    let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+    let (length, file) = match opened {
+        Ok(opened) => opened,
+        Err(cause) => return SourceError::Unreadable { path: path.to_path_buf(), cause },
+    };
+    if length == 0 {
+        return unusable("is empty; give a DICOM series or headerless voxels".into());
+    }
+    if let Recognised::NoImage(reason) = recognise(&file) {
+        return SourceError::NoVolume { path: path.to_path_buf(), reason };
+    }
+    if let Some(what) = known(&head_of(&file)) {
         return unusable(format!(
             "is {what}; DICOM, NRRD, NIfTI, MetaImage, .npy, TIFF and PNG are read, and headerless voxels with --dims NXxNYxNZ and --dtype"
         ));
-    }
-    let file = path.is_file().then(|| File::open(path).ok()).flatten()?;
-    if !matches!(scan(&file), Err(ScanError::NotDicom)) {
-        return None;
-    }
-    if file.metadata().is_ok_and(|meta| meta.len() == 0) {
-        return unusable("is empty; give a DICOM series or headerless voxels".into());
     }
     // A name that promises DICOM makes the file wrong; any other may be raw voxels that lack options.
     let promises = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
@@ -127,17 +244,66 @@ fn refuse_foreign(path: &Path) -> Option<SourceError> {
         );
     }
     let reason = "is not DICOM; for headerless voxels add --dims NXxNYxNZ and --dtype".into();
-    Some(SourceError::Usage { path: path.to_path_buf(), reason })
+    SourceError::Usage { path: path.to_path_buf(), reason }
+}
+
+/// The first bytes of a file.
+fn head_of(file: &File) -> Vec<u8> {
+    let mut head = Vec::new();
+    // What cannot be read is not known.
+    let _ = file.take(HEAD_BYTES as u64).read_to_end(&mut head);
+    head
 }
 
 /// What a file is by its first bytes, if that is known and it is not DICOM.
-fn known(path: &Path) -> Option<&'static str> {
-    let head = head_of(path);
-    if head.get(128..132) == Some(b"DICM") {
-        return None;
-    }
+pub(super) fn known(head: &[u8]) -> Option<&'static str> {
     let is = |(at, magic, _): &&(usize, &[u8], &str)| head.get(*at..).is_some_and(|h| h.starts_with(magic));
     KNOWN.iter().find(is).map(|(_, _, what)| *what)
+}
+
+/// A volume with more to be said of it.
+struct Noted {
+    source: Box<dyn VolumeSource>,
+    info: VolumeInfo,
+}
+
+impl VolumeSource for Noted {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn preparation(&self) -> Preparation {
+        self.source.preparation()
+    }
+
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        self.source.prepare(workspace)
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        self.source.read_rows(z, rows, cols, out)
+    }
+
+    fn read_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        self.source.read_pitched(z, rows, cols, pitch, out)
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        self.source.resident_bytes()
+    }
 }
 
 #[cfg(test)]

@@ -220,3 +220,79 @@ impl Image<'_> {
         w.bytes
     }
 }
+
+/// A file as its elements, each of which can be set or taken away; explicit little-endian.
+#[derive(Clone)]
+pub(crate) struct Elements {
+    by_tag: std::collections::BTreeMap<u32, (&'static str, Vec<u8>)>,
+}
+
+impl Elements {
+    /// A CT image of 2x2 pixels at `z` mm, with the SOP Instance UID `1.2.3.z.instance`.
+    pub(crate) fn ct(z: f64, instance: i32, values: [u16; 4]) -> Self {
+        let mut image = Self { by_tag: std::collections::BTreeMap::new() };
+        image.set(0x0008_0008, "CS", "ORIGINAL\\PRIMARY\\AXIAL");
+        image.set(0x0008_0016, "UI", "1.2.840.10008.5.1.4.1.1.2");
+        image.set(0x0008_0018, "UI", &format!("1.2.3.{}.{instance}", (z * 1000.0).abs()));
+        image.set(0x0008_0060, "CS", "CT");
+        image.set(0x0010_0010, "PN", "Nobody^Real Jo");
+        image.set(0x0010_0020, "LO", "ID-4711");
+        image.set(0x0018_0050, "DS", "2.5");
+        image.set(0x0020_000e, "UI", "1.2.3");
+        image.set(0x0020_0011, "IS", "7");
+        image.set(0x0020_0013, "IS", &instance.to_string());
+        image.set(0x0020_0032, "DS", &format!("0\\0\\{z}"));
+        image.set(0x0020_0037, "DS", "1\\0\\0\\0\\1\\0");
+        image.us(0x0028_0002, 1);
+        image.set(0x0028_0004, "CS", "MONOCHROME2");
+        image.us(0x0028_0010, 2);
+        image.us(0x0028_0011, 2);
+        image.set(0x0028_0030, "DS", "0.75\\0.5");
+        image.us(0x0028_0100, 16);
+        image.us(0x0028_0101, 16);
+        image.us(0x0028_0102, 15);
+        image.us(0x0028_0103, 0);
+        image.set(0x0028_1052, "DS", "-1024");
+        image.set(0x0028_1053, "DS", "1");
+        image.by_tag.insert(0x7fe0_0010, ("OW", values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+        image
+    }
+
+    /// Sets a text.
+    pub(crate) fn set(&mut self, tag: u32, vr: &'static str, value: &str) -> &mut Self {
+        let mut bytes = value.as_bytes().to_vec();
+        if bytes.len() % 2 == 1 {
+            bytes.push(if vr == "UI" { 0 } else { b' ' });
+        }
+        self.by_tag.insert(tag, (vr, bytes));
+        self
+    }
+
+    /// Sets a 16-bit number.
+    pub(crate) fn us(&mut self, tag: u32, value: u16) -> &mut Self {
+        self.by_tag.insert(tag, ("US", value.to_le_bytes().to_vec()));
+        self
+    }
+
+    /// Takes an element away.
+    pub(crate) fn without(&mut self, tag: u32) -> &mut Self {
+        self.by_tag.remove(&tag);
+        self
+    }
+
+    /// As [`Elements::set`], of a copy.
+    pub(crate) fn with(&self, tag: u32, vr: &'static str, value: &str) -> Self {
+        let mut copy = self.clone();
+        copy.set(tag, vr, value);
+        copy
+    }
+
+    /// The whole file.
+    pub(crate) fn bytes(&self) -> Vec<u8> {
+        let mut writer = Writer::with_meta(Syntax::ExplicitLe, Syntax::ExplicitLe.uid());
+        for (tag, (vr, value)) in &self.by_tag {
+            writer.element(*tag, vr, value);
+        }
+        writer.bytes
+    }
+}

@@ -1,5 +1,7 @@
 //! The elements of one image that a volume needs, parsed (PS3.3 C.7.6, C.11.1; PS3.5 section 6.2).
 
+use std::fmt;
+
 use super::syntax::TransferSyntax;
 use crate::source::Endian;
 
@@ -35,9 +37,87 @@ pub struct PixelData {
     pub words: bool,
 }
 
+/// How elements are written at some place of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Encoding {
+    /// Does each element state its VR?
+    pub explicit: bool,
+    /// Byte order of tags, lengths and binary values.
+    pub endian: Endian,
+}
+
+/// Offsets of the heads of longer elements; `None` where the file has no such element.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Places {
+    /// (5200,9229) Shared Functional Groups Sequence.
+    pub shared_groups: Option<u64>,
+    /// (5200,9230) Per-Frame Functional Groups Sequence.
+    pub frame_groups: Option<u64>,
+    /// (0054,0022) Detector Information Sequence, which has the geometry of nuclear medicine images.
+    pub detectors: Option<u64>,
+    /// (3004,000C) Grid Frame Offset Vector.
+    pub grid_offsets: Option<u64>,
+    /// (0028,3000) Modality LUT Sequence.
+    pub modality_lut: Option<u64>,
+    /// (0028,1101) to (0028,1103): descriptors of the red, green and blue palette.
+    pub palette_descriptors: [Option<u64>; 3],
+    /// (0028,1201) to (0028,1203): data of the red, green and blue palette.
+    pub palettes: [Option<u64>; 3],
+    /// (7FE0,0001) Extended Offset Table.
+    pub offset_table: Option<u64>,
+}
+
+impl Places {
+    /// Remembers where an element begins, if it is one of these.
+    pub(super) fn keep(&mut self, tag: Tag, at: u64) {
+        let slot = match tag {
+            0x5200_9229 => &mut self.shared_groups,
+            0x5200_9230 => &mut self.frame_groups,
+            0x0054_0022 => &mut self.detectors,
+            0x3004_000c => &mut self.grid_offsets,
+            0x0028_3000 => &mut self.modality_lut,
+            0x0028_1101..=0x0028_1103 | 0x0028_1201..=0x0028_1203 => {
+                let list = if tag < 0x0028_1200 { &mut self.palette_descriptors } else { &mut self.palettes };
+                match list.get_mut((tag & 0xf) as usize - 1) {
+                    Some(slot) => slot,
+                    None => return,
+                }
+            }
+            0x7fe0_0001 => &mut self.offset_table,
+            _ => return,
+        };
+        slot.get_or_insert(at);
+    }
+}
+
+/// Patient's Name and Patient ID: kept only to be looked for in paths and masked, never shown or stored.
+#[derive(Clone, Default, PartialEq, Eq)]
+pub struct Secrets {
+    name: String,
+    id: String,
+}
+
+impl Secrets {
+    /// The texts, as far as they could be read.
+    pub(super) fn texts(&self) -> [&str; 2] {
+        [&self.name, &self.id]
+    }
+}
+
+impl fmt::Debug for Secrets {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Secrets")
+    }
+}
+
+/// Text in UTF-8, or else in Latin-1.
+fn any_text(value: &[u8]) -> String {
+    std::str::from_utf8(value).map_or_else(|_| value.iter().map(|b| char::from(*b)).collect(), str::to_owned)
+}
+
 /// What one DICOM file says of its image; `None` where an element is missing or illegible.
 ///
-/// No patient data is kept: no names, dates, or free text.
+/// No patient data is kept that could get out: no dates, no free text, and names only as [`Secrets`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct DicomHeader {
     /// How elements and pixels are encoded.
@@ -54,6 +134,10 @@ pub struct DicomHeader {
     pub modality: String,
     /// Photometric Interpretation, for example `MONOCHROME2`.
     pub photometric: String,
+    /// Series Number.
+    pub series_number: Option<i32>,
+    /// SOP Instance UID: the same in copies of one image.
+    pub instance_uid: String,
     /// Acquisition Number.
     pub acquisition: Option<i32>,
     /// Instance Number.
@@ -94,8 +178,41 @@ pub struct DicomHeader {
     pub padding: Option<u16>,
     /// Pixel Padding Range Limit, as its 16 bits.
     pub padding_limit: Option<u16>,
+    /// Echo Time in ms.
+    pub echo_time: Option<f64>,
+    /// Echo Number(s), the first.
+    pub echo_number: Option<i32>,
+    /// Repetition Time in ms.
+    pub repetition_time: Option<f64>,
+    /// Inversion Time in ms.
+    pub inversion_time: Option<f64>,
+    /// Flip Angle in degrees.
+    pub flip_angle: Option<f64>,
+    /// Trigger Time in ms.
+    pub trigger_time: Option<f64>,
+    /// Temporal Position Identifier.
+    pub temporal_position: Option<i32>,
+    /// Diffusion b-value in s/mm2.
+    pub b_value: Option<f64>,
+    /// Complex Image Component: `MAGNITUDE`, `PHASE`, ...
+    pub complex_component: String,
+    /// Diffusion Gradient Orientation, a unit vector in patient coordinates.
+    pub gradient: Option<[f64; 3]>,
+    /// Nominal Percentage of Cardiac Phase.
+    pub cardiac_phase: Option<f64>,
+    /// Acquisition Time, as the number HHMMSS.FFFFFF; only to tell images apart.
+    pub acquisition_time: Option<f64>,
+    /// Whom the image shows.
+    pub secrets: Secrets,
     /// Is there a Modality LUT Sequence? Then values are not linear.
     pub modality_lut: bool,
+    /// How elements are written.
+    pub encoding: Encoding,
+    /// Where the elements after the meta header begin. In a deflated file, offsets from here on count
+    /// bytes of the inflated stream.
+    pub dataset: u64,
+    /// Where some longer elements lie, which are read only when needed.
+    pub places: Places,
     /// Pixels, if the file has any.
     pub pixels: Option<PixelData>,
 }
@@ -110,6 +227,8 @@ impl DicomHeader {
             image_type: String::new(),
             modality: String::new(),
             photometric: String::new(),
+            series_number: None,
+            instance_uid: String::new(),
             acquisition: None,
             instance: None,
             samples: None,
@@ -130,7 +249,23 @@ impl DicomHeader {
             intercept: None,
             padding: None,
             padding_limit: None,
+            echo_time: None,
+            echo_number: None,
+            repetition_time: None,
+            inversion_time: None,
+            flip_angle: None,
+            trigger_time: None,
+            temporal_position: None,
+            b_value: None,
+            complex_component: String::new(),
+            gradient: None,
+            cardiac_phase: None,
+            acquisition_time: None,
+            secrets: Secrets::default(),
             modality_lut: false,
+            encoding: Encoding { explicit: true, endian: Endian::Little },
+            dataset: 0,
+            places: Places::default(),
             pixels: None,
         }
     }
@@ -145,7 +280,14 @@ impl DicomHeader {
             "5.1.4.1.1.2.1" => "enhanced CT",
             "5.1.4.1.1.4" => "MR image",
             "5.1.4.1.1.4.1" => "enhanced MR",
+            "5.1.4.1.1.3.1" | "5.1.4.1.1.6.1" => "ultrasound image",
             "5.1.4.1.1.7" => "secondary capture",
+            "5.1.4.1.1.7.1" | "5.1.4.1.1.7.2" | "5.1.4.1.1.7.3" | "5.1.4.1.1.7.4" => {
+                "multi-frame secondary capture"
+            }
+            "5.1.4.1.1.13.1.1" | "5.1.4.1.1.13.1.2" | "5.1.4.1.1.13.1.3" => "X-ray 3D image",
+            "5.1.4.1.1.20" => "NM image",
+            "5.1.4.1.1.130" => "enhanced PET",
             "5.1.4.1.1.66.4" => "segmentation",
             "5.1.4.1.1.30" => "parametric map",
             "5.1.4.1.1.128" => "PET image",
@@ -174,9 +316,25 @@ impl DicomHeader {
         match tag {
             0x0008_0008 => self.image_type = text(value),
             0x0008_0016 => self.sop_class = text(value),
+            0x0008_0018 => self.instance_uid = text(value),
+            0x0008_9208 => self.complex_component = text(value),
+            0x0008_0032 => self.acquisition_time = number(value),
+            0x0010_0010 => self.secrets.name = any_text(value),
+            0x0010_0020 => self.secrets.id = any_text(value),
+            0x0018_9089 => self.gradient = doubles(value, endian),
+            0x0020_9241 => self.cardiac_phase = single(value, endian),
             0x0008_0060 => self.modality = text(value),
             0x0018_0050 => self.slice_thickness = number(value),
+            0x0018_0080 => self.repetition_time = number(value),
+            0x0018_0081 => self.echo_time = number(value),
+            0x0018_0082 => self.inversion_time = number(value),
+            0x0018_0086 => self.echo_number = integer(value),
             0x0018_0088 => self.spacing_between = number(value),
+            0x0018_1060 => self.trigger_time = number(value),
+            0x0018_1314 => self.flip_angle = number(value),
+            0x0018_9087 => self.b_value = double(value, endian),
+            0x0020_0011 => self.series_number = integer(value),
+            0x0020_0100 => self.temporal_position = integer(value),
             0x0020_000d => self.study_uid = text(value),
             0x0020_000e => self.series_uid = text(value),
             0x0020_0012 => self.acquisition = text(value).parse().ok(),
@@ -212,15 +370,31 @@ impl DicomHeader {
             tag,
             0x0008_0008
                 | 0x0008_0016
+                | 0x0008_0018
                 | 0x0008_0060
+                | 0x0008_9208
+                | 0x0008_0032
+                | 0x0010_0010
+                | 0x0010_0020
+                | 0x0018_9089
+                | 0x0020_9241
                 | 0x0018_0050
+                | 0x0018_0080
+                | 0x0018_0081
+                | 0x0018_0082
+                | 0x0018_0086
                 | 0x0018_0088
+                | 0x0018_1060
+                | 0x0018_1314
+                | 0x0018_9087
                 | 0x0020_000d
                 | 0x0020_000e
+                | 0x0020_0011
                 | 0x0020_0012
                 | 0x0020_0013
                 | 0x0020_0032
                 | 0x0020_0037
+                | 0x0020_0100
                 | 0x0028_0002
                 | 0x0028_0004
                 | 0x0028_0006
@@ -244,12 +418,37 @@ pub(super) fn text(value: &[u8]) -> String {
 }
 
 /// One finite decimal; the first of several.
-fn number(value: &[u8]) -> Option<f64> {
+pub(super) fn number(value: &[u8]) -> Option<f64> {
     text(value).split('\\').next().and_then(|part| part.trim().parse().ok()).filter(|v: &f64| v.is_finite())
 }
 
+/// One integer; the first of several.
+pub(super) fn integer(value: &[u8]) -> Option<i32> {
+    text(value).split('\\').next().and_then(|part| part.trim().parse().ok())
+}
+
+/// One finite binary double (VR FD).
+pub(super) fn double(value: &[u8], endian: Endian) -> Option<f64> {
+    let bytes = *value.first_chunk::<8>()?;
+    let number = if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) };
+    number.is_finite().then_some(number)
+}
+
+/// Three finite binary doubles.
+fn doubles(value: &[u8], endian: Endian) -> Option<[f64; 3]> {
+    let at = |i: usize| double(value.get(8 * i..)?, endian);
+    Some([at(0)?, at(1)?, at(2)?])
+}
+
+/// One finite binary single (VR FL).
+fn single(value: &[u8], endian: Endian) -> Option<f64> {
+    let bytes = *value.first_chunk::<4>()?;
+    let number = if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) };
+    number.is_finite().then_some(number.into())
+}
+
 /// Exactly `N` finite decimals separated by backslashes.
-fn numbers<const N: usize>(value: &[u8]) -> Option<[f64; N]> {
+pub(super) fn numbers<const N: usize>(value: &[u8]) -> Option<[f64; N]> {
     let text = text(value);
     let mut parts = text.split('\\').map(|part| part.trim().parse::<f64>().ok().filter(|v| v.is_finite()));
     let mut out = [0.0; N];

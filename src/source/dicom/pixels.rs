@@ -1,79 +1,110 @@
-//! How the stored values of a native image lie in the file, or why they cannot be read
+//! How stored values are cut out of the cells of a frame, and what stands for no value
 //! (PS3.3 C.7.6.3; PS3.5 section 8).
 
-use thiserror::Error;
-
-use super::header::{DicomHeader, PixelElement};
-use super::syntax::TransferSyntax;
 use crate::geom::Dims;
 use crate::source::{Endian, ScalarType};
 
-/// Why an object cannot be a slice of a volume yet; the sentence names what it is.
-#[non_exhaustive]
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum Obstacle {
-    /// A report, a plan, a directory, ...
-    #[error("{0} without pixels")]
-    NoPixels(String),
-    /// Everything after the meta header is compressed.
-    #[error("deflated files cannot be read yet")]
-    Deflated,
-    /// Frames are compressed or wrapped.
-    #[error("compressed pixels ({0}) cannot be read yet")]
-    Encapsulated(TransferSyntax),
-    /// A transfer syntax that is not known here.
-    #[error("pixels in an {0} cannot be read")]
-    UnknownSyntax(TransferSyntax),
-    /// Several frames in one file.
-    #[error("multi-frame images ({0} frames in one file) cannot be read yet")]
-    MultiFrame(u32),
-    /// Number of Frames is illegible or 0.
-    #[error("the number of frames is not a positive number")]
-    BadFrames,
-    /// RGB, YBR, palette, ...
-    #[error("colour images ({photometric}, {samples} samples a pixel) cannot be read yet")]
-    Colour {
-        /// Photometric Interpretation.
-        photometric: String,
-        /// Samples per Pixel.
-        samples: u16,
-    },
-    /// Float or Double Float Pixel Data.
-    #[error("floating-point pixels cannot be read yet")]
-    Float,
-    /// Values go through a table.
-    #[error("values that go through a modality LUT cannot be read yet")]
-    ModalityLut,
-    /// A width other than 8, 16 or 32.
-    #[error("pixels of {0} bits allocated cannot be read yet")]
-    BitsAllocated(u16),
-    /// Bits stored and high bit do not fit the bits allocated.
-    #[error("{stored} bits stored with high bit {high} do not fit {allocated} bits allocated")]
-    BadBits {
-        /// Bits Allocated.
-        allocated: u16,
-        /// Bits Stored.
-        stored: u16,
-        /// High Bit.
-        high: u16,
-    },
-    /// 8-bit pixels as big-endian words: neighbours are swapped in the file.
-    #[error("8-bit pixels in big-endian words cannot be read")]
-    SwappedBytes,
-    /// An attribute that every image must have.
-    #[error("the image does not state its {0}")]
-    Missing(&'static str),
-    /// The file ends, or its pixel element ends, before the last row.
-    #[error("the pixels are cut short: {got} bytes of {needed}")]
-    Truncated {
-        /// Bytes that the size of the image needs.
-        needed: u64,
-        /// Bytes that are there.
-        got: u64,
-    },
+/// How a cell (the bits allocated to one sample) holds its value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Stored {
+    scalar: ScalarType,
+    endian: Endian,
+    signed: bool,
+    bits: u32,
+    /// Unused bits below the stored ones.
+    shift: u32,
 }
 
-/// Stored values of one native frame.
+impl Stored {
+    /// A cell of 8, 16 or 32 bits.
+    pub(super) fn integer(allocated: u32, bits: u32, shift: u32, signed: bool, endian: Endian) -> Self {
+        let scalar = match (allocated, signed) {
+            (8, false) => ScalarType::U8,
+            (8, true) => ScalarType::I8,
+            (16, false) => ScalarType::U16,
+            (16, true) => ScalarType::I16,
+            (_, false) => ScalarType::U32,
+            (_, true) => ScalarType::I32,
+        };
+        Self { scalar, endian, signed, bits, shift }
+    }
+
+    /// IEEE single.
+    pub(super) fn float(endian: Endian) -> Self {
+        Self { scalar: ScalarType::F32, endian, signed: true, bits: 32, shift: 0 }
+    }
+
+    /// IEEE double.
+    pub(super) fn double(endian: Endian) -> Self {
+        Self { scalar: ScalarType::F64, endian, signed: true, bits: 64, shift: 0 }
+    }
+
+    /// Type of the cut out value: as wide as the cell.
+    pub(super) fn scalar(&self) -> ScalarType {
+        self.scalar
+    }
+
+    /// Bytes of a cell.
+    pub(super) fn bytes(&self) -> usize {
+        self.scalar.bytes()
+    }
+
+    /// Bits Stored.
+    pub(super) fn bits(&self) -> u32 {
+        self.bits
+    }
+
+    /// Unused bits below the stored ones.
+    pub(super) fn shift(&self) -> u32 {
+        self.shift
+    }
+
+    /// The value of a cut out sample at the beginning of some bytes in native order.
+    pub(super) fn value(&self, sample: &[u8]) -> i64 {
+        let word = |bytes: &[u8]| bytes.first_chunk::<2>().map_or(0_u16, |b| bytemuck::cast(*b));
+        let raw = match self.bytes() {
+            1 => sample.first().copied().map_or(0, u32::from),
+            2 => word(sample).into(),
+            _ => sample.first_chunk::<4>().map_or(0, |b| bytemuck::cast(*b)),
+        };
+        self.number(raw)
+    }
+
+    /// Are values two's complement?
+    pub(super) fn is_signed(&self) -> bool {
+        self.signed
+    }
+
+    pub(super) fn is_float(&self) -> bool {
+        matches!(self.scalar, ScalarType::F32 | ScalarType::F64)
+    }
+
+    /// Cuts the value out of a cell of at most 32 bits.
+    fn cut(&self, raw: u32) -> u32 {
+        let up = 32 - self.bits;
+        let top = (raw >> self.shift) << up;
+        if self.signed { top.cast_signed().wrapping_shr(up).cast_unsigned() } else { top >> up }
+    }
+
+    /// Is the value all of the cell?
+    fn is_whole(&self) -> bool {
+        self.is_float() || (self.shift == 0 && self.bits as usize == 8 * self.bytes())
+    }
+
+    /// The value of a sample held in the low bits of `bits`.
+    fn number(&self, bits: u32) -> i64 {
+        let up = 32 - 8 * u32::try_from(self.bytes()).unwrap_or(4).min(4);
+        if self.signed { i64::from((bits << up).cast_signed() >> up) } else { i64::from((bits << up) >> up) }
+    }
+
+    /// Smallest and largest stored value.
+    fn range(&self) -> (i64, i64) {
+        let span = 1_i64 << self.bits.min(32);
+        if self.signed { (-span / 2, span / 2 - 1) } else { (0, span - 1) }
+    }
+}
+
+/// Size of a frame, and how its cells become samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelLayout {
     /// Width in pixels.
@@ -81,16 +112,12 @@ pub struct PixelLayout {
     /// Height in pixels.
     pub rows: u32,
     scalar: ScalarType,
-    endian: Endian,
-    signed: bool,
-    bits_stored: u32,
-    /// Unused bits below the stored ones.
-    shift: u32,
+    stored: Stored,
 }
 
 /// Stored values that mean "no pixel", and what stands for them in a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Padding {
+pub struct Padding {
     low: i64,
     high: i64,
     /// Stored value that is delivered instead.
@@ -98,78 +125,19 @@ pub(super) struct Padding {
 }
 
 impl PixelLayout {
-    /// Layout of an image of one uncompressed grey frame, all of whose bytes are in the file.
-    ///
-    /// # Errors
-    /// The [`Obstacle`] that is in the way.
-    pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
-        let syntax = &header.transfer_syntax;
-        if *syntax == TransferSyntax::Deflated {
-            return Err(Obstacle::Deflated);
-        }
-        let Some(pixels) = header.pixels else { return Err(Obstacle::NoPixels(header.kind())) };
-        if pixels.element != PixelElement::Integer {
-            return Err(Obstacle::Float);
-        }
-        match syntax {
-            TransferSyntax::Unknown(_) => return Err(Obstacle::UnknownSyntax(syntax.clone())),
-            TransferSyntax::Encapsulated(_) => return Err(Obstacle::Encapsulated(syntax.clone())),
-            _ if pixels.declared.is_none() => return Err(Obstacle::Encapsulated(syntax.clone())),
-            _ => {}
-        }
-        match header.frames {
-            None | Some(Ok(1)) => {}
-            Some(Ok(n)) if n > 1 => return Err(Obstacle::MultiFrame(n)),
-            Some(_) => return Err(Obstacle::BadFrames),
-        }
-        let grey = matches!(header.photometric.as_str(), "" | "MONOCHROME1" | "MONOCHROME2");
-        let samples = header.samples.unwrap_or(1);
-        if samples != 1 || !grey {
-            return Err(Obstacle::Colour { photometric: header.photometric.clone(), samples });
-        }
-        if header.modality_lut {
-            return Err(Obstacle::ModalityLut);
-        }
-        let side = |side: Option<u16>, what| side.filter(|n| *n > 0).ok_or(Obstacle::Missing(what));
-        let (rows, columns) = (side(header.rows, "rows")?, side(header.columns, "columns")?);
-        let allocated = header.bits_allocated.ok_or(Obstacle::Missing("bits allocated"))?;
-        let signed = header.pixel_representation.unwrap_or(0) & 1 == 1;
-        let scalar = match (allocated, signed) {
-            (8, false) => ScalarType::U8,
-            (8, true) => ScalarType::I8,
-            (16, false) => ScalarType::U16,
-            (16, true) => ScalarType::I16,
-            (32, false) => ScalarType::U32,
-            (32, true) => ScalarType::I32,
-            _ => return Err(Obstacle::BitsAllocated(allocated)),
-        };
-        let stored = header.bits_stored.unwrap_or(allocated);
-        let high = header.high_bit.unwrap_or(stored.saturating_sub(1));
-        if stored == 0 || high >= allocated || stored > high + 1 {
-            return Err(Obstacle::BadBits { allocated, stored, high });
-        }
-        let big = *syntax == TransferSyntax::ExplicitBe;
-        if big && allocated == 8 && pixels.words {
-            return Err(Obstacle::SwappedBytes);
-        }
-        let needed = u64::from(rows) * u64::from(columns) * scalar.bytes() as u64;
-        if pixels.available < needed {
-            return Err(Obstacle::Truncated { needed, got: pixels.available });
-        }
-        Ok(Self {
-            columns: columns.into(),
-            rows: rows.into(),
-            scalar,
-            endian: if big { Endian::Big } else { Endian::Little },
-            signed,
-            bits_stored: stored.into(),
-            shift: u32::from(high + 1 - stored),
-        })
+    /// A frame of such cells, delivered as `scalar`.
+    pub(super) fn new(columns: u32, rows: u32, scalar: ScalarType, stored: Stored) -> Self {
+        Self { columns, rows, scalar, stored }
     }
 
-    /// Type of the stored values: as wide as allocated, signed as the header says.
+    /// Type of the delivered samples: as wide as allocated and signed as the header says, unless the values
+    /// go through a table or are bits.
     pub fn scalar(&self) -> ScalarType {
         self.scalar
+    }
+
+    pub(super) fn stored(&self) -> &Stored {
+        &self.stored
     }
 
     /// Size as a volume of `slices` slices; `None` where that is out of range.
@@ -177,79 +145,83 @@ impl PixelLayout {
         Dims::new(self.columns, self.rows, u32::try_from(slices).ok()?)
     }
 
-    /// Turns whole samples as they are in the file into stored values in native byte order, in place:
+    /// Turns whole cells as they are in the file into stored values in native byte order, in place:
     /// swapped, shifted down, masked to Bits Stored, sign-extended.
-    pub fn decode(&self, samples: &mut [u8]) {
-        self.decode_padded(samples, None);
+    pub fn decode(&self, cells: &mut [u8]) {
+        self.decode_padded(cells, None);
     }
 
     /// As [`PixelLayout::decode`], with padding replaced.
-    pub(super) fn decode_padded(&self, samples: &mut [u8], padding: Option<Padding>) {
-        let width = self.scalar.bytes();
-        self.endian.to_native(width, samples);
-        let full = self.shift == 0 && self.bits_stored as usize == 8 * width;
-        if full && padding.is_none() {
+    pub fn decode_padded(&self, cells: &mut [u8], padding: Option<Padding>) {
+        let stored = self.stored;
+        let width = stored.bytes();
+        stored.endian.to_native(width, cells);
+        if stored.is_float() || (stored.is_whole() && padding.is_none()) {
             return;
         }
         // Bits above the stored ones once held overlays, and may hold a padding value wider than
         // Bits Stored: padding is compared before and after they are cut off.
         let map = |raw: u32| {
-            let up = 32 - self.bits_stored;
-            let cut = (raw >> self.shift) << up;
-            let value =
-                if self.signed { cut.cast_signed().wrapping_shr(up).cast_unsigned() } else { cut >> up };
+            let value = stored.cut(raw);
             match padding {
-                Some(p) if p.holds(self.number(raw)) || p.holds(self.number(value)) => p.replacement_bits(),
+                Some(p) if p.holds(stored.number(raw)) || p.holds(stored.number(value)) => {
+                    p.replacement_bits()
+                }
                 _ => value,
             }
         };
         match width {
-            1 => each::<u8>(samples, map),
-            2 => each::<u16>(samples, map),
-            _ => each::<u32>(samples, map),
+            1 => each::<u8>(cells, map),
+            2 => each::<u16>(cells, map),
+            _ => each::<u32>(cells, map),
         }
     }
 
-    /// The value of a sample held in the low bits of `bits`.
-    fn number(&self, bits: u32) -> i64 {
-        let up = 32 - 8 * u32::try_from(self.scalar.bytes()).unwrap_or(4);
-        if self.signed { i64::from((bits << up).cast_signed() >> up) } else { i64::from((bits << up) >> up) }
-    }
-
-    /// Smallest and largest stored value.
-    fn range(&self) -> (i64, i64) {
-        let span = 1_i64 << self.bits_stored;
-        if self.signed { (-span / 2, span / 2 - 1) } else { (0, span - 1) }
-    }
-
     /// Padding given by the bits of its value and range limit, replaced by the stored value nearest to
-    /// `background` (physical).
-    pub(super) fn padding(
+    /// `background` (physical); none for floating-point pixels.
+    pub fn padding(
         &self,
         (value, limit): (Option<u16>, Option<u16>),
         background: f64,
         slope: f64,
         intercept: f64,
     ) -> Option<Padding> {
+        if self.stored.is_float() {
+            return None;
+        }
         let word = |bits: u16| {
-            if self.signed { i64::from(bits.cast_signed()) } else { i64::from(bits) }
+            if self.stored.signed { i64::from(bits.cast_signed()) } else { i64::from(bits) }
         };
         let first = word(value?);
         let last = limit.map_or(first, word);
-        let (low, high) = self.range();
+        let (low, high) = self.stored.range();
         let stored = ((background - intercept) / slope).round();
         #[expect(clippy::cast_possible_truncation, reason = "float to int casts saturate, then clamped")]
         let replacement = (stored as i64).clamp(low, high);
         Some(Padding { low: first.min(last), high: first.max(last), replacement })
     }
 
+    /// The value of a delivered sample of at most 32 bits, held in the low bits of `bits`.
+    fn number(&self, bits: u32) -> f64 {
+        match self.scalar {
+            ScalarType::F32 | ScalarType::F64 => f32::from_bits(bits).into(),
+            ScalarType::U8 => f64::from(bits & 0xff),
+            ScalarType::U16 => f64::from(bits & 0xffff),
+            ScalarType::U32 => f64::from(bits),
+            ScalarType::I8 => f64::from((bits << 24).cast_signed() >> 24),
+            ScalarType::I16 => f64::from((bits << 16).cast_signed() >> 16),
+            ScalarType::I32 => f64::from(bits.cast_signed()),
+        }
+    }
+
     /// Turns stored values in native order, lying in the tail of `out`, into physical `f32`s that
     /// fill `out`. A 32-bit sample is overwritten only after it was read; narrower ones lie far enough
     /// behind: value i ends at byte 4 (i + 1), sample i + 1 begins at (4 - w) n + w (i + 1).
-    pub(super) fn widen(&self, out: &mut [u8], slope: f64, intercept: f64) {
+    pub fn widen(&self, out: &mut [u8], slope: f64, intercept: f64) {
         let width = self.scalar.bytes();
         let n = out.len() / 4;
-        let tail = out.len() - n * width;
+        // Doubles have no rescale, so they are never widened.
+        let Some(tail) = out.len().checked_sub(n * width) else { return };
         for i in 0..n {
             let mut word = [0; 4];
             if let Some(sample) = out.get(tail + i * width..tail + (i + 1) * width) {
@@ -257,13 +229,8 @@ impl PixelLayout {
                 let at = if Endian::Little.is_native() { 0 } else { 4 - width };
                 word[at..at + width].copy_from_slice(sample);
             }
-            let stored = self.number(bytemuck::cast(word));
-            #[expect(
-                clippy::cast_precision_loss,
-                clippy::cast_possible_truncation,
-                reason = "32-bit integers are exact in f64; the result is single precision by contract"
-            )]
-            let physical = (slope * stored as f64 + intercept) as f32;
+            #[expect(clippy::cast_possible_truncation, reason = "the result is single precision by contract")]
+            let physical = (slope * self.number(bytemuck::cast(word)) + intercept) as f32;
             if let Some(slot) = out.get_mut(4 * i..4 * i + 4) {
                 slot.copy_from_slice(bytemuck::bytes_of(&physical));
             }
@@ -272,12 +239,12 @@ impl PixelLayout {
 }
 
 impl Padding {
-    fn holds(self, value: i64) -> bool {
+    pub(super) fn holds(self, value: i64) -> bool {
         (self.low..=self.high).contains(&value)
     }
 
     /// Does replacing change anything?
-    pub(super) fn matters(self) -> bool {
+    pub fn matters(self) -> bool {
         (self.low, self.high) != (self.replacement, self.replacement)
     }
 
@@ -322,7 +289,9 @@ fn each<W: Word>(samples: &mut [u8], map: impl Fn(u32) -> u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::dicom::header::PixelData;
+    use crate::source::dicom::header::{DicomHeader, PixelData, PixelElement};
+    use crate::source::dicom::image::Obstacle;
+    use crate::source::dicom::syntax::TransferSyntax;
 
     fn header(allocated: u16, stored: u16, high: u16, signed: bool) -> DicomHeader {
         let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
@@ -371,7 +340,7 @@ mod tests {
         assert_eq!(decode16(&image, Some(-1000.0), &raw), expected);
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small numbers")]
+    #[expect(clippy::cast_possible_truncation, reason = "small numbers")]
     #[test]
     fn widening_in_place_reads_every_sample_before_it_is_overwritten() {
         for (allocated, signed) in [(8, false), (8, true), (16, false), (16, true), (32, false), (32, true)] {
@@ -384,7 +353,7 @@ mod tests {
                     let bits = u32::try_from(i * 37 + 200).unwrap();
                     let at = 4 * n - n * width + i * width;
                     out[at..at + width].copy_from_slice(&bits.to_le_bytes()[..width]);
-                    expected.push((0.5 * layout.number(bits) as f64 - 3.0) as f32);
+                    expected.push((0.5 * layout.number(bits) - 3.0) as f32);
                 }
                 Endian::Little.to_native(width, &mut out[4 * n - n * width..]);
                 layout.widen(&mut out, 0.5, -3.0);
@@ -397,7 +366,9 @@ mod tests {
     #[test]
     fn impossible_bits_and_missing_sizes_are_named() {
         let of = |h: &DicomHeader| PixelLayout::of(h).unwrap_err();
-        assert_eq!(of(&header(1, 1, 0, false)), Obstacle::BitsAllocated(1));
+        for allocated in [0, 2, 12, 24, 64, u16::MAX] {
+            assert_eq!(of(&header(allocated, 1, 0, false)), Obstacle::BitsAllocated(allocated));
+        }
         for (stored, high) in [(0, 0), (17, 16), (12, 16), (12, 5), (u16::MAX, u16::MAX)] {
             let expected = Obstacle::BadBits { allocated: 16, stored, high };
             assert_eq!(of(&header(16, stored, high, false)), expected);

@@ -1,234 +1,284 @@
-//! Finds the images among the inputs by content, and groups those that could be one volume.
+//! Tells images from other files, and loads the images of one series.
 //!
-//! Memory: one header at a time, some 90 bytes per image, the names once.
+//! Memory: one header at a time, some 250 bytes per image, the names once.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::header::DicomHeader;
-use super::pixels::{Obstacle, PixelLayout};
+use super::frames::{FrameGeometry, Origin, visit};
+use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
+use super::header::{DicomHeader, Secrets};
+use super::image::{Access, Image, Obstacle};
 use super::scan::{ScanError, scan};
-use crate::source::SourceError;
 use crate::source::files::FileList;
-use crate::source::raw::base_name;
+use crate::source::stable_hash::StableHash;
 
-/// How deep folders are searched below the one given.
-const MAX_FOLDER_DEPTH: u32 = 5;
-
-/// Orientation cosines that differ by less are the same; scanners print six digits.
-const ORIENTATION_TOLERANCE: f64 = 1e-4;
-
-/// Relative difference of pixel spacings that are the same.
-const SPACING_TOLERANCE: f64 = 1e-4;
-
-/// Everything that was found.
-pub(super) struct Survey {
-    pub(super) files: FileList,
-    pub(super) name: String,
-    pub(super) groups: Vec<Group>,
-    /// DICOM files that are no usable image: the reason, how many, the first of them.
-    pub(super) unusable: Vec<(String, u64, PathBuf)>,
-    /// Files that are no DICOM at all.
-    pub(super) foreign: u64,
+/// What a file is, as far as DICOM is concerned.
+#[derive(Debug)]
+pub(crate) enum Recognised {
+    /// An image, of the series with this UID (empty if it names none).
+    Image {
+        /// Series Instance UID.
+        series: String,
+    },
+    /// A report, a plan, a directory, ...; in words.
+    NoImage(String),
+    /// It begins as DICOM, but cannot be followed.
+    Damaged(String),
+    /// The system refused.
+    Unreadable(io::Error),
+    /// Something else.
+    Foreign,
 }
 
-/// Images of one series, orientation and size.
-pub(super) struct Group {
-    /// Header of the first image, for all that the images share.
-    pub(super) first: DicomHeader,
-    pub(super) layouts: Vec<PixelLayout>,
-    pub(super) image_types: Vec<String>,
-    pub(super) slices: Vec<Slice>,
-    /// An image of this group that is there, but cannot be read.
-    pub(super) broken: Option<(PathBuf, String)>,
-}
-
-/// One image.
-#[derive(Clone, Debug)]
-pub(super) struct Slice {
-    /// Index in the survey's files.
-    pub(super) file: usize,
-    pub(super) layout: u32,
-    pub(super) image_type: u32,
-    pub(super) acquisition: i32,
-    pub(super) instance: Option<i32>,
-    pub(super) position: Option<[f64; 3]>,
-    pub(super) offset: u64,
-    /// Slope and intercept, if stated.
-    pub(super) rescale: Option<(f64, f64)>,
-    /// Pixel Padding Value and Range Limit as their bits.
-    pub(super) padding: (Option<u16>, Option<u16>),
-}
-
-/// Searches files and folders. Order of the result does not depend on the order of a folder.
-pub(super) fn survey(inputs: &[PathBuf]) -> Result<Survey, SourceError> {
-    let (files, name) = list(inputs)?;
-    let mut survey = Survey { files, name, groups: Vec::new(), unusable: Vec::new(), foreign: 0 };
-    for file in 0..survey.files.len() {
-        let path = survey.files.path(file);
-        let header = match File::open(&path).map_err(ScanError::Io).and_then(|f| scan(&f)) {
-            Ok(header) => header,
-            Err(ScanError::NotDicom) => {
-                survey.foreign += 1;
-                continue;
-            }
-            // A file that was named must be readable; one met in a folder is only reported.
-            Err(ScanError::Io(cause)) if inputs.contains(&path) => {
-                return Err(SourceError::Unreadable { path, cause });
-            }
-            Err(error) => {
-                survey.set_aside(error.to_string(), path);
-                continue;
-            }
-        };
-        survey.add(file, path, header);
+/// Looks at the header of a file.
+pub(crate) fn recognise(file: &File) -> Recognised {
+    match scan(file) {
+        // An image that ends before its pixels is still an image; it is refused when it is opened.
+        Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
+            Recognised::Image { series: header.series_uid }
+        }
+        Ok(header) => Recognised::NoImage(Obstacle::NoPixels(header.kind()).to_string()),
+        Err(ScanError::Io(cause)) => Recognised::Unreadable(cause),
+        Err(ScanError::NotDicom) => Recognised::Foreign,
+        Err(error @ ScanError::Damaged { .. }) => Recognised::Damaged(error.to_string()),
     }
-    Ok(survey)
 }
 
-impl Survey {
-    fn set_aside(&mut self, reason: String, path: PathBuf) {
-        // Offsets and counts make reasons distinct; a bound keeps a folder of junk from piling up.
-        const MAX_REASONS: usize = 16;
-        let known = self.unusable.iter().position(|(known, ..)| *known == reason);
-        if known.is_none() && self.unusable.len() < MAX_REASONS {
-            self.unusable.push((reason, 1, path));
-        } else if let Some((_, count, _)) = self.unusable.get_mut(known.unwrap_or(MAX_REASONS - 1)) {
-            *count += 1;
+/// Reads the headers of the files of one series; `facts` are size and time of change of each.
+pub(super) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
+    let mut series = Series::new(files, facts.to_vec());
+    for file in 0..series.files.len() {
+        let path = series.files.path(file);
+        let opened = File::open(&path).map_err(ScanError::Io);
+        let scanned = opened.and_then(|f| scan(&f).map(|header| (f, header)));
+        match scanned {
+            Ok((input, header)) => add_file(&mut series, file, &input, &header),
+            Err(error) => series.lost(path, error.to_string()),
         }
     }
-
-    fn add(&mut self, file: usize, path: PathBuf, header: DicomHeader) {
-        let layout = match PixelLayout::of(&header) {
-            Ok(layout) => layout,
-            Err(obstacle @ Obstacle::Truncated { .. }) => {
-                // It belongs to a series: without it the volume would silently lack a slice.
-                if let Some(group) = self.groups.iter_mut().find(|g| g.same_stack(&header)) {
-                    group.broken.get_or_insert((path, obstacle.to_string()));
-                } else {
-                    let mut group = Group::new(header);
-                    group.broken = Some((path, obstacle.to_string()));
-                    self.groups.push(group);
-                }
-                return;
-            }
-            Err(obstacle) => return self.set_aside(obstacle.to_string(), path),
-        };
-        let at = self.groups.iter().position(|g| g.same_stack(&header)).unwrap_or_else(|| {
-            self.groups.push(Group::new(header.clone()));
-            self.groups.len() - 1
-        });
-        if let Some(group) = self.groups.get_mut(at) {
-            group.add(file, &header, layout);
-        }
-    }
+    series.finish();
+    series
 }
 
-impl Group {
-    fn new(first: DicomHeader) -> Self {
-        Self { first, layouts: Vec::new(), image_types: Vec::new(), slices: Vec::new(), broken: None }
+/// Adds every frame of a file.
+fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader) {
+    series.hide(&header.secrets);
+    let image = Image::of(header);
+    let frames = image.as_ref().map_or(1, |image| image.frames);
+    let mut obstacle = image.as_ref().err().map(Obstacle::to_string);
+    if header.image_type.split('\\').any(|part| part.trim() == "MOSAIC") {
+        obstacle = Some(
+            "Siemens mosaics (many slices tiled into one image) cannot be read; \
+             convert them to enhanced or single-slice images first"
+                .into(),
+        );
     }
-
-    /// Could the image lie in the same volume as this group's first?
-    fn same_stack(&self, other: &DicomHeader) -> bool {
-        let first = &self.first;
-        let close =
-            |a: &[f64], b: &[f64], tolerance: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
-        let orientation = match (&first.orientation, &other.orientation) {
-            (Some(a), Some(b)) => close(a, b, ORIENTATION_TOLERANCE),
-            (a, b) => a.is_none() && b.is_none(),
-        };
-        let spacing = match (&first.pixel_spacing, &other.pixel_spacing) {
-            (Some(a), Some(b)) => close(a, b, SPACING_TOLERANCE * a[0].abs().max(a[1].abs())),
-            (a, b) => a.is_none() && b.is_none(),
-        };
-        first.series_uid == other.series_uid
-            && (first.rows, first.columns) == (other.rows, other.columns)
-            && first.bits_allocated == other.bits_allocated
-            && first.pixel_representation.unwrap_or(0) == other.pixel_representation.unwrap_or(0)
-            && first.photometric == other.photometric
-            && first.is_localizer() == other.is_localizer()
-            && orientation
-            && spacing
+    let image = image.ok().filter(|_| obstacle.is_none());
+    let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
+    if plain || image.is_none() {
+        return add_frame(series, file, header, image.as_ref(), &own_geometry(header), obstacle.as_deref());
     }
-
-    fn add(&mut self, file: usize, header: &DicomHeader, layout: PixelLayout) {
-        let rescale = (header.slope.is_some() || header.intercept.is_some())
-            .then(|| (header.slope.unwrap_or(1.0), header.intercept.unwrap_or(0.0)));
-        self.slices.push(Slice {
-            file,
-            layout: index_of(&mut self.layouts, layout),
-            image_type: index_of(&mut self.image_types, header.image_type.clone()),
-            acquisition: header.acquisition.unwrap_or(0),
-            instance: header.instance,
-            position: header.position,
-            offset: header.pixels.map_or(0, |p| p.offset),
-            rescale,
-            padding: (header.padding, header.padding_limit),
-        });
-    }
-}
-
-/// Index of a value in a short list of distinct ones, added if new.
-fn index_of<T: PartialEq>(known: &mut Vec<T>, value: T) -> u32 {
-    let at = known.iter().position(|k| *k == value).unwrap_or_else(|| {
-        known.push(value);
-        known.len() - 1
+    let mut seen = 0;
+    let visited = visit(input, header, &mut |frame| {
+        add_frame(series, file, header, image.as_ref(), frame, None);
+        seen += 1;
+        seen < frames
     });
-    u32::try_from(at).unwrap_or(u32::MAX)
+    if let Err(error) = visited {
+        let reason = format!("its frames cannot be told apart: {error}");
+        add_frame(series, file, header, None, &own_geometry(header), Some(&reason));
+    }
 }
 
-/// Files to look into, and the base name of what was given.
-fn list(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
-    let Some(first) = inputs.first() else {
-        return Err(SourceError::Usage { path: PathBuf::new(), reason: "no input file is given".into() });
+/// What the file of one frame says of it.
+fn own_geometry(header: &DicomHeader) -> FrameGeometry {
+    FrameGeometry {
+        position: header.position,
+        orientation: header.orientation,
+        pixel_spacing: header.pixel_spacing,
+        slice_thickness: header.slice_thickness,
+        spacing_between: header.spacing_between,
+        slope: header.slope,
+        intercept: header.intercept,
+        frame_type: header.image_type.clone(),
+        complex_component: header.complex_component.clone(),
+        temporal_position: header.temporal_position,
+        acquisition: header.acquisition,
+        echo_time: header.echo_time,
+        b_value: header.b_value,
+        trigger_time: header.trigger_time,
+        ..FrameGeometry::default()
+    }
+}
+
+fn add_frame(
+    series: &mut Series,
+    file: usize,
+    header: &DicomHeader,
+    image: Option<&Image>,
+    frame: &FrameGeometry,
+    obstacle: Option<&str>,
+) {
+    let kind = kind_of(&frame.frame_type);
+    let mut key = StableHash::new().part(header.series_uid.as_bytes());
+    let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
+    for number in [
+        header.rows.map_or(0, u64::from),
+        header.columns.map_or(0, u64::from),
+        header.bits_allocated.map_or(0, u64::from),
+        header.pixel_representation.map_or(0, u64::from),
+        header.samples.map_or(1, u64::from),
+        kind as u64,
+        frame.position.is_some().into(),
+        frame.orientation.is_some().into(),
+        frame.pixel_spacing.is_some().into(),
+        header.modality_lut.into(),
+        header.pixels.map_or(0, |p| p.element as u64),
+    ] {
+        key = key.number(number);
+    }
+    let key = key.part(photometric.as_bytes()).finish();
+    let rescale = (frame.slope.is_some() || frame.intercept.is_some())
+        .then(|| (frame.slope.unwrap_or(1.0), frame.intercept.unwrap_or(0.0)));
+    let rescales = image.is_none_or(Image::rescales);
+    let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
+    let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
+    let mut keys = [f32::NAN; Key::NUMBERS];
+    for (slot, value) in keys.iter_mut().zip([
+        series.stack_index(&frame.stack_id),
+        frame.segment.map_or(f64::NAN, f64::from),
+        number(header.echo_number),
+        value(frame.echo_time),
+        value(header.inversion_time),
+        value(header.flip_angle),
+        number(frame.temporal_position),
+        value(frame.b_value),
+        series.direction_index(header.gradient),
+        value(frame.trigger_time),
+        value(header.cardiac_phase),
+        number(frame.acquisition),
+        value(header.acquisition_time),
+    ]) {
+        #[expect(clippy::cast_possible_truncation, reason = "seven digits tell images apart")]
+        let short = value as f32;
+        *slot = short;
+    }
+    let native = match image.map(|i| i.access) {
+        Some(Access::Native { offset, frame_bytes }) => {
+            offset.checked_add(frame_bytes.saturating_mul(frame.index.into()))
+        }
+        _ => None,
     };
-    let unreadable = |path: &Path, cause| SourceError::Unreadable { path: path.to_path_buf(), cause };
-    // One folder: names relative to it. Otherwise: names as given.
-    let alone = inputs.len() == 1 && fs::metadata(first).map_err(|e| unreadable(first, e))?.is_dir();
-    let mut files = FileList::new(if alone { first } else { Path::new("") });
-    if alone {
-        walk(first, Path::new(""), 0, &mut files).map_err(|e| unreadable(first, e))?;
-    } else {
-        for input in inputs {
-            let meta = fs::metadata(input).map_err(|e| unreadable(input, e))?;
-            if meta.is_dir() {
-                walk(input, input, 0, &mut files).map_err(|e| unreadable(input, e))?;
-            } else if meta.is_file() {
-                files.push(input);
-            } else {
-                // Opening a pipe could wait forever.
-                let reason = "is neither a file nor a folder".into();
-                return Err(SourceError::Unusable { path: input.clone(), reason });
-            }
-        }
+    let slice = Slice {
+        file: u32::try_from(file).unwrap_or(u32::MAX),
+        frame: frame.index,
+        layout: image.map_or(u32::MAX, |i| series.layout_index(i.layout)),
+        image_type: series.type_index(&frame.frame_type, &frame.complex_component),
+        obstacle: obstacle.map_or(NO_OBSTACLE, |text| series.obstacle_index(text)),
+        identity: if header.instance_uid.is_empty() {
+            0
+        } else {
+            StableHash::new().part(header.instance_uid.as_bytes()).finish()
+        },
+        instance: header.instance,
+        at: frame.position.unwrap_or([f64::NAN; 3]),
+        native: native.unwrap_or(u64::MAX),
+        pixels: header
+            .pixels
+            .filter(|_| image.is_some_and(|i| i.frames == 1))
+            .map_or((0, 0), |p| (p.offset, p.available)),
+        linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
+        rescales,
+        padding: (header.padding, header.padding_limit),
+        keys,
+    };
+    let shared = Shared {
+        kind,
+        object: header.kind(),
+        modality: header.modality.clone(),
+        series_uid: header.series_uid.clone(),
+        series_number: header.series_number,
+        size: [header.columns.unwrap_or(0).into(), header.rows.unwrap_or(0).into()],
+        orientation: frame.orientation,
+        pixel_spacing: frame.pixel_spacing,
+        slice_thickness: frame.slice_thickness,
+        spacing_between: frame.spacing_between,
+        unroll_bytes: 0,
+        warnings: Vec::new(),
+    };
+    let group = series.group_of(key, shared);
+    if let Some(image) = image {
+        group.shared.unroll_bytes =
+            group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
+        group.shared.warn(image.warning());
     }
-    let order = files.natural_order();
-    Ok((files.select(order.into_iter()), base_name(first)))
+    group.shared.warn(match frame.origin {
+        Origin::Stated => None,
+        Origin::Grid => Some("positions of frames are taken from the grid frame offset vector"),
+        Origin::Stepped => {
+            Some("frames state no positions of their own; they are placed in their order by the stated spacing between slices")
+        }
+    });
+    group.slices.push(slice);
 }
 
-/// Adds the files of `folder` under the name `prefix`; hidden ones are left out, links to files are
-/// followed, links to folders are not (they may run in circles).
-fn walk(folder: &Path, prefix: &Path, depth: u32, files: &mut FileList) -> io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        let file_name = entry.file_name();
-        if file_name.as_encoded_bytes().starts_with(b".") {
-            continue;
-        }
-        let name = prefix.join(&file_name);
-        let kind = entry.file_type()?;
-        if kind.is_dir() {
-            // A subfolder that may not be read is no reason to give up the rest.
-            if depth < MAX_FOLDER_DEPTH {
-                let _ = walk(&entry.path(), &name, depth + 1, files);
+fn native_of(image: &Image) -> bool {
+    matches!(image.access, Access::Native { .. })
+}
+
+/// Kinds of images that never lie in one volume, by Image Type (PS3.3 C.7.6.1.1.2).
+fn kind_of(image_type: &str) -> Kind {
+    const OVERVIEWS: [&str; 5] = ["LOCALIZER", "SCOUT", "SCANOGRAM", "TOPOGRAM", "OVERVIEW"];
+    let mut parts = image_type.split('\\').map(str::trim);
+    let derived = parts.clone().next() == Some("DERIVED");
+    if parts.any(|part| OVERVIEWS.contains(&part)) {
+        Kind::Localizer
+    } else if derived {
+        Kind::Derived
+    } else {
+        Kind::Image
+    }
+}
+
+/// Longest list of words that are kept to be masked.
+const MAX_SECRETS: usize = 16;
+
+/// Shortest word that is masked; shorter ones occur everywhere.
+const SHORTEST_SECRET: usize = 3;
+
+/// Words of a name or number that tell who the patient is.
+pub(super) fn words(secrets: &Secrets, known: &mut Vec<String>) {
+    for text in secrets.texts() {
+        for word in text.split(|c: char| !c.is_alphanumeric()) {
+            if word.chars().count() >= SHORTEST_SECRET
+                && known.len() < MAX_SECRETS
+                && !known.iter().any(|k| k == word)
+            {
+                known.push(word.to_owned());
             }
-        } else if kind.is_file()
-            || (kind.is_symlink() && fs::metadata(entry.path()).is_ok_and(|m| m.is_file()))
-        {
-            files.push(&name);
         }
     }
-    Ok(())
+}
+
+/// Path of a file of a series, for messages.
+pub(super) fn path_of(series: &Series, slice: &Slice) -> PathBuf {
+    series.files.path(slice.file as usize)
+}
+
+/// The folder that all files lie in.
+pub(super) fn folder_of(series: &Series, files: &mut dyn Iterator<Item = u32>) -> PathBuf {
+    let mut shared: Option<PathBuf> = None;
+    for file in files {
+        let path = series.files.path(file as usize);
+        let folder = path.parent().unwrap_or(Path::new(""));
+        shared = Some(match shared {
+            None => folder.to_path_buf(),
+            Some(known) => {
+                known.ancestors().find(|a| folder.starts_with(a)).unwrap_or(Path::new("")).to_path_buf()
+            }
+        });
+    }
+    shared.unwrap_or_default()
 }

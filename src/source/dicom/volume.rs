@@ -1,22 +1,32 @@
 //! A DICOM series as a volume.
 
+use std::fs::File;
+use std::io;
 use std::ops::Range;
-use std::path::PathBuf;
 
+use super::group::{Group, Series, Slice};
+use super::image::Image;
 use super::pixels::{Padding, PixelLayout};
-use super::series::{Refusal, Stack, assemble, split};
-use super::survey::{Group, Slice, Survey, survey};
+use super::scan::scan;
+use super::series::{Layer, Stack};
+use super::unroll::{FrameSink, unroll};
+use crate::geom::Dims;
+use crate::progress::Progress;
+use crate::source::blend::blend;
 use crate::source::files::FileSet;
 use crate::source::raw::{check_request, read_block};
-use crate::source::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::source::spool::Spool;
+use crate::source::{
+    Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource, Workspace,
+};
 
 /// Physical value that stands for padding in CT (air, in HU); elsewhere it is 0.
 const CT_BACKGROUND: f64 = -1000.0;
 
-/// Files named in one warning.
-const NAMED: usize = 3;
+/// Bytes of the second neighbour that are held while a missing slice is made.
+const NEIGHBOUR_BYTES: usize = 64 << 10;
 
-/// A classic, uncompressed DICOM series, read by position.
+/// A DICOM series, uncompressed images read by position, others unrolled first.
 ///
 /// x runs along the rows of an image, y down its columns, z along the images' normal (x cross y) by
 /// increasing position, so the affine is right-handed. The step between slices is the mean step from
@@ -27,150 +37,134 @@ const NAMED: usize = 3;
 /// that equal the Pixel Padding Value (or lie in the padding range) become the stored value nearest to
 /// -1000 HU in CT and to 0 elsewhere, as far as Bits Stored reach: background, but no outlier.
 ///
-/// Holds some 60 bytes a slice with its name, and no pixels.
+/// Slices that are missing, and are to be filled, are made when they are read: linear between their two
+/// neighbours in what is delivered, integers rounded half away from zero.
+///
+/// Holds some 90 bytes a slice with its name, and no pixels; where slices are made, 64 KiB (or one row)
+/// for each thread that reads.
 #[derive(Debug)]
 pub struct DicomVolume {
     info: VolumeInfo,
     files: FileSet,
     layouts: Vec<PixelLayout>,
     paddings: Vec<Option<Padding>>,
-    slices: Vec<Place>,
+    places: Vec<Place>,
+    /// One for each slice; indices into `places`.
+    layers: Vec<Layer>,
     /// Deliver physical `f32`s?
     physical: bool,
+    /// Images that have to be decoded first, and what for.
+    coded: u32,
+    unroll_bytes: u64,
+    spool: Option<Spool>,
 }
 
-/// Where a slice lies.
+/// Where an image lies.
 #[derive(Clone, Copy, Debug)]
 struct Place {
-    offset: u64,
+    /// Index in the volume's files.
+    file: u32,
+    frame: u32,
+    at: At,
     slope: f64,
     intercept: f64,
     layout: u32,
     padding: u32,
 }
 
-/// Images that might be the volume, judged.
-struct Candidate {
-    group: usize,
-    chosen: Vec<usize>,
-    verdict: Result<Stack, String>,
-}
-
-impl Candidate {
-    fn voxels(&self, groups: &[Group]) -> u64 {
-        let first = groups.get(self.group).map(|g| &g.first);
-        let area = first.map_or(0, |h| u64::from(h.rows.unwrap_or(0)) * u64::from(h.columns.unwrap_or(0)));
-        area * self.chosen.len() as u64
-    }
-
-    fn describe(&self, groups: &[Group]) -> String {
-        let Some(group) = groups.get(self.group) else { return String::new() };
-        let header = &group.first;
-        let kind = self.chosen.first().and_then(|i| group.slices.get(*i)).map_or(0, |s| s.image_type);
-        let kind = match group.image_types.get(kind as usize) {
-            Some(name) if group.image_types.len() > 1 => format!(" {name}"),
-            _ => String::new(),
-        };
-        let (columns, rows) = (header.columns.unwrap_or(0), header.rows.unwrap_or(0));
-        let scout = if header.is_localizer() { ", localizer" } else { "" };
-        let fate = match &self.verdict {
-            Ok(_) => String::new(),
-            Err(reason) => format!(", refused: {reason}"),
-        };
-        format!("{}{kind} {columns}x{rows}x{}{scout}{fate}", header.kind(), self.chosen.len())
-    }
+#[derive(Clone, Copy, Debug)]
+enum At {
+    /// Offset in the file.
+    File(u64),
+    /// Slice of the spool.
+    Spool(u32),
 }
 
 impl DicomVolume {
-    /// Finds the images of the inputs (files, or folders searched five levels deep) by content and
-    /// opens the largest series that forms a volume; the others are listed in a warning. One image
-    /// alone is a volume of one slice, but only if no series has several.
-    ///
-    /// # Errors
-    /// [`SourceError::NoVolume`] when no image is found, or none that can be read, or none that forms
-    /// a volume (uneven gaps, repeated positions); [`SourceError::Unusable`] when the pixels of a slice
-    /// are cut short; [`SourceError::Unreadable`] when the system refuses.
-    pub fn open(inputs: &[PathBuf]) -> Result<Self, SourceError> {
-        let found = survey(inputs)?;
-        let path = inputs.first().cloned().unwrap_or_default();
-        let mut candidates = judge(&found);
-        let groups = &found.groups;
-        let several = candidates.iter().any(|c| c.chosen.len() > 1);
-        // Largest first; equal ones stay in the order of their names.
-        let lone = |c: &Candidate| several && c.chosen.len() == 1;
-        candidates.sort_by_key(|c| std::cmp::Reverse((c.verdict.is_ok() && !lone(c), c.voxels(groups))));
-        let refuse = |reason| Err(SourceError::NoVolume { path: path.clone(), reason });
-        if let Some((broken, reason)) = broken_of(&found, &candidates) {
-            return Err(SourceError::Unusable {
-                path: broken,
-                reason: format!("{reason}; copy the file again, or move it away to build without it"),
-            });
-        }
-        let Some(best) = candidates.first() else { return refuse(nothing(&found)) };
-        if best.verdict.is_err() || lone(best) {
-            let largest = candidates.iter().filter(|c| c.verdict.is_err()).max_by_key(|c| c.voxels(groups));
-            let Some(Err(reason)) = largest.map(|c| &c.verdict) else { return refuse(nothing(&found)) };
-            return refuse(reason.clone());
-        }
-        let mut warnings = general_warnings(&found, &candidates);
-        let best = candidates.swap_remove(0);
-        let Ok(stack) = best.verdict else { return refuse(nothing(&found)) };
-        warnings.extend(stack.warnings.iter().cloned());
-        Self::build(found, best.group, stack, warnings)
-            .map_err(|reason| SourceError::NoVolume { path, reason })
-    }
-
-    fn build(
-        mut found: Survey,
-        group: usize,
+    /// The volume of a stack of images of a group; `name` is remembered as the source's, `notes` are said
+    /// of the whole series.
+    pub(super) fn build(
+        series: &Series,
+        group: &Group,
         stack: Stack,
-        mut warnings: Vec<String>,
+        name: &str,
+        notes: &[String],
     ) -> Result<Self, String> {
-        let group = found.groups.swap_remove(group);
-        let header = &group.first;
-        let slices: Vec<&Slice> = stack.order.iter().filter_map(|i| group.slices.get(*i)).collect();
-        let stated = slices.iter().filter(|s| s.rescale.is_some()).count();
-        if stated > 0 && stated < slices.len() {
+        let Stack { layers, affine, warnings: of_stack } = stack;
+        let mut warnings = notes.to_vec();
+        warnings.extend(group.shared.warnings.iter().cloned());
+        warnings.extend(of_stack);
+        let shared = &group.shared;
+        let (used, layers) = number_images(layers);
+        let slices: Vec<&Slice> = used.iter().filter_map(|i| group.slices.get(*i)).collect();
+        let rescaled = slices.iter().filter(|s| s.rescales).count();
+        let stated = slices.iter().filter(|s| s.rescales && s.rescale().is_some()).count();
+        if stated > 0 && stated < rescaled {
             return Err(format!(
                 "{} of {} slices state no rescale slope and intercept, so their values cannot be compared",
-                slices.len() - stated,
+                rescaled - stated,
                 slices.len()
             ));
         }
-        let rescale_of = |s: &Slice| s.rescale.unwrap_or((1.0, 0.0));
+        let rescale_of = |s: &Slice| s.rescale().unwrap_or((1.0, 0.0));
         if slices.iter().any(|s| rescale_of(s).0 == 0.0) {
             return Err("the rescale slope is 0, so every pixel would have the same value".into());
         }
-        let shared = slices.first().map_or((1.0, 0.0), |s| rescale_of(s));
-        let physical = slices.iter().any(|s| rescale_of(s) != shared);
+        let common = slices.first().map_or((1.0, 0.0), |s| rescale_of(s));
+        let physical = slices.iter().any(|s| rescale_of(s) != common);
         if physical {
             warnings.push("slices differ in rescale; values are converted to single precision".into());
         }
-        if stated == 0 && header.modality == "CT" {
+        if stated == 0 && rescaled > 0 && shared.modality == "CT" {
             warnings.push("the images state no rescale; values may not be HU".into());
         }
-        let background = if header.modality == "CT" { CT_BACKGROUND } else { 0.0 };
+        let layout_of = |s: &Slice| series.layouts.get(s.layout as usize).ok_or("an image without layout");
+        let layout = *layout_of(slices.first().ok_or("no image")?)?;
+        let background = if shared.modality == "CT" { CT_BACKGROUND } else { 0.0 };
+        let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
+        files.sort_unstable();
+        files.dedup();
         let mut paddings: Vec<Option<Padding>> = Vec::new();
         let mut places = Vec::with_capacity(slices.len());
+        let mut coded = 0;
         for slice in &slices {
             let (slope, intercept) = rescale_of(slice);
-            let layout = group.layouts.get(slice.layout as usize).ok_or("an image without layout")?;
-            let padding = layout.padding(slice.padding, background, slope, intercept).filter(|p| p.matters());
+            let own = layout_of(slice)?;
+            if own.scalar() != layout.scalar() {
+                return Err("its images do not have one type of samples".into());
+            }
+            let padding = own.padding(slice.padding, background, slope, intercept);
+            let padding = padding.filter(|p| p.matters() && slice.rescales);
             let at = paddings.iter().position(|p| *p == padding).unwrap_or_else(|| {
                 paddings.push(padding);
                 paddings.len() - 1
             });
             let padding = u32::try_from(at).map_err(|_| "too many padding values")?;
-            places.push(Place { offset: slice.offset, slope, intercept, layout: slice.layout, padding });
+            let file = files.binary_search(&slice.file).map_err(|_| "an image without a file")?;
+            let at = match slice.native() {
+                Some(offset) => At::File(offset),
+                None => {
+                    coded += 1;
+                    At::Spool(coded - 1)
+                }
+            };
+            places.push(Place {
+                file: u32::try_from(file).map_err(|_| "too many files")?,
+                frame: slice.frame,
+                at,
+                slope,
+                intercept,
+                layout: slice.layout,
+                padding,
+            });
         }
-        let layout = group.layouts.first().ok_or("no image")?;
-        let dims = layout.dims(slices.len()).ok_or_else(|| {
-            format!("{}x{}x{} voxels are out of range", layout.columns, layout.rows, slices.len())
+        let dims = layout.dims(layers.len()).ok_or_else(|| {
+            format!("{}x{}x{} voxels are out of range", layout.columns, layout.rows, layers.len())
         })?;
         let description = SourceDescription {
             format: "dicom".into(),
-            name: std::mem::take(&mut found.name),
-            files: slices.len() as u64,
+            name: name.into(),
+            files: files.len() as u64,
             bytes: dims.voxels() * layout.scalar().bytes() as u64,
         };
         let info = VolumeInfo {
@@ -179,21 +173,219 @@ impl DicomVolume {
             rescale: if physical {
                 Rescale::IDENTITY
             } else {
-                Rescale { slope: shared.0, intercept: shared.1 }
+                Rescale { slope: common.0, intercept: common.1 }
             },
-            spacing_mm: stack.affine.spacing_mm(),
-            affine: stack.affine,
+            spacing_mm: affine.spacing_mm(),
+            affine,
             description,
             warnings,
         };
-        let files = FileSet::new(found.files.select(slices.iter().map(|s| s.file)));
-        Ok(Self { info, files, layouts: group.layouts, paddings, slices: places, physical })
+        let files = FileSet::new(series.files.select(files.iter().map(|f| *f as usize)));
+        Ok(Self {
+            info,
+            files,
+            layouts: series.layouts.clone(),
+            paddings,
+            places,
+            layers,
+            physical,
+            coded,
+            unroll_bytes: shared.unroll_bytes,
+            spool: None,
+        })
+    }
+
+    /// Size of the images that are unrolled, and type of their samples.
+    fn spool_dims(&self) -> Option<(Dims, ScalarType)> {
+        let first = self.places.first()?;
+        let layout = self.layouts.get(first.layout as usize)?;
+        Some((layout.dims(self.coded as usize)?, layout.scalar()))
+    }
+
+    /// Rows of an image, as they are delivered.
+    fn read_place(
+        &self,
+        index: usize,
+        rows: &Range<u32>,
+        cols: &Range<u32>,
+        out: &mut [u8],
+    ) -> io::Result<()> {
+        let place = self.places.get(index).ok_or(io::ErrorKind::InvalidInput)?;
+        let layout = self.layouts.get(place.layout as usize).ok_or(io::ErrorKind::InvalidInput)?;
+        let padding = self.paddings.get(place.padding as usize).copied().flatten();
+        let width = layout.scalar().bytes();
+        // Stored values wait in the tail of `out` when they have to grow to `f32`.
+        let tail = if self.physical { out.len() - out.len() / 4 * width } else { 0 };
+        let stored = out.get_mut(tail..).unwrap_or(&mut []);
+        match place.at {
+            At::File(offset) => {
+                self.files.with(place.file as usize, |f| {
+                    read_block(f, offset, layout.columns, width, rows, cols, stored)
+                })?;
+                layout.decode_padded(stored, padding);
+            }
+            At::Spool(slice) => match &self.spool {
+                Some(spool) => spool.read_rows(slice, rows, cols, stored)?,
+                None => return Err(io::Error::other("compressed images are read before they are unrolled")),
+            },
+        }
+        if self.physical {
+            layout.widen(out, place.slope, place.intercept);
+        }
+        Ok(())
+    }
+
+    /// Rows of a slice that lies so much of the way from one image to another.
+    fn read_between(
+        &self,
+        [from, to]: [usize; 2],
+        part: f64,
+        rows: &Range<u32>,
+        cols: &Range<u32>,
+        out: &mut [u8],
+    ) -> io::Result<()> {
+        let row_bytes = cols.len() * self.info.scalar.bytes();
+        if row_bytes == 0 || rows.is_empty() {
+            return Ok(());
+        }
+        self.read_place(from, rows, cols, out)?;
+        let many = (NEIGHBOUR_BYTES / row_bytes).clamp(1, rows.len());
+        let mut beside = vec![0; many * row_bytes];
+        let mut first = rows.start;
+        for own in out.chunks_mut(many * row_bytes) {
+            let end = first + u32::try_from(own.len() / row_bytes).unwrap_or(0);
+            let other = beside.get_mut(..own.len()).unwrap_or(&mut []);
+            self.read_place(to, &(first..end), cols, other)?;
+            blend(self.info.scalar, own, other, part);
+            first = end;
+        }
+        Ok(())
+    }
+
+    /// The file of a slice, for messages.
+    fn file_of(&self, z: u32) -> usize {
+        let place = match self.layers.get(z as usize) {
+            Some(Layer::Image(at) | Layer::Between(at, ..)) => self.places.get(*at),
+            None => None,
+        };
+        place.map_or(0, |p| p.file as usize)
+    }
+}
+
+/// The images that layers refer to, each once, and the layers in terms of these.
+fn number_images(layers: Vec<Layer>) -> (Vec<usize>, Vec<Layer>) {
+    let mut used: Vec<usize> = Vec::with_capacity(layers.len());
+    // Layers go forwards, so an image that was met lies close to the end.
+    let mut number = |image: usize| match used.iter().rev().take(2).position(|known| *known == image) {
+        Some(back) => used.len() - 1 - back,
+        None => {
+            used.push(image);
+            used.len() - 1
+        }
+    };
+    let renumber = |layer| match layer {
+        Layer::Image(at) => Layer::Image(number(at)),
+        Layer::Between(from, to, part) => {
+            let from = number(from);
+            Layer::Between(from, number(to), part)
+        }
+    };
+    let layers = layers.into_iter().map(renumber).collect();
+    (used, layers)
+}
+
+/// Takes the frames of one file into the spool.
+struct ToSpool<'a> {
+    spool: &'a Spool,
+    paddings: &'a [Option<Padding>],
+    /// Frame, slice of the spool, padding; sorted by frame.
+    wanted: Vec<(u32, u32, u32)>,
+    rows: u32,
+    progress: &'a dyn Progress,
+}
+
+impl ToSpool<'_> {
+    fn find(&self, frame: u32) -> Option<(u32, u32, u32)> {
+        let at = self.wanted.binary_search_by_key(&frame, |w| w.0).ok()?;
+        self.wanted.get(at).copied()
+    }
+}
+
+impl FrameSink for ToSpool<'_> {
+    fn wants(&mut self, frame: u32) -> bool {
+        self.find(frame).is_some()
+    }
+
+    fn padding(&mut self, frame: u32) -> Option<Padding> {
+        let (.., padding) = self.find(frame)?;
+        self.paddings.get(padding as usize).copied().flatten()
+    }
+
+    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result<(), SourceError> {
+        let Some((_, slice, _)) = self.find(frame) else { return Ok(()) };
+        if row >= self.rows {
+            return Ok(());
+        }
+        if row + 1 == self.rows {
+            self.progress.advance(1);
+        }
+        self.spool.write(samples, self.spool.offset(row, slice))
     }
 }
 
 impl VolumeSource for DicomVolume {
     fn info(&self) -> &VolumeInfo {
         &self.info
+    }
+
+    fn preparation(&self) -> Preparation {
+        match self.spool_dims().filter(|_| self.coded > 0 && self.spool.is_none()) {
+            Some((dims, scalar)) => Preparation {
+                scratch_bytes: dims.voxels() * scalar.bytes() as u64,
+                memory_bytes: self.unroll_bytes,
+            },
+            None => Preparation::default(),
+        }
+    }
+
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        let Some((dims, scalar)) = self.spool_dims().filter(|_| self.coded > 0 && self.spool.is_none())
+        else {
+            return Ok(());
+        };
+        let spool = Spool::create(workspace.scratch, dims, scalar)?;
+        workspace.progress.stage("decode", self.coded.into());
+        let mut wanted: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(self.coded as usize);
+        for place in &self.places {
+            if let At::Spool(slice) = place.at {
+                wanted.push((place.file, place.frame, slice, place.padding));
+            }
+        }
+        wanted.sort_unstable();
+        for of_file in wanted.chunk_by(|a, b| a.0 == b.0) {
+            let Some((file, ..)) = of_file.first() else { continue };
+            let path = self.files.list().path(*file as usize);
+            let unusable = |reason: String| SourceError::Unusable { path: path.clone(), reason };
+            let input =
+                File::open(&path).map_err(|cause| SourceError::Unreadable { path: path.clone(), cause })?;
+            let header = scan(&input).map_err(|e| unusable(e.to_string()))?;
+            let image = Image::of(&header).map_err(|e| unusable(e.to_string()))?;
+            if (image.layout.columns, image.layout.rows, image.layout.scalar())
+                != (dims.nx(), dims.ny(), scalar)
+            {
+                return Err(unusable("was changed since it was found; start again".into()));
+            }
+            let mut sink = ToSpool {
+                spool: &spool,
+                paddings: &self.paddings,
+                wanted: of_file.iter().map(|(_, frame, slice, padding)| (*frame, *slice, *padding)).collect(),
+                rows: dims.ny(),
+                progress: workspace.progress,
+            };
+            unroll(&input, &path, &header, &image, workspace.memory_bytes, &mut sink)?;
+        }
+        self.spool = Some(spool);
+        Ok(())
     }
 
     fn read_rows(
@@ -203,123 +395,23 @@ impl VolumeSource for DicomVolume {
         cols: Range<u32>,
         out: &mut [u8],
     ) -> Result<(), SourceError> {
-        let index = z as usize;
-        let failed = |cause| SourceError::ReadFailed { path: self.files.list().path(index), slice: z, cause };
-        check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
-        let found = self.slices.get(index).and_then(|place| {
-            let padding = self.paddings.get(place.padding as usize).copied().flatten();
-            Some((place, self.layouts.get(place.layout as usize)?, padding))
-        });
-        let Some((place, layout, padding)) = found else {
-            return Err(failed(std::io::ErrorKind::InvalidInput.into()));
+        let failed = |cause| SourceError::ReadFailed {
+            path: self.files.list().path(self.file_of(z)),
+            slice: z,
+            cause,
         };
-        let width = layout.scalar().bytes();
-        // Stored values wait in the tail of `out` when they have to grow to `f32`.
-        let tail = if self.physical { out.len() - out.len() / 4 * width } else { 0 };
-        let stored = out.get_mut(tail..).unwrap_or(&mut []);
-        self.files
-            .with(index, |f| read_block(f, place.offset, layout.columns, width, &rows, &cols, stored))
-            .map_err(failed)?;
-        layout.decode_padded(stored, padding);
-        if self.physical {
-            layout.widen(out, place.slope, place.intercept);
+        check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
+        match self.layers.get(z as usize) {
+            Some(Layer::Image(at)) => self.read_place(*at, &rows, &cols, out),
+            Some(Layer::Between(from, to, part)) => self.read_between([*from, *to], *part, &rows, &cols, out),
+            None => Err(io::ErrorKind::InvalidInput.into()),
         }
-        Ok(())
+        .map_err(failed)
     }
-}
 
-/// Every group as a candidate; a group that repeats positions as its parts, where these do not.
-fn judge(found: &Survey) -> Vec<Candidate> {
-    let name = |file: usize| found.files.name(file).display().to_string();
-    let mut candidates = Vec::new();
-    for (at, group) in found.groups.iter().enumerate() {
-        // Parts left to judge; each split has fewer images, so this ends.
-        let mut parts = vec![(0..group.slices.len()).collect::<Vec<_>>()];
-        while let Some(chosen) = parts.pop() {
-            if chosen.is_empty() {
-                continue;
-            }
-            let verdict = match assemble(group, &chosen, &name) {
-                Ok(stack) => Ok(stack),
-                Err(Refusal::Other(reason)) => Err(reason),
-                Err(Refusal::Repeated(reason)) => {
-                    let smaller = split(group, &chosen);
-                    // Split into single images, nothing is gained.
-                    if smaller.len() > 1 && smaller.iter().any(|part| part.len() > 1) {
-                        parts.extend(smaller.into_iter().rev());
-                        continue;
-                    }
-                    Err(reason)
-                }
-            };
-            candidates.push(Candidate { group: at, chosen, verdict });
-        }
+    fn resident_bytes(&self) -> u64 {
+        let makes = self.layers.iter().any(|l| matches!(l, Layer::Between(..)));
+        let row = self.info.dims.nx() as usize * self.info.scalar.bytes();
+        if makes { NEIGHBOUR_BYTES.max(row) as u64 } else { 0 }
     }
-    candidates
-}
-
-/// The unreadable slice of the chosen group, or, when nothing is chosen, of any.
-fn broken_of(found: &Survey, candidates: &[Candidate]) -> Option<(PathBuf, String)> {
-    match candidates.first() {
-        Some(best) => found.groups.get(best.group)?.broken.clone(),
-        None => found.groups.iter().find_map(|g| g.broken.clone()),
-    }
-}
-
-/// Sentence for inputs without any usable image.
-fn nothing(found: &Survey) -> String {
-    if found.files.len() == 0 {
-        return "the folder holds no file".into();
-    }
-    let Some((reason, count, _)) = found.unusable.iter().max_by_key(|(_, count, _)| *count) else {
-        return format!(
-            "no DICOM image is among the {} file(s); for headerless voxels add --dims NXxNYxNZ and --dtype",
-            found.files.len()
-        );
-    };
-    if found.files.len() == 1 {
-        return reason.clone();
-    }
-    let others: u64 = found.unusable.iter().map(|(_, n, _)| n).sum::<u64>() - count;
-    let rest = if others > 0 {
-        format!("; {others} other DICOM file(s) cannot be used either")
-    } else {
-        String::new()
-    };
-    format!("none of its images can be used; of {count} file(s): {reason}{rest}")
-}
-
-/// What was left out, and of what kind.
-fn general_warnings(found: &Survey, candidates: &[Candidate]) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if let [best, others @ ..] = candidates
-        && !others.is_empty()
-    {
-        let mut list: Vec<String> = others.iter().take(NAMED).map(|c| c.describe(&found.groups)).collect();
-        if others.len() > NAMED {
-            list.push(format!("and {} more", others.len() - NAMED));
-        }
-        warnings.push(format!(
-            "{} sets of images were found; the largest that forms a volume is used ({}); not used: {}",
-            candidates.len(),
-            best.describe(&found.groups),
-            list.join("; ")
-        ));
-    }
-    for (path, reason) in found.groups.iter().filter_map(|g| g.broken.as_ref()).take(NAMED) {
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        warnings.push(format!("{name}, of a series that is not used: {reason}"));
-    }
-    for (reason, count, first) in found.unusable.iter().take(NAMED) {
-        let name = first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        warnings.push(format!("{count} DICOM file(s) left out: {reason} (first: {name})"));
-    }
-    if found.unusable.len() > NAMED {
-        let rest: u64 = found.unusable.iter().skip(NAMED).map(|(_, n, _)| n).sum();
-        warnings.push(format!("{rest} more DICOM file(s) left out for other reasons"));
-    }
-    if found.foreign > 0 {
-        warnings.push(format!("{} file(s) that are no DICOM were left out", found.foreign));
-    }
-    warnings
 }

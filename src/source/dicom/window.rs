@@ -78,8 +78,16 @@ impl<'a, R: ReadAt + ?Sized> Window<'a, R> {
         {
             return Ok(&self.buf[skip..skip + wanted]);
         }
+        // What is held already is kept, so that the input is only ever read forwards.
+        let kept = match inside {
+            Some(skip) if skip < self.have => {
+                self.buf.copy_within(skip..self.have, 0);
+                self.have - skip
+            }
+            _ => 0,
+        };
         self.start = at;
-        self.have = 0;
+        self.have = kept;
         while self.have < wanted {
             match self.input.read_some_at(&mut self.buf[self.have..], at + self.have as u64) {
                 Ok(0) => break,

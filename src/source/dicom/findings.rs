@@ -1,0 +1,219 @@
+//! The volumes of a series, one finding for each, named without patient data.
+
+use std::path::{Path, PathBuf};
+
+use super::group::{Group, Kind, NO_OBSTACLE, Series, Shared, Slice};
+use super::series::{Refusal, Stack, assemble, plane};
+use super::split::{Part, split};
+use super::survey::{folder_of, load, path_of};
+use super::volume::DicomVolume;
+use crate::source::catalogue::safe_name;
+use crate::source::files::FileList;
+use crate::source::stable_hash::StableHash;
+use crate::source::{Finding, InputFiles, OpenOptions, SourceError, VolumeSource};
+
+/// Tags named in one warning.
+const NAMED: usize = 4;
+
+/// The volumes of a series, refused ones included; `facts` are size and time of change of each file.
+pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenOptions) -> Vec<Finding> {
+    let series = load(files, facts);
+    let mut parts: Vec<(&Group, Part)> = Vec::new();
+    let labels = group_labels(&series.groups);
+    for (group, label) in series.groups.iter().zip(labels) {
+        for mut part in split(group, &series.image_types) {
+            part.label = format!("{label} {}", part.label).trim().to_owned();
+            parts.push((group, part));
+        }
+    }
+    make_distinct(&mut parts);
+    let notes = notes(&series, &parts);
+    let finding = |(group, part): &(&Group, Part)| finding(&series, group, part, &notes, options);
+    let mut findings: Vec<Finding> = parts.iter().map(finding).collect();
+    if findings.is_empty()
+        && let Some((path, reason)) = &series.lost
+    {
+        findings.push(Finding {
+            path: path.clone(),
+            stem: "dicom".into(),
+            format: "dicom",
+            kind: "DICOM image".into(),
+            part: None,
+            size: None,
+            files: InputFiles::default(),
+            secrets: series.secrets.clone(),
+            volume: Err(SourceError::Unusable {
+                path: path.clone(),
+                reason: format!("{reason}; was it changed while the folders were searched?"),
+            }),
+        });
+    }
+    findings
+}
+
+/// What sets each group of a series apart from the others.
+fn group_labels(groups: &[Group]) -> Vec<String> {
+    let differ = |f: &dyn Fn(&Shared) -> String| {
+        let mut all = groups.iter().map(|g| f(&g.shared));
+        let first = all.next();
+        all.any(|other| Some(other) != first)
+    };
+    let kind = |s: &Shared| match s.kind {
+        Kind::Image => String::new(),
+        Kind::Derived => "derived".to_owned(),
+        Kind::Localizer => "localizer".to_owned(),
+    };
+    let size = |s: &Shared| format!("{}x{}", s.size[0], s.size[1]);
+    let view = |s: &Shared| s.orientation.and_then(plane).unwrap_or("unplaced").to_owned();
+    let object = |s: &Shared| s.object.clone();
+    let facts: [&dyn Fn(&Shared) -> String; 4] = [&object, &kind, &size, &view];
+    let used: Vec<_> = facts.into_iter().filter(|f| differ(f)).collect();
+    let label = |g: &Group| {
+        let words: Vec<String> = used.iter().map(|f| f(&g.shared)).filter(|w| !w.is_empty()).collect();
+        words.join(" ")
+    };
+    groups.iter().map(label).collect()
+}
+
+/// Two parts of a series never have one label; the first that needs none has none.
+fn make_distinct(parts: &mut [(&Group, Part)]) {
+    if parts.len() < 2 {
+        return;
+    }
+    let mut seen = std::collections::HashMap::new();
+    for (_, part) in parts.iter_mut() {
+        let times: &mut u32 = seen.entry(part.label.clone()).or_insert(0);
+        *times += 1;
+        if *times > 1 {
+            part.label = format!("{} set {times}", part.label).trim().to_owned();
+        }
+    }
+}
+
+fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], options: &OpenOptions) -> Finding {
+    let shared = &group.shared;
+    let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
+    let mut numbers: Vec<u32> = slices.iter().map(|s| s.file).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let mut files = InputFiles::default();
+    for file in &numbers {
+        let (size, changed) = series.facts.get(*file as usize).copied().unwrap_or_default();
+        files.add(series.files.name(*file as usize), size, changed);
+    }
+    let path = match numbers.as_slice() {
+        [only] => series.files.path(*only as usize),
+        _ => folder_of(series, &mut numbers.iter().copied()),
+    };
+    let stem = stem(shared, &part.label);
+    let volume = open(series, group, part, &path, options).and_then(|stack| {
+        DicomVolume::build(series, group, stack, &stem, notes)
+            .map_err(|reason| SourceError::NoVolume { path: path.clone(), reason })
+    });
+    let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
+    let images = u32::try_from(slices.len()).unwrap_or(u32::MAX);
+    Finding {
+        path,
+        stem,
+        format: "dicom",
+        kind: shared.object.clone(),
+        part: Some(part.label.clone()).filter(|label| !label.is_empty()),
+        size: Some(opened.unwrap_or([shared.size[0], shared.size[1], images])),
+        files,
+        secrets: series.secrets.clone(),
+        volume: volume.map(|v| Box::new(v) as Box<dyn VolumeSource>),
+    }
+}
+
+/// Orders the images of a part, unless one of them stands in the way.
+fn open(
+    series: &Series,
+    group: &Group,
+    part: &Part,
+    path: &Path,
+    options: &OpenOptions,
+) -> Result<Stack, SourceError> {
+    let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
+    let refuse = |reason| SourceError::NoVolume { path: path.to_path_buf(), reason };
+    let obstacle = |s: &Slice| series.obstacles.get(s.obstacle as usize).cloned().unwrap_or_default();
+    let bad: Vec<&&Slice> = slices.iter().filter(|s| s.obstacle != NO_OBSTACLE).collect();
+    if let Some(first) = bad.first() {
+        let reason = obstacle(first);
+        let (path, n) = (path_of(series, first), slices.len());
+        return Err(match (bad.len(), n) {
+            (1, 1) if reason.contains("cut short") => cut_short(path, reason),
+            (1, 1) => SourceError::NoVolume { path, reason },
+            (bad, _) if bad == n => refuse(format!("none of its {n} images can be used: {reason}")),
+            // Without it the volume would silently lack a slice.
+            _ => cut_short(path, reason),
+        });
+    }
+    let name = |s: &Slice| series.files.name(s.file as usize).display().to_string();
+    assemble(group, &part.chosen, options.gaps, &name).map_err(|refusal| match refusal {
+        Refusal::Repeated(reason) | Refusal::Other(reason) => refuse(reason),
+    })
+}
+
+fn cut_short(path: PathBuf, reason: String) -> SourceError {
+    SourceError::Unusable {
+        path,
+        reason: format!("{reason}; copy the file again, or move it away to build without it"),
+    }
+}
+
+/// Modality, number and hash of the series, and the part: never a name of a file or of a patient.
+fn stem(shared: &Shared, label: &str) -> String {
+    let hash = StableHash::new().part(shared.series_uid.as_bytes()).finish();
+    let modality = if shared.modality.is_empty() { "dicom" } else { &shared.modality };
+    let number = shared.series_number.map_or_else(String::new, |n| format!("-{n:03}"));
+    let part: String =
+        label.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '.' || *c == '-').collect();
+    let part = if part.is_empty() { part } else { format!("-{}", part.to_ascii_lowercase()) };
+    safe_name(&format!("{}{number}-{:08x}{part}", modality.to_ascii_lowercase(), hash >> 32))
+}
+
+/// Says what was dropped, and by which tags a series was split.
+fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<String> {
+    let mut notes = Vec::new();
+    if series.duplicates > 0 {
+        notes.push(format!("{} image(s) that are in the series twice were left out", series.duplicates));
+    }
+    if let Some((path, reason)) = &series.lost {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        notes.push(format!("{name}: {reason}"));
+    }
+    if parts.len() > 1 {
+        let mut tags: Vec<&str> = parts.iter().flat_map(|(_, p)| p.tags.iter().copied()).collect();
+        if series.groups.len() > 1 {
+            let shared: Vec<&Shared> = series.groups.iter().map(|g| &g.shared).collect();
+            let differ = |f: &dyn Fn(&Shared, &Shared) -> bool| {
+                shared.iter().zip(shared.iter().skip(1)).any(|(a, b)| f(a, b))
+            };
+            for (tag, found) in [
+                ("Image Type (0008,0008)", differ(&|a, b| a.kind != b.kind)),
+                ("Rows and Columns (0028,0010), (0028,0011)", differ(&|a, b| a.size != b.size)),
+                ("Image Orientation (0020,0037)", differ(&|a, b| a.orientation != b.orientation)),
+                ("Pixel Spacing (0028,0030)", differ(&|a, b| a.pixel_spacing != b.pixel_spacing)),
+            ] {
+                if found {
+                    tags.push(tag);
+                }
+            }
+        }
+        let mut distinct: Vec<&str> = Vec::new();
+        for tag in tags {
+            if !distinct.contains(&tag) && distinct.len() < NAMED {
+                distinct.push(tag);
+            }
+        }
+        if distinct.is_empty() {
+            distinct.push("the format of the pixels");
+        }
+        notes.push(format!(
+            "the series holds {} volumes, told apart by {}",
+            parts.len(),
+            distinct.join(", ")
+        ));
+    }
+    notes
+}

@@ -1,0 +1,224 @@
+//! Tells images apart that lie at the same positions: echoes, phases of the heart, magnitude and phase, ...
+//!
+//! A series that repeats positions holds several volumes. It is split by the attribute that leaves the
+//! fewest repeats, then the fewest parts; parts that still repeat positions are split again. Where no
+//! attribute helps, but every position occurs equally often, the images of a position are numbered by
+//! time and instance, and each number makes a volume.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::gaps::positions;
+use super::group::{Group, Key, Slice};
+use super::series::along_normal;
+
+/// Images that may be one volume.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Part {
+    /// Indices into the group's slices.
+    pub(super) chosen: Vec<usize>,
+    /// What it is among its siblings, for example `echo 2`; empty if there are none.
+    pub(super) label: String,
+    /// The attributes that it was split off by.
+    pub(super) tags: Vec<&'static str>,
+}
+
+/// How often positions repeat.
+struct Repeats {
+    /// For each image the number of its position.
+    numbers: Vec<usize>,
+    /// Distinct positions.
+    places: usize,
+    /// Images beyond the first at their position.
+    extra: usize,
+}
+
+fn repeats(group: &Group, chosen: &[usize]) -> Repeats {
+    let along = along_normal(group, chosen).unwrap_or_default();
+    let (numbers, places) = positions(&along);
+    // Without positions nothing repeats.
+    let extra = numbers.len() - places;
+    Repeats { numbers, places, extra }
+}
+
+/// Splits the images of a group into parts that repeat no position, as far as that is possible.
+/// `types` are the image types that slices refer to.
+pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
+    let whole = Part { chosen: (0..group.slices.len()).collect(), label: String::new(), tags: Vec::new() };
+    let mut done = Vec::new();
+    let mut waiting = vec![whole];
+    // Each split makes parts that are smaller, so this ends.
+    while let Some(part) = waiting.pop() {
+        let repeats = repeats(group, &part.chosen);
+        if repeats.extra == 0 || repeats.places < 2 {
+            done.push(part);
+            continue;
+        }
+        let found = best(group, &part.chosen, repeats.extra);
+        let smaller = match found {
+            Some((key, parts)) => named(key, parts, &part, group, types),
+            None => match by_turn(group, &part, &repeats) {
+                Some(parts) => parts,
+                None => {
+                    done.push(part);
+                    continue;
+                }
+            },
+        };
+        waiting.extend(smaller.into_iter().rev());
+    }
+    done
+}
+
+type Parts = BTreeMap<[u64; 2], Vec<usize>>;
+
+/// The attribute that leaves the fewest repeats, with the parts it makes, in the order of its values.
+fn best(group: &Group, chosen: &[usize], extra: usize) -> Option<(Key, Parts)> {
+    let mut best: Option<(usize, usize, Key, Parts)> = None;
+    for key in Key::all() {
+        let mut parts = Parts::new();
+        for i in chosen {
+            if let Some(slice) = group.slices.get(*i) {
+                parts.entry(key.value(slice)).or_default().push(*i);
+            }
+        }
+        // A number that every image has of its own (a time, say) tells nothing.
+        if parts.len() < 2 || 2 * parts.len() > chosen.len() {
+            continue;
+        }
+        let left: usize = parts.values().map(|part| repeats(group, part).extra).sum();
+        let better = best.as_ref().is_none_or(|(l, n, ..)| (left, parts.len()) < (*l, *n));
+        if left < extra && better {
+            best = Some((left, parts.len(), key, parts));
+        }
+    }
+    best.map(|(_, _, key, parts)| (key, parts))
+}
+
+/// Parts with their labels, which differ from each other.
+fn named(key: Key, parts: Parts, whole: &Part, group: &Group, types: &[String]) -> Vec<Part> {
+    let siblings: Vec<&str> = parts
+        .values()
+        .filter_map(|part| group.slices.get(*part.first()?))
+        .filter_map(|s| types.get(s.image_type as usize).map(String::as_str))
+        .collect();
+    let mut labels: Vec<String> = Vec::new();
+    for (rank, part) in parts.values().enumerate() {
+        let slice = part.first().and_then(|i| group.slices.get(*i));
+        let label = slice.map_or_else(String::new, |s| label_of(key, s, rank, &siblings, types));
+        let known = labels.iter().any(|l| *l == label);
+        labels.push(if known || label.is_empty() { format!("{label} set {}", rank + 1) } else { label });
+    }
+    let join = |label: String| {
+        let label = label.trim().to_owned();
+        if whole.label.is_empty() { label } else { format!("{} {label}", whole.label) }
+    };
+    let part = |(chosen, label): (Vec<usize>, String)| {
+        let mut tags = whole.tags.clone();
+        tags.push(key.tag());
+        Part { chosen, label: join(label), tags }
+    };
+    parts.into_values().zip(labels).map(part).collect()
+}
+
+fn label_of(key: Key, slice: &Slice, rank: usize, siblings: &[&str], types: &[String]) -> String {
+    let (word, ranked) = key.word();
+    match key {
+        Key::ImageType => {
+            type_label(types.get(slice.image_type as usize).map_or("", String::as_str), siblings)
+        }
+        _ if ranked => format!("{word} {}", rank + 1),
+        Key::Number(at) => match slice.keys.get(at).copied().filter(|v| !v.is_nan()) {
+            Some(value) => format!("{word} {value}"),
+            None => format!("no {word}"),
+        },
+        Key::Rescale => format!("{word} {}", rank + 1),
+    }
+}
+
+/// What sets an image type apart from its siblings, in words: `magnitude`, `phase`, or its own values.
+fn type_label(own: &str, siblings: &[&str]) -> String {
+    let shared = |part: &&str| siblings.iter().all(|s| s.split('\\').any(|p| p == *part));
+    let special: Vec<&str> = own.split('\\').filter(|p| !p.is_empty() && !shared(p)).collect();
+    let is = |letter: &str, word: &str| {
+        special.iter().any(|p| {
+            *p == letter
+                || *p == word
+                || p.strip_suffix(letter).is_some_and(|head| head.ends_with('_'))
+                || p.strip_prefix(letter).is_some_and(|tail| tail.starts_with('_'))
+        })
+    };
+    for (letter, word, label) in [
+        ("M", "MAGNITUDE", "magnitude"),
+        ("P", "PHASE", "phase"),
+        ("R", "REAL", "real"),
+        ("I", "IMAGINARY", "imaginary"),
+    ] {
+        if is(letter, word) {
+            return label.into();
+        }
+    }
+    // Long types make no names: the shortest value that is its own says enough.
+    special.iter().min_by_key(|p| (p.len(), **p)).map(|p| p.to_lowercase()).unwrap_or_default()
+}
+
+/// The k-th image of every position makes volume k, where all positions have equally many.
+fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> {
+    let mut at_place: HashMap<usize, Vec<usize>> = HashMap::new();
+    for (i, number) in whole.chosen.iter().zip(&repeats.numbers) {
+        at_place.entry(*number).or_default().push(*i);
+    }
+    let turns = at_place.values().next()?.len();
+    if at_place.values().any(|images| images.len() != turns) {
+        return None;
+    }
+    const TIME: usize = Key::NUMBERS - 1;
+    const TRIGGER: usize = 9;
+    let order = |i: &usize| {
+        group.slices.get(*i).map(|s| {
+            (Key::Number(TIME).value(s), Key::Number(TRIGGER).value(s), s.instance, s.frame, s.identity)
+        })
+    };
+    let numbered = |i: &usize| group.slices.get(*i).is_some_and(|s| s.instance.is_some() || s.frame > 0);
+    if !whole.chosen.iter().all(numbered) {
+        return None;
+    }
+    let mut parts = vec![Vec::new(); turns];
+    for images in at_place.values_mut() {
+        images.sort_by_key(order);
+        // Two images that nothing sets apart have no order.
+        if !images.is_sorted_by(|a, b| order(a) < order(b)) {
+            return None;
+        }
+        for (part, image) in parts.iter_mut().zip(images) {
+            part.push(*image);
+        }
+    }
+    let part = |(k, mut chosen): (usize, Vec<usize>)| {
+        chosen.sort_unstable();
+        let label = format!("{} set {} of {turns}", whole.label, k + 1).trim().to_owned();
+        let mut tags = whole.tags.clone();
+        tags.push("order of acquisition and instance");
+        Part { chosen, label, tags }
+    };
+    Some(parts.into_iter().enumerate().map(part).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn types_are_told_apart_in_words() {
+        let philips = ["ORIGINAL\\PRIMARY\\SW_M_FFE\\SW_M\\FFE", "ORIGINAL\\PRIMARY\\SW_P_FFE\\SW_P\\FFE"];
+        assert_eq!(type_label(philips[0], &philips), "magnitude");
+        assert_eq!(type_label(philips[1], &philips), "phase");
+        let siemens = ["ORIGINAL\\PRIMARY\\M\\ND", "ORIGINAL\\PRIMARY\\P\\ND"];
+        assert_eq!(
+            (type_label(siemens[0], &siemens), type_label(siemens[1], &siemens)),
+            ("magnitude".into(), "phase".into())
+        );
+        let dixon = ["ORIGINAL\\PRIMARY\\WATER", "ORIGINAL\\PRIMARY\\FAT", "ORIGINAL\\PRIMARY"];
+        assert_eq!(type_label(dixon[0], &dixon), "water");
+        assert_eq!(type_label(dixon[2], &dixon), "");
+    }
+}

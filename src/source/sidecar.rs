@@ -1,0 +1,246 @@
+//! Headerless volumes described by a small text file beside them.
+//!
+//! `head.json` or `head.toml` (or `head.raw.json`) describes `head.raw`, whatever the ending of the data,
+//! or a folder `head` of slice files. The same keys in both languages:
+//!
+//! | key | value | if missing |
+//! |---|---|---|
+//! | `dims` | `[256, 256, 113]` or `"256x256x113"`, x fastest | it is no side-car |
+//! | `dtype` | `"u8"`, `"i16le"`, `"i16be"`, `"f32"`, ... | it is no side-car |
+//! | `spacing` | `[0.5, 0.5, 1.2]` or `"0.5x0.5x1.2"`, mm | 1 mm |
+//! | `skip` | bytes at the head of every file | 0 |
+//! | `orientation` | three letters such as `"LPS"` | `LPS` |
+//! | `file` | name of the data, in the same folder | the file or folder of the same stem |
+//!
+//! Other keys are left alone.
+
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::Value;
+
+use super::{RawOptions, RawVolume, ScalarType, SourceError, VolumeSource};
+use crate::geom::{Dims, Orientation};
+
+/// Longest text that is looked at.
+const MAX_BYTES: u64 = 64 << 10;
+
+/// What a side-car says.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sidecar {
+    /// How the data is read.
+    pub(super) options: RawOptions,
+    /// Name of the data in the same folder, where it is stated.
+    pub(super) file: Option<String>,
+}
+
+/// Does a name end like a side-car's?
+pub(super) fn is_named_so(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "json" || e == "toml")
+}
+
+/// Reads a side-car; `None` for a file that is none (no `dims` and `dtype`), the reason for one whose
+/// values are wrong.
+pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
+    let mut text = String::new();
+    let file = File::open(path).ok()?;
+    if file.metadata().ok()?.len() > MAX_BYTES {
+        return None;
+    }
+    file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
+    let value: Value = if path.extension().is_some_and(|e| e == "toml") {
+        toml::from_str(&text).ok()?
+    } else {
+        serde_json::from_str(&text).ok()?
+    };
+    let (dims, dtype) = (value.get("dims")?, value.get("dtype")?);
+    let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
+    Some(parse(&value, dims, dtype).map_err(unusable))
+}
+
+fn parse(value: &Value, dims: &Value, dtype: &Value) -> Result<Sidecar, String> {
+    let dims = three(dims)
+        .and_then(|d| {
+            let whole = |v: f64| -> Option<u32> {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a whole number within u32, as has been checked"
+                )]
+                let side = (v.fract() == 0.0 && v >= 1.0 && v <= f64::from(u32::MAX)).then_some(v as u32);
+                side
+            };
+            Dims::new(whole(d[0])?, whole(d[1])?, whole(d[2])?)
+        })
+        .ok_or("its dims are not three sizes in range; write for example [256, 256, 113]")?;
+    let (scalar, endian) = dtype
+        .as_str()
+        .and_then(ScalarType::parse)
+        .ok_or("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be")?;
+    let spacing_mm = match value.get("spacing") {
+        Some(spacing) => three(spacing)
+            .filter(|s| s.iter().all(|v| *v > 0.0))
+            .ok_or("its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]")?,
+        None => [1.0; 3],
+    };
+    let skip = match value.get("skip") {
+        Some(skip) => skip.as_u64().ok_or("its skip is not a number of bytes")?,
+        None => 0,
+    };
+    let letters = value.get("orientation").map_or(Some("LPS"), Value::as_str);
+    let orientation = letters
+        .and_then(Orientation::parse)
+        .ok_or("its orientation is not three letters such as LPS or RAI")?;
+    let file = match value.get("file") {
+        Some(name) => {
+            Some(name.as_str().filter(|n| is_plain(n)).ok_or("its file is not a plain name")?.to_owned())
+        }
+        None => None,
+    };
+    Ok(Sidecar { options: RawOptions { dims, scalar, endian, spacing_mm, skip, orientation }, file })
+}
+
+/// Three finite numbers, as a list or joined by `x`.
+fn three(value: &Value) -> Option<[f64; 3]> {
+    let parts: Vec<f64> = match value {
+        Value::Array(list) => list.iter().map(Value::as_f64).collect::<Option<_>>()?,
+        Value::String(text) => text.split('x').map(|p| p.trim().parse().ok()).collect::<Option<_>>()?,
+        _ => return None,
+    };
+    <[f64; 3]>::try_from(parts).ok().filter(|v| v.iter().all(|n| n.is_finite()))
+}
+
+/// A name that cannot lead out of the folder.
+fn is_plain(name: &str) -> bool {
+    let mut parts = Path::new(name).components();
+    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
+}
+
+/// Side-cars that could describe a file or folder, by their names.
+pub(super) fn candidates(data: &Path) -> impl Iterator<Item = PathBuf> + '_ {
+    ["json", "toml"].into_iter().flat_map(move |ending| {
+        let mut longer = data.as_os_str().to_owned();
+        longer.push(".");
+        longer.push(ending);
+        [data.with_extension(ending), PathBuf::from(longer)]
+    })
+}
+
+/// Is a file or folder the data of a side-car beside it?
+pub(super) fn describes(data: &Path) -> bool {
+    candidates(data).any(|sidecar| match read(&sidecar) {
+        Some(Ok(found)) => found.file.is_none_or(|name| data.file_name() == Some(OsStr::new(&name))),
+        Some(Err(_)) => true,
+        None => false,
+    })
+}
+
+/// Opens the volume that a side-car describes.
+///
+/// # Errors
+/// What is wrong with the side-car, or that its data is not there, or not as long as it says.
+pub(super) fn open(path: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
+    let unusable = |reason: &str| SourceError::Unusable { path: path.to_path_buf(), reason: reason.into() };
+    let sidecar = read(path).ok_or_else(|| unusable("is no description of a raw volume any more"))??;
+    let data = match &sidecar.file {
+        Some(name) => path.with_file_name(name),
+        None => data_of(path).ok_or_else(|| {
+            unusable("describes a raw volume, but no file of the same stem is beside it; name it with the key file")
+        })?,
+    };
+    let volume = RawVolume::open(&[data], &sidecar.options)?;
+    Ok(Box::new(volume))
+}
+
+/// The file or folder of the same stem; of several the first by name.
+pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
+    let stem = sidecar.file_stem()?;
+    let exact = sidecar.with_file_name(stem);
+    // `head.raw.json` means `head.raw`, `head.json` a folder `head`.
+    if exact.exists() {
+        return Some(exact);
+    }
+    let mut found: Option<PathBuf> = None;
+    for entry in
+        fs::read_dir(sidecar.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))).ok()?
+    {
+        let Ok(entry) = entry else { continue };
+        let name = PathBuf::from(entry.file_name());
+        let path = sidecar.with_file_name(&name);
+        if name.file_stem() == Some(stem)
+            && !is_named_so(&name)
+            && !name.extension().is_some_and(|e| e == "oct" || e == "png")
+            && path.is_file()
+            && found.as_ref().is_none_or(|best| path < *best)
+        {
+            found = Some(path);
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::Endian;
+
+    #[test]
+    fn both_languages_and_both_forms_say_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            fs::write(&path, text).unwrap();
+            read(&path)
+        };
+        let json = r#"{"dims": [2, 3, 4], "dtype": "i16be", "spacing": "0.5x0.5x2", "skip": 7, "orientation": "RAI",
+                      "note": [1]}"#;
+        let toml =
+            "dims = \"2x3x4\"\ndtype = \"i16be\"\nspacing = [0.5, 0.5, 2]\nskip = 7\norientation = \"RAI\"\n";
+        let (a, b) = (of("a.json", json).unwrap().unwrap(), of("a.toml", toml).unwrap().unwrap());
+        assert_eq!(a, b);
+        assert_eq!(
+            (a.options.dims.to_array(), a.options.endian, a.options.skip),
+            ([2, 3, 4], Endian::Big, 7)
+        );
+        assert_eq!((a.options.spacing_mm, a.options.scalar), ([0.5, 0.5, 2.0], ScalarType::I16));
+        for other in ["{}", "[]", "no json", r#"{"dims": [1, 1, 1]}"#, ""] {
+            assert!(of("b.json", other).is_none(), "{other}");
+        }
+        for (wrong, word) in [
+            (r#"{"dims": [1, 1], "dtype": "u8"}"#, "dims"),
+            (r#"{"dims": [1, 1.5, 1], "dtype": "u8"}"#, "dims"),
+            (r#"{"dims": [1, 1, 1e30], "dtype": "u8"}"#, "dims"),
+            (r#"{"dims": [1, 1, 1], "dtype": "u7"}"#, "dtype"),
+            (r#"{"dims": [1, 1, 1], "dtype": "u8", "spacing": [1, 0, 1]}"#, "spacing"),
+            (r#"{"dims": [1, 1, 1], "dtype": "u8", "skip": -1}"#, "skip"),
+            (r#"{"dims": [1, 1, 1], "dtype": "u8", "file": "../x"}"#, "file"),
+        ] {
+            let error = of("c.json", wrong).unwrap().unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_data_is_found_by_stem_or_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let text = r#"{"dims": [2, 2, 2], "dtype": "u8"}"#;
+        fs::write(at("a.json"), text).unwrap();
+        assert!(open(&at("a.json")).err().unwrap().to_string().contains("no file of the same stem"));
+        fs::write(at("a.raw"), [1; 8]).unwrap();
+        fs::write(at("a.oct"), [1; 9]).unwrap();
+        assert!(describes(&at("a.raw")) && !describes(&at("b.raw")));
+        assert_eq!(open(&at("a.json")).unwrap().info().dims.voxels(), 8);
+        fs::write(at("b.json"), r#"{"dims": [2, 2, 2], "dtype": "u8", "file": "other"}"#).unwrap();
+        fs::write(at("b.raw"), [1; 8]).unwrap();
+        assert!(!describes(&at("b.raw")));
+        assert!(open(&at("b.json")).err().unwrap().to_string().contains("other"));
+        fs::create_dir(at("s")).unwrap();
+        fs::write(at("s/1"), [1; 4]).unwrap();
+        fs::write(at("s/2"), [1; 4]).unwrap();
+        fs::write(at("s.toml"), "dims = [2, 2, 2]\ndtype = \"u8\"").unwrap();
+        assert!(describes(&at("s")) && open(&at("s.toml")).is_ok());
+    }
+}

@@ -1,0 +1,123 @@
+//! Folders searched, entry by entry; nothing is collected and nothing sorted.
+
+use std::collections::HashSet;
+use std::fs::{self, Metadata};
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use super::SourceError;
+
+/// What a walk comes across.
+pub(super) trait Visitor {
+    /// A file, by its path below the input (empty when the input itself is the file).
+    ///
+    /// # Errors
+    /// What ends the walk.
+    fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result<(), SourceError>;
+
+    /// Is the folder something whole that must not be entered? Then it has been taken care of.
+    ///
+    /// # Errors
+    /// What ends the walk.
+    fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError>;
+
+    /// A folder that may not be read, or that lies too deep.
+    fn not_entered(&mut self, path: &Path, reason: NotEntered);
+}
+
+/// Why a folder was left alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum NotEntered {
+    /// The system refused.
+    Unreadable,
+    /// It lies below the deepest level that is searched.
+    TooDeep,
+}
+
+/// Walks the inputs. Hidden entries are left out; links to files are followed, links to folders below an
+/// input are not (they may run in circles).
+///
+/// # Errors
+/// [`SourceError::Unreadable`] for an input that is not there; what the visitor says.
+pub(super) fn walk(inputs: &[PathBuf], depth: u32, visitor: &mut dyn Visitor) -> Result<(), SourceError> {
+    for (at, input) in inputs.iter().enumerate() {
+        let unreadable = |cause| SourceError::Unreadable { path: input.clone(), cause };
+        let at = u32::try_from(at).unwrap_or(u32::MAX);
+        let meta = fs::metadata(input).map_err(unreadable)?;
+        if meta.is_dir() {
+            let entries = fs::read_dir(input).map_err(unreadable)?;
+            folder(at, entries, Path::new(""), depth, visitor)?;
+        } else if meta.is_file() {
+            visitor.file(at, Path::new(""), &meta)?;
+        } else {
+            // Opening a pipe could wait forever.
+            let reason = "is neither a file nor a folder".into();
+            return Err(SourceError::Unusable { path: input.clone(), reason });
+        }
+    }
+    Ok(())
+}
+
+fn folder(
+    input: u32,
+    entries: fs::ReadDir,
+    prefix: &Path,
+    depth: u32,
+    visitor: &mut dyn Visitor,
+) -> Result<(), SourceError> {
+    for entry in entries {
+        // A folder that fails half-way (a disk on its way out) is reported, and the rest goes on.
+        let Ok(entry) = entry else {
+            visitor.not_entered(prefix, NotEntered::Unreadable);
+            break;
+        };
+        let name = entry.file_name();
+        if name.as_encoded_bytes().starts_with(b".") {
+            continue;
+        }
+        let path = prefix.join(&name);
+        let Ok(kind) = entry.file_type() else { continue };
+        if kind.is_dir() {
+            if depth == 0 {
+                visitor.not_entered(&path, NotEntered::TooDeep);
+            } else if !visitor.takes_folder(input, &path)? {
+                match fs::read_dir(entry.path()) {
+                    Ok(inside) => folder(input, inside, &path, depth - 1, visitor)?,
+                    Err(_) => visitor.not_entered(&path, NotEntered::Unreadable),
+                }
+            }
+        } else if (kind.is_file() || kind.is_symlink())
+            && let Ok(meta) = fs::metadata(entry.path())
+            && meta.is_file()
+        {
+            visitor.file(input, &path, &meta)?;
+        }
+    }
+    Ok(())
+}
+
+/// Without inputs that repeat another, or lie below one that is searched anyway.
+///
+/// # Errors
+/// [`SourceError::Unreadable`] for an input that is not there.
+pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, SourceError> {
+    let real = |input: &PathBuf| {
+        let unreadable = |cause: io::Error| SourceError::Unreadable { path: input.clone(), cause };
+        fs::canonicalize(input).map_err(unreadable)
+    };
+    let all: Vec<PathBuf> = inputs.iter().map(real).collect::<Result<_, _>>()?;
+    let known: HashSet<&Path> = all.iter().map(PathBuf::as_path).collect();
+    let mut taken: HashSet<&Path> = HashSet::new();
+    let alone = all.iter().map(|path| {
+        let below = path.ancestors().skip(1).any(|folder| known.contains(folder));
+        !below && taken.insert(path)
+    });
+    Ok(inputs.iter().zip(alone).filter(|(_, alone)| *alone).map(|(input, _)| input.clone()).collect())
+}
+
+/// When a file was changed, as bits that differ when the time does.
+pub(super) fn changed(meta: &Metadata) -> u64 {
+    const NANOSECONDS: i64 = 1_000_000_000;
+    meta.mtime().wrapping_mul(NANOSECONDS).wrapping_add(meta.mtime_nsec()).cast_unsigned()
+}

@@ -1,0 +1,296 @@
+//! A batch is left alone overnight: every volume comes out or is explained, nothing is done twice, a killed
+//! run goes on where it was, and no patient's name leaks.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+
+#[path = "support/command.rs"]
+mod command;
+#[path = "support/data.rs"]
+mod data;
+#[path = "support/dicom.rs"]
+mod dicom;
+
+use command::{binary, names, oct, text};
+use dicom::Image;
+
+const SIDE: u16 = 32;
+const SLICES: u32 = 20;
+
+/// A series of a ball, its radius in voxels.
+fn write_ball(folder: &Path, series: &str, radius: f64) {
+    fs::create_dir_all(folder).unwrap();
+    let middle = [15.2, 14.7, 9.6];
+    for z in 0..SLICES {
+        let side = u32::from(SIDE);
+        let values: Vec<u32> = (0..side * side)
+            .map(|i| {
+                let at = [f64::from(i % side), f64::from(i / side), f64::from(z)];
+                let squares: f64 = at.iter().zip(middle).map(|(a, m)| (a - m) * (a - m)).sum();
+                if squares.sqrt() < radius { 1500 } else { 20 }
+            })
+            .collect();
+        let image = Image {
+            series,
+            instance: z + 1,
+            position: [0.0, 0.0, f64::from(z)],
+            size: [SIDE, SIDE],
+            values: &values,
+            ..Image::default()
+        };
+        fs::write(folder.join(format!("i{z}.dcm")), image.bytes()).unwrap();
+    }
+}
+
+/// Three good series in three folders, a bad one, a text, and a folder named like the patient.
+fn studies(top: &Path) {
+    write_ball(&top.join("a/one"), "1.2.3.1", 8.0);
+    write_ball(&top.join("a/two"), "1.2.3.2", 6.5);
+    write_ball(&top.join("Nobody_R/three"), "1.2.3.3", 9.0);
+    let bad = top.join("bad");
+    fs::create_dir(&bad).unwrap();
+    for n in 1..4 {
+        let image = Image { series: "1.2.3.4", instance: n, values: &[n, 2, 3, 4], ..Image::default() };
+        fs::write(bad.join(format!("{n}.dcm")), image.bytes()).unwrap();
+    }
+    fs::write(top.join("readme.txt"), "nothing").unwrap();
+}
+
+fn batch(input: &Path, out: &Path, extra: &[&str]) -> (i32, Value) {
+    let run = oct(&[&["batch", &text(input), "--out", &text(out), "--json"], extra].concat());
+    let report = serde_json::from_str(&run.stdout).unwrap_or_else(|e| panic!("{e}: {run:?}"));
+    (run.code, report)
+}
+
+fn counts(report: &Value) -> [u64; 3] {
+    ["converted", "skipped", "failed"].map(|key| report[key].as_u64().unwrap())
+}
+
+/// Everything in the output folder that must not depend on how the batch went; reports without times,
+/// memory and which run built what.
+fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for name in names(out) {
+        let bytes = fs::read(out.join(&name)).unwrap();
+        let bytes = match name.as_str() {
+            "index.html" | "report.csv" => continue,
+            _ if name.ends_with(".json") => {
+                let mut value: Value = serde_json::from_slice(&bytes).unwrap();
+                without_times(&mut value);
+                value.to_string().into_bytes()
+            }
+            _ => bytes,
+        };
+        found.insert(name, bytes);
+    }
+    found
+}
+
+/// The same files with the same bytes; only names are printed.
+fn same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (name, bytes) in a {
+        assert!(b[name] == *bytes, "{name} differs");
+    }
+}
+
+fn without_times(value: &mut Value) {
+    match value {
+        Value::Object(map) => {
+            for key in [
+                "wall_s",
+                "memory_bytes",
+                "peak_rss_bytes",
+                "status",
+                "converted",
+                "skipped",
+                "scratch_bytes",
+                "jobs",
+            ] {
+                map.remove(key);
+            }
+            map.values_mut().for_each(without_times);
+        }
+        Value::Array(all) => all.iter_mut().for_each(without_times),
+        _ => {}
+    }
+}
+
+#[test]
+fn every_volume_is_converted_or_explained_and_nothing_is_done_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    studies(&top);
+    let (code, report) = batch(&top, &out, &["--memory", "16MiB", "--jobs", "2"]);
+    assert_eq!((code, counts(&report)), (8, [3, 0, 1]), "{report}");
+    assert!(report["peak_rss_bytes"].as_u64().unwrap() <= 16 << 20, "{report}");
+    assert_eq!(report["left_out"][0]["first"], "readme.txt", "{report}");
+    let items = report["items"].as_array().unwrap();
+    let failed = items.iter().find(|item| item["status"] == "failed").unwrap();
+    assert!(failed["reason"].as_str().unwrap().contains("one position"), "{failed}");
+    for item in items.iter().filter(|item| item["status"] == "converted") {
+        let model = text(&out.join(item["model"]["file"].as_str().unwrap()));
+        assert_eq!(item["model"]["dims"], serde_json::json!([SIDE, SIDE, SLICES]));
+        assert_eq!(oct(&["verify", &model]).code, 0);
+        assert!(out.join(item["model"]["thumbnail"].as_str().unwrap()).is_file());
+    }
+    assert_eq!(fs::read_to_string(out.join("report.csv")).unwrap().lines().count(), 5);
+
+    let before = results(&out);
+    let (code, again) = batch(&top, &out, &["--memory", "16MiB", "--jobs", "1"]);
+    assert_eq!((code, counts(&again)), (8, [0, 3, 1]), "{again}");
+    same(&results(&out), &before);
+
+    // Other options, a missing result, a changed input: what is concerned is built again.
+    let (_, other) = batch(&top, &out, &["--iso", "0"]);
+    assert_eq!(counts(&other), [3, 0, 1], "{other}");
+    batch(&top, &out, &[]);
+    let model = names(&out).into_iter().find(|name| name.ends_with(".oct")).unwrap();
+    fs::remove_file(out.join(model)).unwrap();
+    assert_eq!(counts(&batch(&top, &out, &[]).1), [1, 2, 1]);
+    write_ball(&top.join("a/two"), "1.2.3.2", 7.5);
+    assert_eq!(counts(&batch(&top, &out, &[]).1), [1, 2, 1]);
+    assert!(results(&out) != before);
+}
+
+#[test]
+fn results_inside_the_searched_folder_are_not_inputs() {
+    let folder = tempfile::tempdir().unwrap();
+    write_ball(&folder.path().join("one"), "1.2.3.1", 8.0);
+    let out = folder.path().join("results");
+    for expected in [[1, 0, 0], [0, 1, 0]] {
+        let (code, report) = batch(folder.path(), &out, &[]);
+        assert_eq!((code, counts(&report)), (0, expected), "{report}");
+        assert_eq!(report["left_out"], serde_json::json!([]), "{report}");
+    }
+}
+
+#[test]
+fn no_patient_name_is_in_names_reports_or_models_unless_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    studies(&top);
+    batch(&top, &out, &[]);
+    for name in names(&out) {
+        let bytes = fs::read(out.join(&name)).unwrap();
+        for secret in ["nobody", "real"] {
+            assert!(!name.to_lowercase().contains(secret), "{name}");
+            let text = String::from_utf8_lossy(&bytes).to_lowercase();
+            // Bytes of a packed picture or of voxels may spell anything short.
+            assert!(name.ends_with(".png") || !text.contains(secret), "{secret} in {name}");
+        }
+    }
+    let scan = oct(&["scan", &text(&top)]);
+    assert!(!scan.stdout.to_lowercase().contains("nobody"), "{scan:?}");
+    let kept = oct(&["scan", &text(&top), "--keep-names"]);
+    assert!(kept.stdout.contains("Nobody_R"), "{kept:?}");
+}
+
+#[test]
+fn a_scan_lists_what_a_batch_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    studies(&top);
+    let scan = oct(&["scan", &text(&top), "--json"]).json();
+    assert_eq!((&scan["usable"], &scan["refused"]), (&3.into(), &1.into()), "{scan}");
+    assert_eq!(names(&top), ["Nobody_R", "a", "bad", "readme.txt"]);
+    let (_, report) = batch(&top, &out, &[]);
+    let pairs = scan["items"].as_array().unwrap().iter().zip(report["items"].as_array().unwrap());
+    for (listed, done) in pairs {
+        assert_eq!(listed["input"], done["input"]);
+        assert_eq!(listed["usable"].as_bool().unwrap(), done["status"] == "converted");
+        if listed["usable"].as_bool().unwrap() {
+            assert_eq!(listed["dims"], done["model"]["dims"]);
+        }
+    }
+}
+
+#[test]
+fn a_folder_without_volumes_is_refused_and_a_missing_one_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    fs::create_dir(&top).unwrap();
+    fs::write(top.join("readme.txt"), "nothing").unwrap();
+    oct(&["batch", &text(&top), "--out", &text(&out)]).refused(3, &["no volume"]);
+    oct(&["batch", &text(&top.join("x")), "--out", &text(&out)]).refused(3, &["x"]);
+    oct(&["scan", &text(&top.join("x"))]).refused(3, &["x"]);
+    write_ball(&top, "1.2.3.1", 8.0);
+    let (code, report) = batch(&top, &out, &["--memory", "3MiB"]);
+    assert_eq!(code, 8);
+    assert!(report["items"][0]["reason"].as_str().unwrap().contains("smallest that works"), "{report}");
+}
+
+/// A small generator with a fixed seed, so that a failure can be repeated.
+struct Lcg(u64);
+
+impl Lcg {
+    fn below(&mut self, n: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % n
+    }
+}
+
+#[test]
+fn killed_at_any_moment_and_started_again_the_results_are_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, whole, killed) =
+        (folder.path().join("in"), folder.path().join("whole"), folder.path().join("killed"));
+    studies(&top);
+    let started = std::time::Instant::now();
+    batch(&top, &whole, &[]);
+    let usual = started.elapsed();
+    let mut random = Lcg(4);
+    let mut interrupted = 0;
+    for round in 0..20 {
+        // A fresh start now and then, so that every moment of a run is met.
+        if round % 2 == 0 && killed.exists() {
+            fs::remove_dir_all(&killed).unwrap();
+        }
+        let mut child = Command::new(binary())
+            .args(["batch", &text(&top), "--out", &text(&killed), "--quiet"])
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(Duration::from_micros(
+            random.below(u64::try_from(usual.as_micros() * 3 / 4).unwrap()),
+        ));
+        let _ = child.kill();
+        interrupted += u32::from(child.wait().unwrap().signal() == Some(9));
+        if killed.exists() {
+            // Nothing half-written has a name.
+            for name in names(&killed) {
+                let path = killed.join(&name);
+                let known = [".oct", ".png", ".json", ".csv", ".html"].iter().any(|end| name.ends_with(end));
+                assert!(known && fs::metadata(&path).unwrap().len() > 0, "{name}");
+                if name.ends_with(".oct") {
+                    assert_eq!(oct(&["verify", &text(&path)]).code, 0, "{name}");
+                }
+            }
+        }
+    }
+    assert!(interrupted >= 5, "only {interrupted} of 20 runs were interrupted");
+    batch(&top, &killed, &[]);
+    same(&results(&killed), &results(&whole));
+}
+
+#[test]
+fn all_of_the_real_data_within_16_mib() {
+    let Some(top) = data::real_data("") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let out: PathBuf = folder.path().join("out");
+    let (code, report) = batch(&top, &out, &["--memory", "16MiB", "--jobs", "2"]);
+    let [converted, _, failed] = counts(&report);
+    assert!(code == 8 && converted >= 30 && failed >= 5, "{code}: {converted} converted, {failed} failed");
+    for item in report["items"].as_array().unwrap() {
+        let reason = item["reason"].as_str().unwrap_or_default();
+        assert_eq!(item["status"] == "failed", !reason.is_empty(), "{item}");
+        assert!(!reason.contains("internal error"), "{item}");
+    }
+}
