@@ -225,7 +225,7 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
 }
 
 /// Regular files of a folder in natural order; hidden ones, models (`.oct`) and subfolders are left out.
-pub(super) fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
+fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
     let unreadable = |cause| SourceError::Unreadable { path: folder.to_path_buf(), cause };
     let mut list = FileList::new(folder);
     for entry in fs::read_dir(folder).map_err(unreadable)? {
