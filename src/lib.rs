@@ -18,7 +18,7 @@
 //! | [`scratch`] | nameless files for what does not fit into memory |
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
 //! | [`codec`] | compressed images, one frame at a time, row by row |
-//! | [`source`] | where voxels come from: raw files, DICOM series, the synthetic head |
+//! | [`source`] | where voxels come from: raw files, DICOM series, NRRD, NIfTI and others, the synthetic head |
 //! | [`build`] | plan, classify, skin, gradient, swap, merge, atomic output |
 //! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
 //! | [`render`] | camera, the one traversal kernel, shading, images |

@@ -16,11 +16,14 @@ use serde_json::Value;
 mod command;
 #[path = "support/dicom.rs"]
 mod dicom;
+#[path = "support/formats.rs"]
+mod formats;
 #[path = "support/volume.rs"]
 mod volume;
 
 use command::{binary, text};
 use dicom::Image;
+use formats::{Object, Tiff};
 use infobyte::source::ScalarType;
 use volume::{Random, encode};
 
@@ -145,6 +148,32 @@ fn the_threshold_is_found_within_the_cap() {
     for scalar in [ScalarType::U8, ScalarType::I16, ScalarType::F64] {
         volume([1024, 160, 10], scalar, Fill::Waves, &[8, 64], &["--otsu"]);
     }
+}
+
+/// A gzip or bzip2 stream is unrolled with small buffers, whatever its size; so is a TIFF page in one strip.
+#[test]
+fn packed_volumes_stay_within_the_cap() {
+    let folder = tempfile::tempdir().unwrap();
+    let dims = [512, 512, 128];
+    // 64 MiB of 16-bit samples.
+    let object = Object::new(dims, ScalarType::I16, [1.0; 3]);
+    let extra = [&BOTH[..], &["--iso", "1100"]].concat();
+    let at = |name: &str| folder.path().join(name);
+    let whole = [formats::nifti(&object, 1, false, true, 1), object.bytes.clone()].concat();
+    fs::write(at("v.nii.gz"), formats::gzip(&whole)).unwrap();
+    drop(whole);
+    for threads in ["1", "2"] {
+        held_to(&at("v.nii.gz"), &at("m.oct"), 8, &[&extra[..], &["--threads", threads]].concat());
+    }
+    fs::write(at("v.nrrd"), formats::nrrd(&object, "bzip2", false, "")).unwrap();
+    held_to(&at("v.nrrd"), &at("m.oct"), 8, &extra);
+    for compression in [1, 5, 8] {
+        let how = Tiff { compression, ..Tiff::default() };
+        fs::write(at("v.tif"), how.write(&object)).unwrap();
+        held_to(&at("v.tif"), &at("m.oct"), 8, &extra);
+    }
+    formats::pngs(&object, &at("png"));
+    held_to(&at("png"), &at("m.oct"), 8, &extra);
 }
 
 #[test]

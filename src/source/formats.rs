@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use super::files::FileList;
-use super::{OpenOptions, SourceError, VolumeSource};
+use super::{OpenOptions, SourceError, VolumeSource, metaimage, nifti, npy, nrrd, png_stack, tiff};
 
 /// Bytes of a file that [`Format::recognise`] is shown, or all of a shorter one.
 pub(crate) const HEAD_BYTES: usize = 1024;
@@ -38,7 +38,15 @@ pub(crate) struct StackFormat {
 }
 
 /// Formats of whole volumes.
-pub(crate) const FORMATS: &[Format] = &[];
+pub(crate) const FORMATS: &[Format] = &[
+    Format { name: "nrrd", recognise: nrrd::recognise, open: nrrd::open },
+    Format { name: "nifti", recognise: nifti::recognise, open: nifti::open },
+    Format { name: "npy", recognise: npy::recognise, open: npy::open },
+    Format { name: "metaimage", recognise: metaimage::recognise, open: metaimage::open },
+];
 
 /// Formats of single slices.
-pub(crate) const STACKS: &[StackFormat] = &[];
+pub(crate) const STACKS: &[StackFormat] = &[
+    StackFormat { name: "tiff", recognise: tiff::recognise, open: tiff::open },
+    StackFormat { name: "png", recognise: png_stack::recognise, open: png_stack::open },
+];

@@ -8,17 +8,24 @@ mod catalogue;
 pub mod dicom;
 mod error;
 mod files;
-#[allow(dead_code, reason = "its lists are still empty")]
 mod formats;
+mod header;
 mod log;
+mod metaimage;
 mod natural;
+mod nifti;
+mod npy;
+mod nrrd;
 mod open;
+mod png_stack;
 mod raw;
 mod scalar;
 mod sidecar;
 mod spool;
 mod stable_hash;
+mod stored;
 mod synthetic;
+mod tiff;
 mod walk;
 
 pub use catalogue::{Catalogue, Finding, GapPolicy, InputFiles, LeftOut, OpenOptions};

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::catalogue::{Catalogue, Finding, OpenOptions};
 use super::dicom::{Recognised, recognise};
 use super::formats::HEAD_BYTES;
-use super::{Preparation, RawVolume, SourceError, VolumeInfo, VolumeSource, Workspace};
+use super::{Preparation, RawVolume, SourceError, VolumeInfo, VolumeSource, Workspace, nifti};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -16,17 +16,10 @@ const DEPTH: u32 = 5;
 /// Files or volumes named in one warning.
 const NAMED: usize = 3;
 
-/// Formats by their first bytes, to say what a refused file is.
-const KNOWN: [(usize, &[u8], &str); 11] = [
-    (0, b"NRRD", "an NRRD file"),
-    (0, b"\x1f\x8b", "a gzip file"),
-    (344, b"n+1\0", "a NIfTI file"),
-    (344, b"ni1\0", "a NIfTI header"),
-    (0, b"\x89PNG", "a PNG image"),
-    (0, b"II*\0", "a TIFF image"),
-    (0, b"MM\0*", "a TIFF image"),
+/// Formats by their first bytes that are not read, to say what a refused file is.
+const KNOWN: [(usize, &[u8], &str); 4] = [
+    (0, b"\x1f\x8b", "a gzip file, but of no volume that is read"),
     (0, b"\xff\xd8\xff", "a JPEG image"),
-    (0, b"\x93NUMPY", "a NumPy array"),
     (0, b"ply", "a PLY mesh"),
     (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
 ];
@@ -62,6 +55,12 @@ pub fn open_in(
     let Some(first) = inputs.first() else {
         return Err(SourceError::Usage { path: PathBuf::new(), reason: "no input file is given".into() });
     };
+    // The samples of a pair do not say what they are; their header does.
+    let header = match inputs {
+        [path] => nifti::header_of_samples(path),
+        _ => None,
+    };
+    let inputs = header.as_ref().map_or(inputs, std::slice::from_ref);
     let found = Catalogue::survey_to_depth(inputs, options, scratch, DEPTH)?;
     if found.is_empty() {
         return Err(nothing(inputs, &found, first));
@@ -234,7 +233,7 @@ fn refuse_file(path: &Path) -> SourceError {
     }
     if let Some(what) = known(&head_of(&file)) {
         return unusable(format!(
-            "is {what}; DICOM series are read, and headerless voxels with --dims NXxNYxNZ and --dtype"
+            "is {what}; DICOM, NRRD, NIfTI, MetaImage, .npy, TIFF and PNG are read, and headerless voxels with --dims NXxNYxNZ and --dtype"
         ));
     }
     // A name that promises DICOM makes the file wrong; any other may be raw voxels that lack options.
@@ -325,7 +324,8 @@ mod tests {
             ("a.raw", &[7; 100][..], ExitKind::Usage, "add --dims"),
             ("a.dcm", &[7; 100], ExitKind::Input, "in spite of its name"),
             ("b.raw", &[], ExitKind::Input, "is empty"),
-            ("a.nrrd", b"NRRD0004\n", ExitKind::Input, "an NRRD file"),
+            ("a.nrrd", b"NRRD0004\n", ExitKind::Input, "no sample type"),
+            ("a.gz", b"\x1f\x8b\x08", ExitKind::Input, "a gzip file"),
             ("a.oct", b"\x89OCT\r\n\x1a\n", ExitKind::Input, "an .oct model"),
         ] {
             let (got, text) = refusal(name, bytes);

@@ -1,12 +1,14 @@
 //! Headerless volumes: one file with all slices, or one file per slice.
 
 use std::fs;
-use std::io::{self, IoSliceMut};
+use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::files::{FileList, FileSet};
+use super::stored::{Placed, Places, Samples};
 use super::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use crate::geom::{Dims, Orientation};
 
@@ -33,10 +35,7 @@ pub struct RawOptions {
 #[derive(Debug)]
 pub struct RawVolume {
     info: VolumeInfo,
-    files: FileSet,
-    slices_per_file: u32,
-    skip: u64,
-    endian: Endian,
+    placed: Placed,
 }
 
 impl RawVolume {
@@ -102,7 +101,17 @@ impl RawVolume {
             },
             warnings: Vec::new(),
         };
-        Ok(Self { info, files, slices_per_file, skip: options.skip, endian: options.endian })
+        let placed = Placed {
+            files: Arc::new(files),
+            places: Places::Even {
+                slices_per_file: u64::from(slices_per_file),
+                skip: options.skip,
+                first_slice: 0,
+            },
+            samples: Samples::Plain(options.scalar),
+            endian: options.endian,
+        };
+        Ok(Self { info, placed })
     }
 }
 
@@ -118,22 +127,7 @@ impl VolumeSource for RawVolume {
         cols: Range<u32>,
         out: &mut [u8],
     ) -> Result<(), SourceError> {
-        let file = usize::try_from(z / self.slices_per_file).unwrap_or(usize::MAX);
-        let result = check_request(&self.info, z, &rows, &cols, out.len()).and_then(|()| {
-            let dims = self.info.dims;
-            let slice_in_file = u64::from(z % self.slices_per_file);
-            let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.info.scalar.bytes() as u64;
-            let base = self.skip + slice_in_file * slice_bytes;
-            let width = self.info.scalar.bytes();
-            self.files.with(file, |f| read_block(f, base, dims.nx(), width, &rows, &cols, out))
-        });
-        result.map_err(|cause| SourceError::ReadFailed {
-            path: self.files.list().path(file),
-            slice: z,
-            cause,
-        })?;
-        self.endian.to_native(self.info.scalar.bytes(), out);
-        Ok(())
+        self.placed.read_rows(&self.info, z, rows, cols, out)
     }
 
     fn read_pitched(
@@ -144,31 +138,7 @@ impl VolumeSource for RawVolume {
         pitch: usize,
         out: &mut [u8],
     ) -> Result<(), SourceError> {
-        let dims = self.info.dims;
-        let width = self.info.scalar.bytes();
-        let file = usize::try_from(z / self.slices_per_file).unwrap_or(usize::MAX);
-        let row_bytes = cols.len() * width;
-        let expected = rows.len() * row_bytes;
-        let whole_rows = cols == (0..dims.nx()) && z < dims.nz() && rows.end <= dims.ny();
-        if whole_rows && self.endian.is_native() && row_bytes <= pitch {
-            let slice = u64::from(z % self.slices_per_file) * u64::from(dims.ny());
-            let offset = self.skip + (slice + u64::from(rows.start)) * row_bytes as u64;
-            let mut parts: Vec<IoSliceMut<'_>> = out
-                .chunks_mut(pitch)
-                .take(rows.len())
-                .map(|part| IoSliceMut::new(&mut part[..row_bytes]))
-                .collect();
-            let got = self.files.with(file, |f| Ok(rustix::io::preadv(f, &mut parts, offset)?));
-            // Anything but a full block (a short read, a limit on the number of parts, an error) is done
-            // again row by row, which also finds the words for it.
-            if got.is_ok_and(|n| n == expected) {
-                return Ok(());
-            }
-        }
-        for (row, part) in rows.zip(out.chunks_mut(pitch)) {
-            self.read_rows(z, row..row + 1, cols.clone(), &mut part[..row_bytes])?;
-        }
-        Ok(())
+        self.placed.read_pitched(&self.info, z, rows, cols, pitch, out)
     }
 }
 

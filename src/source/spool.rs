@@ -16,7 +16,6 @@ use crate::scratch::nameless_for;
 
 /// Samples of a volume in a scratch file: x fastest, then y, then z, native byte order.
 #[derive(Debug)]
-#[allow(dead_code, reason = "its first users are the compressed sources")]
 pub(crate) struct Spool {
     file: File,
     folder: PathBuf,
@@ -24,7 +23,6 @@ pub(crate) struct Spool {
     scalar: ScalarType,
 }
 
-#[allow(dead_code, reason = "its first users are the compressed sources")]
 impl Spool {
     /// An empty spool (all zero) for a volume of `dims`, in `folder`.
     ///

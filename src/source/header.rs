@@ -1,0 +1,241 @@
+//! What the headers of several formats share: lines of text, numbers, units, and the names of data files.
+
+use std::fs::File;
+use std::io::{self, BufRead, Read};
+use std::path::{Component, Path, PathBuf};
+
+use super::SourceError;
+use super::files::FileList;
+use super::stored::{Section, section};
+
+/// Longest line: far more than any real one, so that binary data is not taken for a line.
+const MAX_LINE: u64 = 64 << 10;
+
+/// Longest header: some ten thousand names of data files.
+const MAX_HEADER: u64 = 1 << 20;
+
+/// Most data files that a header may name.
+const MAX_FILES: u64 = 1 << 16;
+
+/// The lines of a text header, one at a time.
+pub(super) struct Lines<'a> {
+    reader: Section<'a>,
+    /// Byte of the file at which the next line begins.
+    pub(super) offset: u64,
+}
+
+impl<'a> Lines<'a> {
+    pub(super) fn new(file: &'a File) -> Self {
+        Self { reader: section(file, 0, MAX_HEADER), offset: 0 }
+    }
+
+    /// The next line without its end; `None` at the end of the file.
+    pub(super) fn next(&mut self) -> io::Result<Option<Vec<u8>>> {
+        let mut line = Vec::new();
+        let read = self.reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)?;
+        self.offset += read as u64;
+        if read as u64 == MAX_LINE && !line.ends_with(b"\n") {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "a line of the header has no end"));
+        }
+        if line.pop_if(|last| *last == b'\n').is_some() {
+            line.pop_if(|last| *last == b'\r');
+        }
+        Ok((read > 0).then_some(line))
+    }
+}
+
+/// A line as text; bytes that are none become question marks.
+pub(super) fn text(line: &[u8]) -> String {
+    String::from_utf8_lossy(line).trim().to_owned()
+}
+
+/// Numbers between white space, parentheses and commas; `None` where one is none.
+pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
+    let parts = text.split(|c: char| c.is_whitespace() || "(),".contains(c)).filter(|part| !part.is_empty());
+    parts.map(|part| part.parse().ok()).collect()
+}
+
+/// Whole numbers between white space.
+pub(super) fn counts(text: &str) -> Option<Vec<u64>> {
+    text.split_whitespace().map(|part| part.parse().ok()).collect()
+}
+
+/// Millimetres in a unit of length, by its usual names.
+pub(super) fn unit_mm(name: &str) -> Option<f64> {
+    let name = name.trim().trim_matches('"').to_lowercase();
+    match name.as_str() {
+        "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Some(1.0),
+        "cm" | "centimeter" | "centimeters" => Some(10.0),
+        "m" | "meter" | "meters" | "metre" | "metres" => Some(1000.0),
+        "um" | "\u{b5}m" | "\u{3bc}m" | "\\u00b5m" | "micron" | "microns" | "micrometer" | "micrometers"
+        | "micrometre" => Some(1e-3),
+        "nm" | "nanometer" | "nanometers" => Some(1e-6),
+        "inch" | "inches" | "in" => Some(25.4),
+        _ => None,
+    }
+}
+
+/// The vector at right angles to two others, `length` long.
+pub(super) fn normal_of(a: [f64; 3], b: [f64; 3], length: f64) -> [f64; 3] {
+    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let norm = cross.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if norm > 0.0 { cross.map(|c| c / norm * length) } else { [0.0, 0.0, length] }
+}
+
+/// A file could not be read.
+pub(super) fn unreadable(path: &Path, cause: io::Error) -> SourceError {
+    match cause.kind() {
+        io::ErrorKind::InvalidData => return unusable(path, cause.to_string()),
+        io::ErrorKind::UnexpectedEof => return unusable(path, "ends early; it was cut short, copy it again"),
+        _ => {}
+    }
+    SourceError::Unreadable { path: path.to_path_buf(), cause }
+}
+
+/// A file is damaged, or of a kind that is not read.
+pub(super) fn unusable(path: &Path, reason: impl Into<String>) -> SourceError {
+    SourceError::Unusable { path: path.to_path_buf(), reason: reason.into() }
+}
+
+/// An empty list of files that lie in the folder of a header.
+pub(super) fn files_beside(header: &Path) -> FileList {
+    FileList::new(header.parent().unwrap_or(Path::new("")))
+}
+
+/// Name of a data file as a header has it, if it lies in the header's folder or below.
+///
+/// A header that came from elsewhere must not make the program read whatever file it names.
+fn data_name(name: &str) -> Result<PathBuf, String> {
+    let path = Path::new(name.trim());
+    let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if !inside || path.as_os_str().is_empty() {
+        return Err(format!(
+            "its data file `{}` is not in the folder of the header; put both into one folder and name it without a path",
+            name.escape_debug()
+        ));
+    }
+    Ok(path.to_path_buf())
+}
+
+/// Adds a data file that a header names.
+pub(super) fn listed(list: &mut FileList, name: &str) -> Result<(), String> {
+    if list.len() as u64 >= MAX_FILES {
+        return Err(format!("it names more than {MAX_FILES} data files"));
+    }
+    list.push(&data_name(name)?);
+    Ok(())
+}
+
+/// File names from a pattern such as `slice%03d.raw`, for numbers from `first` to `last`; `most` at most.
+pub(super) fn numbered(
+    list: &mut FileList,
+    pattern: &str,
+    [first, last, step]: [i64; 3],
+    most: u64,
+) -> Result<(), String> {
+    let towards = if first <= last { step > 0 } else { step < 0 };
+    if !towards {
+        return Err(format!("its data files from {first} to {last} in steps of {step} have no end"));
+    }
+    let mut number = first;
+    while if step > 0 { number <= last } else { number >= last } {
+        if list.len() as u64 >= most {
+            return Err(format!("it names more data files than its {most} slices"));
+        }
+        let name = with_number(pattern, number)
+            .ok_or_else(|| format!("`{}` is no pattern with one number", pattern.escape_debug()))?;
+        listed(list, &name)?;
+        let Some(next) = number.checked_add(step) else { break };
+        number = next;
+    }
+    Ok(())
+}
+
+/// The pattern with its one `%d`, `%3d` or `%03d` replaced; `%%` is a percent sign.
+fn with_number(pattern: &str, number: i64) -> Option<String> {
+    let mut out = String::new();
+    let mut rest = pattern;
+    let mut replaced = false;
+    while let Some((before, after)) = rest.split_once('%') {
+        out.push_str(before);
+        if let Some(after) = after.strip_prefix('%') {
+            out.push('%');
+            rest = after;
+            continue;
+        }
+        let digits = after.find(|c: char| !c.is_ascii_digit()).filter(|at| *at < 3)?;
+        let (flags, after) = after.split_at(digits);
+        rest = after.strip_prefix(['d', 'i', 'u'])?;
+        let width: usize = if flags.is_empty() { 0 } else { flags.parse().ok()? };
+        out.push_str(&if flags.starts_with('0') {
+            format!("{number:0width$}")
+        } else {
+            format!("{number:width$}")
+        });
+        if replaced {
+            return None;
+        }
+        replaced = true;
+    }
+    out.push_str(rest);
+    replaced.then_some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_are_filled_like_printf() {
+        for (pattern, number, name) in [
+            ("a%03d.raw", 7, Some("a007.raw")),
+            ("%d", 12, Some("12")),
+            ("%4d%%", -3, Some("  -3%")),
+            ("a.raw", 1, None),
+            ("%d%d", 1, None),
+            ("%s", 1, None),
+            ("%", 1, None),
+            ("%999d", 1, None),
+        ] {
+            assert_eq!(with_number(pattern, number).as_deref(), name, "{pattern}");
+        }
+        let mut list = FileList::new(Path::new(""));
+        numbered(&mut list, "s%d", [5, 1, -2], 3).unwrap();
+        assert_eq!((list.len(), list.name(2)), (3, Path::new("s1")));
+        assert!(numbered(&mut list, "s%d", [1, 9, -1], 99).is_err());
+        assert!(numbered(&mut list, "s%d", [1, i64::MAX, 1], 99).is_err());
+        assert!(numbered(&mut FileList::default(), "s%d", [i64::MAX - 1, i64::MAX, 1], 99).is_ok());
+    }
+
+    #[test]
+    fn data_files_stay_below_the_header() {
+        assert_eq!(data_name(" sub/./a.raw ").unwrap(), Path::new("sub/./a.raw"));
+        for name in ["/etc/passwd", "../a.raw", "a/../../b", ""] {
+            assert!(data_name(name).unwrap_err().contains("not in the folder"), "{name}");
+        }
+    }
+
+    #[test]
+    fn lines_end_and_binary_data_is_none() {
+        use std::io::Write;
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(b"a: 1\r\n\nlast").unwrap();
+        let mut lines = Lines::new(&file);
+        assert_eq!(lines.next().unwrap().unwrap(), b"a: 1");
+        assert_eq!((lines.next().unwrap().unwrap(), lines.offset), (Vec::new(), 7));
+        assert_eq!(lines.next().unwrap().unwrap(), b"last");
+        assert_eq!(lines.next().unwrap(), None);
+        file.write_all(&[b'x'; 70_000]).unwrap();
+        let mut lines = Lines::new(&file);
+        assert!((0..3).any(|_| lines.next().is_err()));
+    }
+
+    #[test]
+    fn units_have_their_usual_names() {
+        assert_eq!(unit_mm("\"mm\""), Some(1.0));
+        assert_eq!(unit_mm("micron"), Some(1e-3));
+        assert_eq!(unit_mm("furlong"), None);
+        assert_eq!(numbers("(1, -2.5e1,3)"), Some(vec![1.0, -25.0, 3.0]));
+        assert_eq!(numbers("(1,x)"), None);
+    }
+}

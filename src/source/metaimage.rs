@@ -1,0 +1,280 @@
+//! MetaImage volumes: `.mha` with the samples behind the header, `.mhd` with files beside it.
+//!
+//! Axes stay as they are stored, the first is x. Row i of `TransformMatrix` is the direction of index axis
+//! i in LPS, as ITK reads and writes it; `CenterOfRotation` moves nothing there and is passed over here.
+
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use super::files::FileList;
+use super::header::{
+    Lines, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
+};
+use super::stored::{Encoding, Samples, Skip, Stored, regular};
+use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::geom::Affine;
+
+/// Keys that a header begins with, in lower case.
+const FIRST_KEYS: [&str; 4] = ["objecttype", "ndims", "comment", "objectsubtype"];
+
+/// Is this a MetaImage header?
+pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
+    let Some(line) = head.split(|b| *b == b'\n').next() else { return false };
+    let line = text(line).to_lowercase();
+    let Some((key, value)) = line.split_once('=') else { return false };
+    let named =
+        path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mha") || e.eq_ignore_ascii_case("mhd"));
+    let (key, value) = (key.trim(), value.trim());
+    (key == "objecttype" && value == "image") || (named && FIRST_KEYS.contains(&key))
+}
+
+/// Opens a header and finds its samples.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+    let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let header = Header::read(path, &file)?;
+    header.stored(path)?.open()
+}
+
+/// The fields of a header, as far as they matter.
+#[derive(Debug)]
+struct Header {
+    axes: usize,
+    size: Vec<u64>,
+    kind: String,
+    big: bool,
+    binary: bool,
+    compressed: bool,
+    channels: u64,
+    header_size: i64,
+    spacing: Vec<f64>,
+    element_size: Vec<f64>,
+    origin: Vec<f64>,
+    matrix: Vec<f64>,
+    unit: String,
+    data: String,
+    /// Files of a `LIST`.
+    list: FileList,
+    /// Byte behind the last line.
+    end: u64,
+}
+
+impl Header {
+    fn read(path: &Path, file: &File) -> Result<Self, SourceError> {
+        let mut lines = Lines::new(file);
+        let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
+        let mut header = Self {
+            axes: 0,
+            size: Vec::new(),
+            kind: String::new(),
+            big: false,
+            binary: true,
+            compressed: false,
+            channels: 1,
+            header_size: 0,
+            spacing: Vec::new(),
+            element_size: Vec::new(),
+            origin: Vec::new(),
+            matrix: Vec::new(),
+            unit: String::new(),
+            data: String::new(),
+            list: files_beside(path),
+            end: 0,
+        };
+        while let Some(line) = next(&mut lines)? {
+            let line = text(&line);
+            if line.is_empty() {
+                continue;
+            }
+            let Some((key, value)) = line.split_once('=') else {
+                return Err(unusable(
+                    path,
+                    format!("the line `{}` of its header is no field", line.escape_debug()),
+                ));
+            };
+            let (key, value) = (key.trim().to_lowercase(), value.trim());
+            if key == "elementdatafile" {
+                header.data = value.to_owned();
+                if value.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("list")) {
+                    while let Some(name) = next(&mut lines)? {
+                        let name = text(&name);
+                        if !name.is_empty() {
+                            listed(&mut header.list, &name).map_err(|reason| unusable(path, reason))?;
+                        }
+                    }
+                }
+                header.end = lines.offset;
+                return Ok(header);
+            }
+            header.field(&key, value).ok_or_else(|| {
+                unusable(path, format!("its field `{}` makes no sense", line.escape_debug()))
+            })?;
+        }
+        Err(unusable(path, "its header ends without ElementDataFile, which names the samples"))
+    }
+
+    /// Takes one field; `None` if it makes no sense.
+    fn field(&mut self, key: &str, value: &str) -> Option<()> {
+        let truth = || match value.to_lowercase().as_str() {
+            "true" | "t" | "1" | "yes" => Some(true),
+            "false" | "f" | "0" | "no" => Some(false),
+            _ => None,
+        };
+        match key {
+            "ndims" => self.axes = value.parse().ok()?,
+            "dimsize" => self.size = counts(value)?,
+            "elementtype" => self.kind = value.to_uppercase(),
+            "elementbyteordermsb" | "binarydatabyteordermsb" => self.big = truth()?,
+            "binarydata" => self.binary = truth()?,
+            "compresseddata" => self.compressed = truth()?,
+            "elementnumberofchannels" => self.channels = value.parse().ok()?,
+            "headersize" => self.header_size = value.parse().ok().filter(|n| *n >= -1)?,
+            "elementspacing" => self.spacing = numbers(value)?,
+            "elementsize" => self.element_size = numbers(value)?,
+            "offset" | "position" | "origin" => self.origin = numbers(value)?,
+            "transformmatrix" | "rotation" | "orientation" => self.matrix = numbers(value)?,
+            "distanceunits" => self.unit = value.to_owned(),
+            _ => {}
+        }
+        Some(())
+    }
+
+    fn stored(mut self, path: &Path) -> Result<Stored, SourceError> {
+        let refuse = |reason: String| unusable(path, reason);
+        if !(2..=4).contains(&self.axes) || self.size.len() != self.axes {
+            return Err(refuse(format!(
+                "its header states NDims = {} and {} sizes; volumes of 2 to 4 dimensions are read",
+                self.axes,
+                self.size.len()
+            )));
+        }
+        if self.channels != 1 {
+            return Err(refuse(format!(
+                "has {} channels a voxel; extract one into a file of its own",
+                self.channels
+            )));
+        }
+        let samples = samples(&self.kind)
+            .ok_or_else(|| refuse(format!("its ElementType `{}` is not read", self.kind.escape_debug())))?;
+        let at = |i: usize| self.size.get(i).copied().unwrap_or(1);
+        let (size, volumes) = ([at(0), at(1), at(2)], at(3));
+        let mut warnings = Vec::new();
+        let affine = self.affine(&mut warnings).ok_or_else(|| {
+            refuse("its spacing, offset or matrix has fewer numbers than the volume has dimensions".into())
+        })?;
+        let local = self.data.eq_ignore_ascii_case("local");
+        let mut files = std::mem::take(&mut self.list);
+        let mut skip = 0;
+        let slices = size[2].saturating_mul(volumes);
+        if local {
+            let name = path.file_name().unwrap_or_default();
+            files.push(Path::new(name));
+            skip = self.end;
+        } else if files.len() == 0 {
+            self.name_files(&mut files, slices).map_err(refuse)?;
+        }
+        let encoding = match (self.compressed, self.binary) {
+            (true, true) => stream_kind(&files, skip)?,
+            (true, false) => return Err(refuse("compressed text is not read".into())),
+            (false, true) => Encoding::Raw,
+            (false, false) => Encoding::Text,
+        };
+        let skip = match u64::try_from(self.header_size) {
+            Ok(bytes) => Skip::Bytes(skip.saturating_add(bytes)),
+            Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
+            Err(_) => return Err(refuse("HeaderSize = -1 is for uncompressed samples only".into())),
+        };
+        Ok(Stored {
+            header: path.to_path_buf(),
+            format: "metaimage",
+            files,
+            size,
+            volumes,
+            samples,
+            endian: if self.big { Endian::Big } else { Endian::Little },
+            encoding,
+            skip,
+            skip_unpacked: 0,
+            rescale: Rescale::IDENTITY,
+            affine,
+            warnings,
+        })
+    }
+
+    /// Files of a single name, or of a pattern with its numbers.
+    fn name_files(&self, files: &mut FileList, slices: u64) -> Result<(), String> {
+        let parts: Vec<&str> = self.data.split_whitespace().collect();
+        if let [pattern, range @ ..] = parts.as_slice()
+            && pattern.contains('%')
+            && (2..=3).contains(&range.len())
+        {
+            let range: Option<Vec<i64>> = range.iter().map(|n| n.parse().ok()).collect();
+            if let Some([first, last, step @ ..]) = range.as_deref() {
+                return numbered(files, pattern, [*first, *last, step.first().copied().unwrap_or(1)], slices);
+            }
+        }
+        listed(files, &self.data)
+    }
+
+    /// Voxel index to LPS mm.
+    fn affine(&self, warnings: &mut Vec<String>) -> Option<Affine> {
+        let axes = self.axes;
+        let spacing = if self.spacing.is_empty() { &self.element_size } else { &self.spacing };
+        if spacing.is_empty() {
+            warnings.push("the header states no spacing; 1 mm is assumed".into());
+        }
+        let mut scale = 1.0;
+        if !self.unit.is_empty() && !self.unit.contains('?') {
+            match unit_mm(&self.unit) {
+                Some(mm) => scale = mm,
+                None => warnings.push(format!("the unit `{}` is taken for mm", self.unit.escape_debug())),
+            }
+        }
+        let number = |list: &[f64], at: usize, default: f64| {
+            if list.is_empty() { Some(default) } else { list.get(at).copied() }
+        };
+        let mut affine = Affine::from_spacing([1.0; 3]);
+        for axis in 0..axes.min(3) {
+            let step = number(spacing, axis, 1.0)? * scale;
+            let origin = number(&self.origin, axis, 0.0)? * scale;
+            for world in 0..axes.min(3) {
+                let same = if world == axis { 1.0 } else { 0.0 };
+                let direction = number(&self.matrix, axis * axes + world, same)?;
+                if let Some(row) = affine.rows.get_mut(world) {
+                    row[axis] = direction * step;
+                }
+            }
+            if let Some(row) = affine.rows.get_mut(axis) {
+                row[3] = origin;
+            }
+        }
+        Some(affine)
+    }
+}
+
+/// Type of a sample by its name in the format; `MET_LONG` has 32 bits there.
+fn samples(name: &str) -> Option<Samples> {
+    Some(match name {
+        "MET_CHAR" | "MET_ASCII_CHAR" => Samples::Plain(ScalarType::I8),
+        "MET_UCHAR" => Samples::Plain(ScalarType::U8),
+        "MET_SHORT" => Samples::Plain(ScalarType::I16),
+        "MET_USHORT" => Samples::Plain(ScalarType::U16),
+        "MET_INT" | "MET_LONG" => Samples::Plain(ScalarType::I32),
+        "MET_UINT" | "MET_ULONG" => Samples::Plain(ScalarType::U32),
+        "MET_LONG_LONG" => Samples::I64,
+        "MET_ULONG_LONG" => Samples::U64,
+        "MET_FLOAT" => Samples::Plain(ScalarType::F32),
+        "MET_DOUBLE" => Samples::Plain(ScalarType::F64),
+        _ => return None,
+    })
+}
+
+/// Compressed samples are zlib, but gzip is written, too.
+fn stream_kind(files: &FileList, skip: u64) -> Result<Encoding, SourceError> {
+    let path = files.path(0);
+    regular(&path)?;
+    let mut magic = [0; 2];
+    let file = File::open(&path).map_err(|cause| unreadable(&path, cause))?;
+    let gzip = file.read_exact_at(&mut magic, skip).is_ok() && magic == [0x1f, 0x8b];
+    Ok(if gzip { Encoding::Gzip } else { Encoding::Zlib })
+}

@@ -1,0 +1,337 @@
+//! NIfTI-1 and NIfTI-2 (<https://nifti.nimh.nih.gov>): `.nii`, `.nii.gz`, and pairs of `.hdr` and `.img`.
+//!
+//! Axes stay as they are stored, i is x. The affine is the sform if the header has one, else the qform, else
+//! the bare spacing with a warning; NIfTI's RAS becomes LPS. Several time points are several volumes.
+//! Samples keep their type: `scl_slope` and `scl_inter` become the rescale.
+
+mod geometry;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::header::{files_beside, unreadable, unusable};
+use super::stored::{Encoding, Samples, Skip, Stored};
+use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
+use geometry::Placement;
+
+/// Bytes of a NIfTI-1 header, and of an ANALYZE 7.5 one.
+const NIFTI1_BYTES: usize = 348;
+
+/// Bytes of a NIfTI-2 header.
+const NIFTI2_BYTES: usize = 540;
+
+/// What follows the magic of NIfTI-2, so that a text-mode transfer shows.
+const NIFTI2_TAIL: &[u8] = b"\0\r\n\x1a\n";
+
+/// Is this a NIfTI or ANALYZE header, gzipped or not?
+pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
+    let mut plain = [0; NIFTI1_BYTES];
+    if head.starts_with(b"\x1f\x8b") {
+        let got = unpacked(flate2::bufread::GzDecoder::new(head), &mut plain);
+        return is_header(plain.get(..got).unwrap_or_default(), path);
+    }
+    is_header(head, path)
+}
+
+/// A magic tells it; without one (ANALYZE, or damage) the size field does, but only with a name for it.
+fn is_header(head: &[u8], path: &Path) -> bool {
+    let magic =
+        |at: usize, list: &[&[u8]]| head.get(at..).is_some_and(|h| list.iter().any(|m| h.starts_with(m)));
+    if magic(344, &[b"n+1\0", b"ni1\0"]) || magic(4, &[b"n+2\0", b"ni2\0"]) {
+        return true;
+    }
+    let size = head.first_chunk::<4>().map(|b| [u32::from_le_bytes(*b), u32::from_be_bytes(*b)]);
+    let sized = size.is_some_and(|sizes| sizes.iter().any(|n| *n == 348 || *n == 540));
+    sized && ["hdr", "nii", "img"].iter().any(|e| extension(path).is_some_and(|(_, x)| x == *e))
+}
+
+/// The path without `.gz`, and its extension in lower case.
+fn extension(path: &Path) -> Option<(PathBuf, String)> {
+    let ends = |p: &Path, e: &str| p.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
+    let bare = if ends(path, "gz") { path.with_extension("") } else { path.to_path_buf() };
+    let extension = bare.extension()?.to_string_lossy().to_lowercase();
+    Some((bare, extension))
+}
+
+/// The header of a pair whose samples were given: `brain.hdr` or `brain.hdr.gz` for `brain.img`.
+pub(super) fn header_of_samples(path: &Path) -> Option<PathBuf> {
+    let (bare, _) = extension(path).filter(|(_, e)| e == "img")?;
+    ["hdr", "hdr.gz", "HDR"].iter().map(|e| bare.with_extension(e)).find(|p| p.is_file())
+}
+
+/// Reads as much as there is.
+fn unpacked(stream: impl Read, out: &mut [u8]) -> usize {
+    let mut stream = stream;
+    let mut got = 0;
+    while let Some(rest) = out.get_mut(got..).filter(|rest| !rest.is_empty()) {
+        match stream.read(rest) {
+            Ok(0) | Err(_) => break,
+            Ok(n) => got += n,
+        }
+    }
+    got
+}
+
+/// Opens a header and finds its samples.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+    let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let encoding = encoding_of(&file).map_err(|cause| unreadable(path, cause))?;
+    let mut bytes = [0; NIFTI2_BYTES];
+    let got = unpacked(encoding.open(&file, 0, Samples::Plain(ScalarType::U8)), &mut bytes);
+    let header =
+        Header::parse(bytes.get(..got).unwrap_or_default()).map_err(|reason| unusable(path, reason))?;
+    let mut files = files_beside(path);
+    let (data, encoding, skip) = if header.single {
+        let least = if header.version == 1 { NIFTI1_BYTES } else { NIFTI2_BYTES } as u64;
+        // Some writers leave the offset 0 and mean the end of the header.
+        let offset = if header.offset == 0 { least + 4 } else { header.offset };
+        if offset < least {
+            return Err(unusable(path, format!("its samples begin at byte {offset}, within its header")));
+        }
+        (path.to_path_buf(), encoding, offset)
+    } else {
+        let data = samples_of_header(path).ok_or_else(|| {
+            unusable(path, "is the header of a pair, and no .img file lies beside it; copy both")
+        })?;
+        let file = File::open(&data).map_err(|cause| unreadable(&data, cause))?;
+        let encoding = encoding_of(&file).map_err(|cause| unreadable(&data, cause))?;
+        (data, encoding, header.offset)
+    };
+    files.push(Path::new(data.file_name().unwrap_or_default()));
+    let samples = header.samples().map_err(|reason| unusable(path, reason))?;
+    let (size, volumes) = header.size().map_err(|reason| unusable(path, reason))?;
+    let mut warnings = Vec::new();
+    let affine = header.placement.affine(&mut warnings).map_err(|reason| unusable(path, reason))?;
+    let rescale = header.rescale();
+    let raw = encoding == Encoding::Raw;
+    Stored {
+        header: path.to_path_buf(),
+        format: "nifti",
+        files,
+        size,
+        volumes,
+        samples,
+        endian: header.endian,
+        encoding,
+        skip: Skip::Bytes(if raw { skip } else { 0 }),
+        skip_unpacked: if raw { 0 } else { skip },
+        rescale,
+        affine,
+        warnings,
+    }
+    .open()
+}
+
+/// Gzip by its first bytes, whatever the name says.
+fn encoding_of(file: &File) -> std::io::Result<Encoding> {
+    use std::os::unix::fs::FileExt;
+    let mut magic = [0; 2];
+    let got = file.read_at(&mut magic, 0)?;
+    Ok(if got == 2 && magic == [0x1f, 0x8b] { Encoding::Gzip } else { Encoding::Raw })
+}
+
+/// The file of samples beside the header of a pair.
+fn samples_of_header(path: &Path) -> Option<PathBuf> {
+    let (bare, _) = extension(path)?;
+    ["img", "img.gz", "IMG"].iter().map(|e| bare.with_extension(e)).find(|p| p.is_file())
+}
+
+/// A header, as far as it matters.
+#[derive(Debug)]
+struct Header {
+    version: u8,
+    endian: Endian,
+    /// Are the samples in the same file?
+    single: bool,
+    dim: [i64; 8],
+    datatype: i16,
+    offset: u64,
+    slope: f64,
+    intercept: f64,
+    placement: Placement,
+}
+
+/// Numbers at byte offsets; the header was checked to be long enough, and a wrong offset reads 0.
+struct Fields<'a> {
+    bytes: &'a [u8],
+    endian: Endian,
+}
+
+impl Fields<'_> {
+    fn at<const N: usize>(&self, offset: usize) -> [u8; N] {
+        let mut out = [0; N];
+        if let Some(found) = self.bytes.get(offset..).and_then(|rest| rest.first_chunk::<N>()) {
+            out = *found;
+        }
+        // To little-endian, which the readers below take.
+        if self.endian == Endian::Big {
+            out.reverse();
+        }
+        out
+    }
+
+    fn i16(&self, offset: usize) -> i16 {
+        i16::from_le_bytes(self.at(offset))
+    }
+
+    fn i32(&self, offset: usize) -> i32 {
+        i32::from_le_bytes(self.at(offset))
+    }
+
+    fn i64(&self, offset: usize) -> i64 {
+        i64::from_le_bytes(self.at(offset))
+    }
+
+    fn f32(&self, offset: usize) -> f64 {
+        f64::from(f32::from_le_bytes(self.at(offset)))
+    }
+
+    fn f64(&self, offset: usize) -> f64 {
+        f64::from_le_bytes(self.at(offset))
+    }
+}
+
+impl Header {
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let short =
+            || format!("ends after {} bytes, within its NIfTI header; copy the file again", bytes.len());
+        let size = bytes.first_chunk::<4>().ok_or_else(short)?;
+        let (endian, size) = match (u32::from_le_bytes(*size), u32::from_be_bytes(*size)) {
+            (n @ (348 | 540), _) => (Endian::Little, n),
+            (_, n @ (348 | 540)) => (Endian::Big, n),
+            _ => return Err("its NIfTI header is damaged: it states another length than 348 or 540".into()),
+        };
+        if bytes.len() < size as usize {
+            return Err(short());
+        }
+        let fields = Fields { bytes, endian };
+        let header = if size == 348 { Self::first(&fields)? } else { Self::second(&fields)? };
+        if !(1..=7).contains(&header.dim[0]) {
+            return Err(format!("its NIfTI header is damaged: it has {} dimensions", header.dim[0]));
+        }
+        Ok(header)
+    }
+
+    fn first(fields: &Fields<'_>) -> Result<Self, String> {
+        let single = match fields.bytes.get(344..348) {
+            Some(b"n+1\0") => true,
+            Some(b"ni1\0") => false,
+            _ => {
+                return Err("is ANALYZE 7.5, or a damaged NIfTI header: left and right are not told apart, so it is not read; convert it to NIfTI".into());
+            }
+        };
+        let offset = fields.f32(108);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "checked: 0 to 2^53, whole"
+        )]
+        let offset = (0.0..9e15).contains(&offset).then_some(offset as u64);
+        let row = |at: usize| [0, 4, 8, 12].map(|i| fields.f32(at + i));
+        Ok(Self {
+            version: 1,
+            endian: fields.endian,
+            single,
+            dim: [0, 1, 2, 3, 4, 5, 6, 7].map(|i| i64::from(fields.i16(40 + 2 * i))),
+            datatype: fields.i16(70),
+            offset: offset.ok_or("its NIfTI header is damaged: its samples begin nowhere")?,
+            slope: fields.f32(112),
+            intercept: fields.f32(116),
+            placement: Placement {
+                pixdim: [0, 1, 2, 3].map(|i| fields.f32(76 + 4 * i)),
+                units: i32::from(fields.bytes.get(123).copied().unwrap_or(0)),
+                qform_code: fields.i16(252).into(),
+                sform_code: fields.i16(254).into(),
+                quaternion: [0, 4, 8].map(|i| fields.f32(256 + i)),
+                offset: [0, 4, 8].map(|i| fields.f32(268 + i)),
+                rows: [row(280), row(296), row(312)],
+            },
+        })
+    }
+
+    fn second(fields: &Fields<'_>) -> Result<Self, String> {
+        let single = match fields.bytes.get(4..7) {
+            Some(b"n+2") => true,
+            Some(b"ni2") => false,
+            _ => return Err("its NIfTI-2 header is damaged: it has no magic".into()),
+        };
+        if fields.bytes.get(7..12) != Some(NIFTI2_TAIL) {
+            return Err(
+                "its NIfTI-2 header was changed by a transfer as text; copy the file as binary".into()
+            );
+        }
+        let row = |at: usize| [0, 8, 16, 24].map(|i| fields.f64(at + i));
+        Ok(Self {
+            version: 2,
+            endian: fields.endian,
+            single,
+            dim: [0, 1, 2, 3, 4, 5, 6, 7].map(|i| fields.i64(16 + 8 * i)),
+            datatype: fields.i16(12),
+            offset: u64::try_from(fields.i64(168))
+                .map_err(|_| "its NIfTI header is damaged: its samples begin nowhere")?,
+            slope: fields.f64(176),
+            intercept: fields.f64(184),
+            placement: Placement {
+                pixdim: [0, 1, 2, 3].map(|i| fields.f64(104 + 8 * i)),
+                units: fields.i32(500),
+                qform_code: fields.i32(344),
+                sform_code: fields.i32(348),
+                quaternion: [0, 8, 16].map(|i| fields.f64(352 + i)),
+                offset: [0, 8, 16].map(|i| fields.f64(376 + i)),
+                rows: [row(400), row(432), row(464)],
+            },
+        })
+    }
+
+    /// Voxels along the axes, and volumes.
+    fn size(&self) -> Result<([u64; 3], u64), String> {
+        let count = usize::try_from(self.dim[0]).unwrap_or(0);
+        let at = |i: usize| {
+            if i > count {
+                return 1;
+            }
+            self.dim.get(i).and_then(|n| u64::try_from(*n).ok()).unwrap_or(0)
+        };
+        let more: Vec<u64> = (5..8).map(at).filter(|n| *n > 1).collect();
+        if !more.is_empty() {
+            return Err(format!(
+                "has {} dimensions, so a voxel has several values; extract one component into a file of its own",
+                self.dim[0]
+            ));
+        }
+        // Some writers state four dimensions and leave the fourth 0.
+        Ok(([at(1), at(2).max(u64::from(count < 2)), at(3)], at(4).max(1)))
+    }
+
+    fn samples(&self) -> Result<Samples, String> {
+        let refused = |what: &str| Err(format!("its samples are {what}, which is not read"));
+        let plain = |scalar| Ok(Samples::Plain(scalar));
+        match self.datatype {
+            2 => plain(ScalarType::U8),
+            4 => plain(ScalarType::I16),
+            8 => plain(ScalarType::I32),
+            16 => plain(ScalarType::F32),
+            64 => plain(ScalarType::F64),
+            256 => plain(ScalarType::I8),
+            512 => plain(ScalarType::U16),
+            768 => plain(ScalarType::U32),
+            1024 => Ok(Samples::I64),
+            1280 => Ok(Samples::U64),
+            1 => refused("single bits"),
+            32 | 1792 | 2048 => refused("complex numbers"),
+            128 | 2304 => refused("colours (RGB)"),
+            1536 => refused("128-bit floats"),
+            other => refused(&format!("of the unknown type {other}")),
+        }
+    }
+
+    /// A slope of 0, or one that is no number, means none.
+    fn rescale(&self) -> Rescale {
+        let stated = self.slope.is_finite() && self.slope != 0.0 && self.intercept.is_finite();
+        if stated { Rescale { slope: self.slope, intercept: self.intercept } } else { Rescale::IDENTITY }
+    }
+}
+
+#[cfg(test)]
+mod tests;

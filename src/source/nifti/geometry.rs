@@ -1,0 +1,96 @@
+//! Where voxels are, by the three methods of the NIfTI standard.
+
+use crate::geom::Affine;
+
+/// The fields of a header that place its voxels, in the file's unit and RAS.
+#[derive(Clone, Debug)]
+pub(super) struct Placement {
+    /// Handedness of the qform, then the spacing.
+    pub(super) pixdim: [f64; 4],
+    /// Unit of length in the low three bits.
+    pub(super) units: i32,
+    pub(super) qform_code: i32,
+    pub(super) sform_code: i32,
+    /// b, c, d.
+    pub(super) quaternion: [f64; 3],
+    /// Position of voxel (0, 0, 0) by the qform.
+    pub(super) offset: [f64; 3],
+    /// The sform.
+    pub(super) rows: [[f64; 4]; 3],
+}
+
+impl Placement {
+    /// Voxel index to LPS mm.
+    pub(super) fn affine(&self, warnings: &mut Vec<String>) -> Result<Affine, String> {
+        let mm = match self.units & 7 {
+            1 => 1000.0,
+            3 => 1e-3,
+            2 => 1.0,
+            _ => {
+                warnings.push("the header states no unit of length; mm is assumed".into());
+                1.0
+            }
+        };
+        let ras = self.ras(warnings);
+        let mut rows = ras.map(|row| row.map(|v| v * mm));
+        for row in rows.iter_mut().take(2) {
+            row.iter_mut().for_each(|v| *v = 0.0 - *v);
+        }
+        Ok(Affine { rows })
+    }
+
+    /// Voxel index to RAS in the file's unit.
+    fn ras(&self, warnings: &mut Vec<String>) -> [[f64; 4]; 3] {
+        if self.sform_code > 0 {
+            if (Affine { rows: self.rows }).inverse().is_some() {
+                return self.rows;
+            }
+            warnings.push("the sform of the header is singular and is not used".into());
+        }
+        let spacing = [1, 2, 3].map(|i: usize| {
+            let step = self.pixdim.get(i).copied().unwrap_or(1.0).abs();
+            if step > 0.0 && step.is_finite() { step } else { 1.0 }
+        });
+        if self.qform_code > 0 {
+            let rows = self.qform(spacing);
+            if (Affine { rows }).inverse().is_some() {
+                return rows;
+            }
+            warnings.push("the qform of the header is singular and is not used".into());
+        }
+        warnings.push(
+            "the header states no orientation; its axes are taken as right, anterior, superior, so left and right may be swapped".into(),
+        );
+        let mut rows = [[0.0; 4]; 3];
+        for (axis, (row, step)) in rows.iter_mut().zip(spacing).enumerate() {
+            row[axis] = step;
+        }
+        rows
+    }
+
+    /// Rotation by the unit quaternion (a, b, c, d), with the third axis reversed where `pixdim[0]` < 0.
+    fn qform(&self, spacing: [f64; 3]) -> [[f64; 4]; 3] {
+        let [mut b, mut c, mut d] = self.quaternion;
+        let rest = 1.0 - (b * b + c * c + d * d);
+        let a = if rest < 1e-7 {
+            // A half turn, as far as single precision tells: (b, c, d) is made a unit vector.
+            let norm = 1.0 / (b * b + c * c + d * d).sqrt();
+            (b, c, d) = (b * norm, c * norm, d * norm);
+            0.0
+        } else {
+            rest.sqrt()
+        };
+        let rotation = [
+            [a * a + b * b - c * c - d * d, 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)],
+            [2.0 * (b * c + a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d - a * b)],
+            [2.0 * (b * d - a * c), 2.0 * (c * d + a * b), a * a + d * d - b * b - c * c],
+        ];
+        let third = if self.pixdim[0] < 0.0 { -spacing[2] } else { spacing[2] };
+        let steps = [spacing[0], spacing[1], third];
+        let mut rows = [[0.0; 4]; 3];
+        for ((row, turned), offset) in rows.iter_mut().zip(rotation).zip(self.offset) {
+            *row = [turned[0] * steps[0], turned[1] * steps[1], turned[2] * steps[2], offset];
+        }
+        rows
+    }
+}

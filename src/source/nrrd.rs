@@ -1,0 +1,370 @@
+//! NRRD volumes (<https://teem.sourceforge.net/nrrd/format.html>), NRRD0001 to NRRD0005: attached `.nrrd`
+//! and detached `.nhdr` headers.
+//!
+//! Axes stay as they are stored, the fastest is x. `space` and `space directions` become an affine to LPS
+//! millimetres; without them `spacings` and `axis mins` do. A last axis that is no direction in space (a
+//! list, time) makes several volumes; one that runs faster than space (colours, vectors) is refused by name.
+
+mod geometry;
+
+use std::fs::File;
+use std::path::Path;
+
+use super::files::FileList;
+use super::header::{Lines, counts, files_beside, listed, numbered, text, unreadable, unusable};
+use super::raw::base_name;
+use super::stored::{Encoding, Samples, Skip, Stored, section};
+use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
+use geometry::{Axis, Geometry};
+
+/// Most axes that the format allows.
+const MAX_AXES: usize = 16;
+
+/// Is this an NRRD header?
+pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
+    head.starts_with(b"NRRD00")
+}
+
+/// Opens a header and finds its samples.
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+    let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let header = Header::read(path, &file)?;
+    let stored = header.stored(path, &file).map_err(|wrong| match wrong {
+        Wrong::Header(reason) => unusable(path, reason),
+        Wrong::Other(error) => error,
+    })?;
+    stored.open()
+}
+
+/// Why a header is refused.
+enum Wrong {
+    Header(String),
+    Other(SourceError),
+}
+
+impl From<String> for Wrong {
+    fn from(reason: String) -> Self {
+        Self::Header(reason)
+    }
+}
+
+/// Where the samples are.
+#[derive(Debug)]
+enum DataFiles {
+    /// Behind the header, at this offset.
+    Attached(u64),
+    /// Listed in the header.
+    Listed(FileList),
+    /// By a pattern and numbers.
+    Pattern(String, [i64; 3]),
+}
+
+/// The fields of a header, as far as they matter.
+#[derive(Debug, Default)]
+struct Header {
+    kind: String,
+    encoding: String,
+    endian: String,
+    dimension: usize,
+    sizes: Vec<u64>,
+    line_skip: u64,
+    byte_skip: i64,
+    geometry: Geometry,
+    data: Option<DataFiles>,
+}
+
+impl Header {
+    fn read(path: &Path, file: &File) -> Result<Self, SourceError> {
+        let mut lines = Lines::new(file);
+        let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
+        let magic = next(&mut lines)?.unwrap_or_default();
+        if !matches!(magic.as_slice(), [b'N', b'R', b'R', b'D', b'0', b'0', b'0', b'1'..=b'5']) {
+            let reason =
+                format!("`{}` is no version of NRRD that is read (1 to 5)", text(&magic).escape_debug());
+            return Err(unusable(path, reason));
+        }
+        let mut header = Self::default();
+        let mut wrong = None;
+        while let Some(line) = next(&mut lines)? {
+            if line.is_empty() {
+                header.data.get_or_insert(DataFiles::Attached(lines.offset));
+                break;
+            }
+            let line = text(&line);
+            if line.starts_with('#') {
+                continue;
+            }
+            let Some((field, value)) = line.split_once(':') else {
+                wrong.get_or_insert(format!("the line `{}` of its header is no field", line.escape_debug()));
+                continue;
+            };
+            if value.starts_with('=') {
+                continue;
+            }
+            let (field, value) = (field.trim().to_lowercase(), value.trim());
+            if matches!(field.as_str(), "data file" | "datafile") {
+                let first = value.split_whitespace().next();
+                if first == Some("LIST") {
+                    let mut list = files_beside(path);
+                    while let Some(name) = next(&mut lines)? {
+                        let name = text(&name);
+                        if !name.is_empty() {
+                            listed(&mut list, &name).map_err(|reason| unusable(path, reason))?;
+                        }
+                    }
+                    header.data = Some(DataFiles::Listed(list));
+                    break;
+                }
+                header.data = Some(data_file(path, value).map_err(|reason| unusable(path, reason))?);
+            } else if let Err(reason) = header.field(&field, value) {
+                wrong.get_or_insert(reason);
+            }
+        }
+        match wrong {
+            Some(reason) => Err(unusable(path, reason)),
+            None => Ok(header),
+        }
+    }
+
+    /// Takes one field; those that say nothing of voxels or space are passed over.
+    fn field(&mut self, field: &str, value: &str) -> Result<(), String> {
+        let bad = || format!("its field `{field}: {}` makes no sense", value.escape_debug());
+        match field {
+            "type" => self.kind = value.to_lowercase(),
+            "encoding" => self.encoding = value.to_lowercase(),
+            "endian" => self.endian = value.to_lowercase(),
+            "dimension" => {
+                self.dimension = value.parse().ok().filter(|n| (1..=MAX_AXES).contains(n)).ok_or_else(bad)?;
+            }
+            "sizes" => self.sizes = counts(value).ok_or_else(bad)?,
+            "line skip" | "lineskip" => self.line_skip = value.parse().map_err(|_| bad())?,
+            "byte skip" | "byteskip" => {
+                self.byte_skip = value.parse().ok().filter(|n| *n >= -1).ok_or_else(bad)?;
+            }
+            _ => self.geometry.field(field, value).ok_or_else(bad)?,
+        }
+        Ok(())
+    }
+
+    fn samples(&self) -> Result<Samples, String> {
+        let words: Vec<&str> = self.kind.split_whitespace().filter(|w| *w != "signed").collect();
+        let kind = words.join(" ");
+        let plain = |scalar| Ok(Samples::Plain(scalar));
+        match kind.as_str() {
+            // `signed` alone left nothing.
+            "char" | "int8" | "int8_t" => plain(ScalarType::I8),
+            "uchar" | "unsigned char" | "uint8" | "uint8_t" => plain(ScalarType::U8),
+            "short" | "short int" | "int16" | "int16_t" => plain(ScalarType::I16),
+            "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => {
+                plain(ScalarType::U16)
+            }
+            "int" | "int32" | "int32_t" => plain(ScalarType::I32),
+            "uint" | "unsigned int" | "uint32" | "uint32_t" => plain(ScalarType::U32),
+            "longlong" | "long long" | "long long int" | "int64" | "int64_t" => Ok(Samples::I64),
+            "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => {
+                Ok(Samples::U64)
+            }
+            "float" => plain(ScalarType::F32),
+            "double" => plain(ScalarType::F64),
+            "" => Err("its header states no sample type".into()),
+            _ => Err(format!("its sample type `{}` is not read", self.kind.escape_debug())),
+        }
+    }
+
+    fn stored(self, path: &Path, file: &File) -> Result<Stored, Wrong> {
+        let samples = self.samples()?;
+        let encoding = match self.encoding.as_str() {
+            "raw" => Encoding::Raw,
+            "gz" | "gzip" => Encoding::Gzip,
+            // The size of its blocks is not known yet.
+            "bz2" | "bzip2" => Encoding::Bzip2(9),
+            "txt" | "text" | "ascii" => Encoding::Text,
+            "hex" => Encoding::Hex,
+            "" => return Err(Wrong::Header("its header states no encoding".into())),
+            other => {
+                return Err(Wrong::Header(format!("its encoding `{}` is not read", other.escape_debug())));
+            }
+        };
+        if self.dimension == 0 || self.sizes.len() != self.dimension {
+            return Err(Wrong::Header(format!(
+                "its header states {} sizes for {} dimensions",
+                self.sizes.len(),
+                self.dimension
+            )));
+        }
+        let mut warnings = Vec::new();
+        let endian = match self.endian.as_str() {
+            "big" => Endian::Big,
+            "little" => Endian::Little,
+            "" => {
+                if samples.bytes() > 1 && encoding != Encoding::Text {
+                    warnings.push("the header states no byte order; little-endian is assumed".into());
+                }
+                Endian::Little
+            }
+            other => {
+                return Err(Wrong::Header(format!("its byte order `{}` is unknown", other.escape_debug())));
+            }
+        };
+        let axes = self.geometry.axes(&self.sizes)?;
+        let layout = Layout::of(&axes)?;
+        let affine = self.geometry.affine(&axes, &layout.space, &mut warnings)?;
+        let slices = layout.size[2].saturating_mul(layout.volumes);
+        let (files, start) = match self.data {
+            Some(DataFiles::Attached(offset)) => {
+                let mut files = files_beside(path);
+                files.push(Path::new(&path.file_name().unwrap_or_default()));
+                (files, offset)
+            }
+            Some(DataFiles::Listed(files)) => (files, 0),
+            Some(DataFiles::Pattern(pattern, range)) => {
+                let mut files = files_beside(path);
+                numbered(&mut files, &pattern, range, slices)?;
+                (files, 0)
+            }
+            None => {
+                let reason = format!("{} ends within its header, before the blank line", base_name(path));
+                return Err(Wrong::Header(reason));
+            }
+        };
+        let mut skip = start;
+        if self.line_skip > 0 {
+            if files.len() != 1 {
+                return Err(Wrong::Header(
+                    "lines are to be skipped in several data files, which is not read".into(),
+                ));
+            }
+            let data_path = files.path(0);
+            let opened;
+            let data = if start > 0 {
+                file
+            } else {
+                super::stored::regular(&data_path).map_err(Wrong::Other)?;
+                opened =
+                    File::open(&data_path).map_err(|cause| Wrong::Other(unreadable(&data_path, cause)))?;
+                &opened
+            };
+            skip = skip_lines(data, start, self.line_skip)
+                .map_err(|cause| Wrong::Other(unreadable(&data_path, cause)))?
+                .ok_or_else(|| format!("there are fewer than the {} lines to skip", self.line_skip))?;
+        }
+        let encoding = match encoding {
+            Encoding::Bzip2(_) => Encoding::bzip2(&files, skip),
+            other => other,
+        };
+        let mut skip_unpacked = 0;
+        let skip = match u64::try_from(self.byte_skip) {
+            Ok(bytes) if matches!(encoding, Encoding::Gzip | Encoding::Bzip2(_)) => {
+                skip_unpacked = bytes;
+                Skip::Bytes(skip)
+            }
+            Ok(bytes) => Skip::Bytes(skip.saturating_add(bytes)),
+            Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
+            Err(_) => return Err(Wrong::Header("a byte skip of -1 is for raw samples only".into())),
+        };
+        Ok(Stored {
+            header: path.to_path_buf(),
+            format: "nrrd",
+            files,
+            size: layout.size,
+            volumes: layout.volumes,
+            samples,
+            endian,
+            encoding,
+            skip,
+            skip_unpacked,
+            rescale: Rescale::IDENTITY,
+            affine,
+            warnings,
+        })
+    }
+}
+
+/// A single file, or a pattern with its numbers.
+fn data_file(path: &Path, value: &str) -> Result<DataFiles, String> {
+    let parts: Vec<&str> = value.split_whitespace().collect();
+    if let [pattern, first, last, step, ..] = parts.as_slice()
+        && pattern.contains('%')
+    {
+        let number = |text: &str| {
+            text.parse::<i64>()
+                .map_err(|_| format!("its data files `{}` make no sense", value.escape_debug()))
+        };
+        return Ok(DataFiles::Pattern((*pattern).into(), [number(first)?, number(last)?, number(step)?]));
+    }
+    let mut list = files_beside(path);
+    listed(&mut list, value)?;
+    Ok(DataFiles::Listed(list))
+}
+
+/// Offset behind `count` lines; `None` if there are fewer.
+fn skip_lines(file: &File, start: u64, count: u64) -> std::io::Result<Option<u64>> {
+    use std::io::BufRead;
+    let mut reader = section(file, start, u64::MAX);
+    let (mut offset, mut left) = (start, count);
+    while left > 0 {
+        let input = reader.fill_buf()?;
+        if input.is_empty() {
+            return Ok(None);
+        }
+        let mut used = 0;
+        for byte in input {
+            used += 1;
+            if *byte == b'\n' {
+                left -= 1;
+                if left == 0 {
+                    break;
+                }
+            }
+        }
+        reader.consume(used);
+        offset += used as u64;
+    }
+    Ok(Some(offset))
+}
+
+/// Which axes are x, y and z, and how many volumes follow each other.
+#[derive(Debug)]
+struct Layout {
+    size: [u64; 3],
+    volumes: u64,
+    space: Vec<usize>,
+}
+
+impl Layout {
+    fn of(axes: &[Axis]) -> Result<Self, String> {
+        let mut space = Vec::new();
+        let mut volumes = 1_u64;
+        let mut list: Option<usize> = None;
+        for (index, axis) in axes.iter().enumerate() {
+            // An axis of one entry that is no direction in space changes nothing, wherever it is.
+            if axis.size == 1 && !axis.spatial {
+                continue;
+            }
+            if axis.spatial && space.len() < 3 {
+                if let Some(at) = list {
+                    let kind = axes.get(at).map_or("", |a| a.kind.as_str());
+                    let what =
+                        if kind.is_empty() { "no direction in space".into() } else { format!("`{kind}`") };
+                    return Err(format!(
+                        "axis {at} of its {} is {what} and runs faster than space, so a voxel has several values; \
+                         extract one component into a file of its own",
+                        axes.len()
+                    ));
+                }
+                space.push(index);
+            } else {
+                list = Some(index);
+                volumes = volumes.saturating_mul(axis.size);
+            }
+        }
+        let size_of = |i: usize| space.get(i).and_then(|at| axes.get(*at)).map_or(1, |a| a.size);
+        if space.len() < 2 {
+            return Err(format!("it has {} axes in space, and a volume needs two or three", space.len()));
+        }
+        Ok(Self { size: [size_of(0), size_of(1), size_of(2)], volumes, space })
+    }
+}
+
+#[cfg(test)]
+mod tests;

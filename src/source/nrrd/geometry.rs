@@ -1,0 +1,200 @@
+//! Axes of an NRRD header, and where they run in space.
+
+use crate::geom::Affine;
+use crate::source::header::{normal_of, numbers, unit_mm};
+
+/// Axis kinds that are directions in space; an unknown one is taken for one.
+const SPATIAL_KINDS: [&str; 4] = ["domain", "space", "???", "none"];
+
+/// One axis.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Axis {
+    pub(super) size: u64,
+    pub(super) kind: String,
+    /// Does it run in space?
+    pub(super) spatial: bool,
+}
+
+/// The fields that say where voxels are.
+#[derive(Debug, Default)]
+pub(super) struct Geometry {
+    space: String,
+    directions: Vec<Option<Vec<f64>>>,
+    origin: Vec<f64>,
+    space_units: Vec<String>,
+    units: Vec<String>,
+    spacings: Vec<f64>,
+    mins: Vec<f64>,
+    maxs: Vec<f64>,
+    centers: Vec<String>,
+    kinds: Vec<String>,
+}
+
+impl Geometry {
+    /// Takes a field if it is one of these; `None` if it makes no sense.
+    pub(super) fn field(&mut self, field: &str, value: &str) -> Option<()> {
+        let words = || value.split_whitespace().map(str::to_lowercase).collect();
+        match field {
+            "space" => self.space = value.to_lowercase(),
+            "space directions" => self.directions = vectors(value)?,
+            "space origin" => self.origin = numbers(value)?,
+            "space units" => self.space_units = quoted(value),
+            "units" => self.units = quoted(value),
+            "spacings" => self.spacings = numbers(value)?,
+            "axis mins" | "axismins" => self.mins = numbers(value)?,
+            "axis maxs" | "axismaxs" => self.maxs = numbers(value)?,
+            "centers" | "centerings" => self.centers = words(),
+            "kinds" => self.kinds = words(),
+            _ => {}
+        }
+        Some(())
+    }
+
+    /// The axes with their sizes; those without a direction where others have one are not in space.
+    pub(super) fn axes(&self, sizes: &[u64]) -> Result<Vec<Axis>, String> {
+        for (name, count) in [
+            ("space directions", self.directions.len()),
+            ("kinds", self.kinds.len()),
+            ("spacings", self.spacings.len()),
+        ] {
+            if count != 0 && count != sizes.len() {
+                return Err(format!("its header has {count} {name} for {} axes", sizes.len()));
+            }
+        }
+        let axis = |(index, size): (usize, &u64)| {
+            let kind = self.kinds.get(index).cloned().unwrap_or_default();
+            let named = kind.is_empty() || SPATIAL_KINDS.contains(&kind.as_str());
+            let directed = self.directions.get(index).is_none_or(Option::is_some);
+            Axis { size: *size, spatial: named && directed, kind }
+        };
+        Ok(sizes.iter().enumerate().map(axis).collect())
+    }
+
+    /// Voxel index to LPS mm, for the axes that became x, y and z.
+    pub(super) fn affine(
+        &self,
+        axes: &[Axis],
+        space: &[usize],
+        warnings: &mut Vec<String>,
+    ) -> Result<Affine, String> {
+        let mut affine = Affine::from_spacing([1.0; 3]);
+        let directed = !self.directions.is_empty();
+        if directed {
+            self.directed(space, &mut affine, warnings)?;
+        } else {
+            self.measured(axes, space, &mut affine, warnings);
+        }
+        if space.len() == 2 {
+            // A picture has no thickness; its third axis is taken at right angles.
+            let [a, b] = [affine.column(0), affine.column(1)];
+            let third = normal_of(a, b, 1.0);
+            affine.rows.iter_mut().zip(third).for_each(|(row, c)| row[2] = c);
+        }
+        Ok(affine)
+    }
+
+    /// From `space directions` and `space origin`.
+    fn directed(
+        &self,
+        space: &[usize],
+        affine: &mut Affine,
+        warnings: &mut Vec<String>,
+    ) -> Result<(), String> {
+        let (signs, known) = signs(&self.space);
+        if !known {
+            warnings.push(if self.space.is_empty() {
+                "the header states no space; its directions are taken as LPS".into()
+            } else {
+                format!(
+                    "the space `{}` is no patient's; its directions are taken as LPS",
+                    self.space.escape_debug()
+                )
+            });
+        }
+        let mut scales = [1.0; 3];
+        for (scale, name) in scales.iter_mut().zip(&self.space_units) {
+            match unit_mm(name) {
+                Some(mm) => *scale = mm,
+                None => warnings.push(format!("the unit `{}` is taken for mm", name.escape_debug())),
+            }
+        }
+        let place = |vector: &[f64]| {
+            let at = |i: usize| vector.get(i).copied().unwrap_or(0.0);
+            [0, 1, 2].map(|i| at(i) * signs[i] * scales[i])
+        };
+        for (column, index) in space.iter().enumerate() {
+            let vector = self.directions.get(*index).cloned().flatten();
+            let vector = vector.ok_or("an axis has no direction")?;
+            affine.rows.iter_mut().zip(place(&vector)).for_each(|(row, c)| row[column] = c);
+        }
+        if self.origin.is_empty() {
+            warnings.push("the header states no origin; the first voxel is taken for it".into());
+        }
+        affine.rows.iter_mut().zip(place(&self.origin)).for_each(|(row, c)| row[3] = c);
+        Ok(())
+    }
+
+    /// From `spacings`, or `axis mins` and `axis maxs`: axes along the patient's.
+    fn measured(&self, axes: &[Axis], space: &[usize], affine: &mut Affine, warnings: &mut Vec<String>) {
+        let finite = |list: &[f64], at: usize| list.get(at).copied().filter(|v| v.is_finite());
+        let mut missing = false;
+        for (column, index) in space.iter().enumerate() {
+            let cells = self.centers.get(*index).is_none_or(|c| c != "node");
+            #[expect(clippy::cast_precision_loss, reason = "sizes are far below 2^53 where they are used")]
+            let count = axes.get(*index).map_or(1, |a| a.size) as f64;
+            let (min, max) = (finite(&self.mins, *index), finite(&self.maxs, *index));
+            let steps = if cells { count } else { (count - 1.0).max(1.0) };
+            let ends = min.zip(max).map(|(min, max)| (max - min) / steps);
+            let spacing = finite(&self.spacings, *index).or(ends).filter(|s| *s != 0.0);
+            missing |= spacing.is_none();
+            let spacing = spacing.unwrap_or(1.0);
+            let scale = self.units.get(*index).and_then(|name| unit_mm(name)).unwrap_or(1.0);
+            let start = min.map_or(0.0, |min| if cells { min + spacing / 2.0 } else { min });
+            if let Some(row) = affine.rows.get_mut(column) {
+                row[column] = spacing * scale;
+                row[3] = start * scale;
+            }
+        }
+        if missing {
+            warnings.push("the header states no spacing; 1 mm is assumed".into());
+        }
+        warnings.push("the header states no directions; the axes are taken as LPS".into());
+    }
+}
+
+/// Signs that turn a space's coordinates into LPS, and whether it is a patient's at all.
+fn signs(space: &str) -> ([f64; 3], bool) {
+    let name = space.strip_suffix("-time").unwrap_or(space);
+    match name {
+        "left-posterior-superior" | "lps" | "lpst" => ([1.0, 1.0, 1.0], true),
+        "right-anterior-superior" | "ras" | "rast" => ([-1.0, -1.0, 1.0], true),
+        "left-anterior-superior" | "las" | "last" => ([1.0, -1.0, 1.0], true),
+        _ => ([1.0; 3], false),
+    }
+}
+
+/// `(1,0,0) none (0,1,0)`: one vector for each axis; vectors of no numbers are none.
+fn vectors(text: &str) -> Option<Vec<Option<Vec<f64>>>> {
+    let mut found = Vec::new();
+    let mut rest = text.trim();
+    while !rest.is_empty() {
+        if let Some(after) = rest.strip_prefix("none") {
+            found.push(None);
+            rest = after.trim_start();
+            continue;
+        }
+        let (inside, after) = rest.strip_prefix('(')?.split_once(')')?;
+        let vector = numbers(inside)?;
+        found.push((!vector.iter().all(|v| v.is_nan())).then_some(vector));
+        rest = after.trim_start();
+    }
+    Some(found)
+}
+
+/// Words in quotation marks; without any, words between spaces.
+fn quoted(text: &str) -> Vec<String> {
+    if text.contains('"') {
+        return text.split('"').skip(1).step_by(2).map(str::to_owned).collect();
+    }
+    text.split_whitespace().map(str::to_owned).collect()
+}

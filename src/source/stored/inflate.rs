@@ -1,0 +1,226 @@
+//! Compressed streams as readers with small, fixed memory.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::os::unix::fs::FileExt;
+
+use bzip2::{Decompress, Status};
+use flate2::bufread::GzDecoder;
+
+/// Bytes of a file that are read at once.
+pub(super) const INPUT_BYTES: usize = 32 << 10;
+
+/// Reads part of a file by position: the file's own offset is neither used nor moved.
+#[derive(Debug)]
+pub(in crate::source) struct PositionReader<'a> {
+    file: &'a File,
+    at: u64,
+    end: u64,
+}
+
+impl<'a> PositionReader<'a> {
+    /// From `offset` on, `length` bytes at most.
+    pub(in crate::source) fn new(file: &'a File, offset: u64, length: u64) -> Self {
+        Self { file, at: offset, end: offset.saturating_add(length) }
+    }
+}
+
+impl Read for PositionReader<'_> {
+    fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
+        let left = usize::try_from(self.end.saturating_sub(self.at)).unwrap_or(usize::MAX);
+        let most = buf.len().min(left);
+        let got = self.file.read_at(buf.get_mut(..most).unwrap_or_default(), self.at)?;
+        self.at = self.at.saturating_add(got as u64);
+        Ok(got)
+    }
+}
+
+/// A part of a file behind a small buffer.
+pub(in crate::source) type Section<'a> = BufReader<PositionReader<'a>>;
+
+/// Buffered reading of part of a file.
+pub(in crate::source) fn section(file: &File, offset: u64, length: u64) -> Section<'_> {
+    let capacity = usize::try_from(length).map_or(INPUT_BYTES, |n| n.clamp(1, INPUT_BYTES));
+    BufReader::with_capacity(capacity, PositionReader::new(file, offset, length))
+}
+
+/// What went wrong with a stream, in words: the system's reason, or that its bytes are damaged.
+///
+/// Decoders speak of damage in errors of their own; only the system's have a number.
+pub(in crate::source) fn sentence_of(cause: &io::Error, stream: &str) -> String {
+    if cause.raw_os_error().is_some() {
+        format!("cannot be read ({cause})")
+    } else {
+        format!("the {stream} stream is damaged ({cause}); copy the file again")
+    }
+}
+
+/// Gzip: one member after another; what follows the last one and is no member is ignored, as `gzip` does.
+pub(super) struct Gzip<R> {
+    member: Option<GzDecoder<R>>,
+}
+
+impl<R: BufRead> Gzip<R> {
+    pub(super) fn new(inner: R) -> Self {
+        Self { member: Some(GzDecoder::new(inner)) }
+    }
+}
+
+impl<R: BufRead> Read for Gzip<R> {
+    fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
+        if buf.is_empty() {
+            return Ok(0);
+        }
+        while let Some(member) = &mut self.member {
+            let got = member.read(buf)?;
+            if got > 0 {
+                return Ok(got);
+            }
+            // The member's checksum was right. Is there another?
+            let Some(mut inner) = self.member.take().map(GzDecoder::into_inner) else { break };
+            if inner.fill_buf()?.starts_with(b"\x1f") {
+                self.member = Some(GzDecoder::new(inner));
+            }
+        }
+        Ok(0)
+    }
+}
+
+/// Bzip2, one stream after another, in the mode that holds 2.5 bytes per byte of a block.
+pub(super) struct Bzip2<R> {
+    inner: R,
+    /// `None` between streams.
+    state: Option<Decompress>,
+    /// Largest blocks that are accepted, in units of 100,000 bytes.
+    level: u8,
+    first: bool,
+}
+
+impl<R: BufRead> Bzip2<R> {
+    pub(super) fn new(inner: R, level: u8) -> Self {
+        Self { inner, state: None, level, first: true }
+    }
+
+    /// Begins a stream, if there is one.
+    fn begin(&mut self) -> io::Result<bool> {
+        // Behind the first one, anything else than a stream is ignored.
+        if !self.first && !self.inner.fill_buf()?.starts_with(b"B") {
+            return Ok(false);
+        }
+        self.first = false;
+        let mut head = [0; BZIP2_HEAD];
+        self.inner.read_exact(&mut head)?;
+        let level = bzip2_level(&head).ok_or_else(|| invalid("bzip2: no header"))?;
+        if level > self.level {
+            return Err(invalid("bzip2: a later stream has larger blocks than the first"));
+        }
+        let mut state = Decompress::new(true);
+        state.decompress(&head, &mut []).map_err(invalid)?;
+        self.state = Some(state);
+        Ok(true)
+    }
+}
+
+/// Bytes at the head of a bzip2 stream that tell the size of its blocks.
+pub(super) const BZIP2_HEAD: usize = 4;
+
+/// Size of a stream's blocks in units of 100,000 bytes.
+pub(super) fn bzip2_level(head: &[u8; BZIP2_HEAD]) -> Option<u8> {
+    match head {
+        [b'B', b'Z', b'h', level @ b'1'..=b'9'] => Some(level - b'0'),
+        _ => None,
+    }
+}
+
+/// Bytes that decoding such blocks holds: 2.5 times a block, and tables.
+pub(super) fn bzip2_memory(level: u8) -> u64 {
+    250_000 * u64::from(level) + (128 << 10)
+}
+
+fn invalid(cause: impl ToString) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, cause.to_string())
+}
+
+impl<R: BufRead> Read for Bzip2<R> {
+    fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
+        if buf.is_empty() {
+            return Ok(0);
+        }
+        loop {
+            if self.state.is_none() && !self.begin()? {
+                return Ok(0);
+            }
+            let Some(state) = &mut self.state else { return Ok(0) };
+            let input = self.inner.fill_buf()?;
+            let ended = input.is_empty();
+            let (consumed, made) = (state.total_in(), state.total_out());
+            let status = state.decompress(input, buf).map_err(invalid)?;
+            // Both are at most the lengths of the two buffers.
+            let made = usize::try_from(state.total_out() - made).unwrap_or(0);
+            let consumed = usize::try_from(state.total_in() - consumed).unwrap_or(0);
+            self.inner.consume(consumed);
+            if status == Status::StreamEnd {
+                self.state = None;
+            } else if made == 0 && (ended || consumed == 0) {
+                return Err(io::ErrorKind::UnexpectedEof.into());
+            }
+            if made > 0 {
+                return Ok(made);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    fn gzip(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    fn bzip2(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    #[test]
+    fn members_follow_each_other_and_what_comes_after_is_ignored() {
+        let (a, b) = (vec![1; 70_000], b"hello".to_vec());
+        for make in [gzip, bzip2] {
+            let stream = [make(&a), make(&b), b"\0\0padding".to_vec()].concat();
+            for capacity in [1, 7, 4096] {
+                let inner = BufReader::with_capacity(capacity, &stream[..]);
+                let mut out = Vec::new();
+                if stream[0] == 0x1f {
+                    Gzip::new(inner).read_to_end(&mut out).unwrap();
+                } else {
+                    Bzip2::new(inner, 1).read_to_end(&mut out).unwrap();
+                }
+                assert_eq!(out, [&a[..], &b].concat());
+            }
+        }
+    }
+
+    #[test]
+    fn streams_that_stop_early_give_what_they_have_and_then_say_so() {
+        let plain: Vec<u8> = (0..50_000_u32).map(|i| (i * i / 7).to_le_bytes()[1]).collect();
+        for make in [gzip, bzip2] {
+            let stream = make(&plain);
+            let cut = &stream[..stream.len() / 2];
+            let mut out = Vec::new();
+            let error = if stream[0] == 0x1f {
+                Gzip::new(cut).read_to_end(&mut out).unwrap_err()
+            } else {
+                Bzip2::new(cut, 9).read_to_end(&mut out).unwrap_err()
+            };
+            assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof);
+            assert!(plain.starts_with(&out) && out.len() < plain.len());
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Samples that lie linearly in one or several files: read where they lie, or unrolled first.
+//!
+//! | part | what it is |
+//! |---|---|
+//! | [`Samples`] | how a sample is stored, and what it is delivered as |
+//! | [`Placed`] | slices at known offsets of files, read by position straight into the caller's buffer |
+//! | [`Unroll`] | a recipe that writes a volume once from front to back into a [`Spool`] |
+//! | [`Linear`] | the recipe of gzip, zlib, bzip2 and text: a stream with one slice after another |
+//! | [`StoredVolume`] | a volume of either kind |
+
+mod inflate;
+mod linear;
+mod open;
+mod placed;
+mod samples;
+mod text;
+
+use std::fmt;
+use std::io;
+use std::ops::Range;
+use std::path::PathBuf;
+
+use inflate::INPUT_BYTES;
+pub(super) use inflate::{Section, section};
+pub(super) use linear::{Encoding, Linear};
+pub(super) use open::{Skip, Stored, regular};
+pub(super) use placed::{Placed, Places};
+pub(super) use samples::Samples;
+
+use super::raw::check_request;
+use super::spool::Spool;
+use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
+use crate::progress::Progress;
+
+/// Writes a volume that can only be read from front to back.
+pub(super) trait Unroll: Send + Sync {
+    /// Bytes of memory that it holds while it works, at least.
+    fn memory_bytes(&self) -> u64;
+
+    /// The file to name where no single one is at fault.
+    fn path(&self) -> PathBuf;
+
+    /// Writes every sample of the volume into `target`; gives back sentences for the user.
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError>;
+}
+
+/// Where a recipe writes to.
+pub(super) struct Target<'a> {
+    spool: &'a Spool,
+    progress: &'a dyn Progress,
+}
+
+impl Target<'_> {
+    /// Writes samples (native order, as delivered) at a byte offset of the volume.
+    pub(super) fn write(&self, samples: &[u8], offset: u64) -> Result<(), SourceError> {
+        self.spool.write(samples, offset)?;
+        self.progress.advance(samples.len() as u64);
+        Ok(())
+    }
+
+    /// Offset of row `y` of slice `z`.
+    pub(super) fn offset(&self, y: u32, z: u32) -> u64 {
+        self.spool.offset(y, z)
+    }
+}
+
+/// A volume whose samples lie linearly in files.
+///
+/// Holds the names of its files, 16 bytes a slice where offsets are uneven, and no voxels.
+pub(super) struct StoredVolume {
+    info: VolumeInfo,
+    data: Data,
+}
+
+/// The two ways to the samples.
+enum Data {
+    Placed(Placed),
+    Sequential { recipe: Box<dyn Unroll>, spool: Option<Spool> },
+}
+
+impl StoredVolume {
+    /// A volume that is read by position.
+    pub(super) fn placed(info: VolumeInfo, placed: Placed) -> Self {
+        Self { info, data: Data::Placed(placed) }
+    }
+
+    /// A volume that is unrolled first.
+    pub(super) fn sequential(info: VolumeInfo, recipe: Box<dyn Unroll>) -> Self {
+        Self { info, data: Data::Sequential { recipe, spool: None } }
+    }
+}
+
+impl fmt::Debug for StoredVolume {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unrolled = match &self.data {
+            Data::Placed(_) => None,
+            Data::Sequential { spool, .. } => Some(spool.is_some()),
+        };
+        f.debug_struct("StoredVolume").field("info", &self.info).field("unrolled", &unrolled).finish()
+    }
+}
+
+impl VolumeSource for StoredVolume {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn preparation(&self) -> Preparation {
+        match &self.data {
+            Data::Sequential { recipe, spool: None } => Preparation {
+                scratch_bytes: self.info.dims.voxels() * self.info.scalar.bytes() as u64,
+                memory_bytes: recipe.memory_bytes(),
+            },
+            _ => Preparation::default(),
+        }
+    }
+
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        let needed_bytes = self.preparation().memory_bytes;
+        let Data::Sequential { recipe, spool } = &mut self.data else { return Ok(()) };
+        if spool.is_some() {
+            return Ok(());
+        }
+        let allowed_bytes = workspace.memory_bytes;
+        if needed_bytes > allowed_bytes {
+            return Err(SourceError::Memory { path: recipe.path(), needed_bytes, allowed_bytes });
+        }
+        let made = Spool::create(workspace.scratch, self.info.dims, self.info.scalar)?;
+        workspace.progress.stage("unroll", made.bytes());
+        let target = Target { spool: &made, progress: workspace.progress };
+        let warnings = recipe.unroll(&self.info, &target)?;
+        self.info.warnings.extend(warnings);
+        *spool = Some(made);
+        Ok(())
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        match &self.data {
+            Data::Placed(placed) => placed.read_rows(&self.info, z, rows, cols, out),
+            Data::Sequential { recipe, spool } => check_request(&self.info, z, &rows, &cols, out.len())
+                .and_then(|()| match spool {
+                    Some(spool) => spool.read_rows(z, &rows, &cols, out),
+                    None => Err(io::Error::other("it has not been unrolled")),
+                })
+                .map_err(|cause| SourceError::ReadFailed { path: recipe.path(), slice: z, cause }),
+        }
+    }
+
+    fn read_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        if let Data::Placed(placed) = &self.data {
+            return placed.read_pitched(&self.info, z, rows, cols, pitch, out);
+        }
+        let row_bytes = cols.len() * self.info.scalar.bytes();
+        for (row, part) in rows.zip(out.chunks_mut(pitch)) {
+            self.read_rows(z, row..row + 1, cols.clone(), part.get_mut(..row_bytes).unwrap_or_default())?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,197 @@
+//! From what a header says to volumes: every promise is held against the files first.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::{Encoding, Linear, Placed, Places, Samples, StoredVolume};
+use crate::geom::{Affine, Dims};
+use crate::source::files::{FileList, FileSet};
+use crate::source::raw::base_name;
+use crate::source::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+
+/// Volumes that one file may hold: each takes about a KiB once it is opened.
+const MAX_VOLUMES: u64 = 2048;
+
+/// Where the samples begin in each file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::source) enum Skip {
+    /// This many bytes from the start.
+    Bytes(u64),
+    /// As many as leave exactly the samples.
+    AllButSamples,
+}
+
+/// What a header says of the samples, in one or several files.
+#[derive(Debug)]
+pub(in crate::source) struct Stored {
+    /// The file to name where the header is wrong; its last part becomes the volume's name.
+    pub(in crate::source) header: PathBuf,
+    /// Name of the format.
+    pub(in crate::source) format: &'static str,
+    /// The files of the samples, in order.
+    pub(in crate::source) files: FileList,
+    /// Voxels along the three axes, the fastest first.
+    pub(in crate::source) size: [u64; 3],
+    /// Volumes, one after another.
+    pub(in crate::source) volumes: u64,
+    /// Type of the samples.
+    pub(in crate::source) samples: Samples,
+    /// Their byte order.
+    pub(in crate::source) endian: Endian,
+    /// How they are packed.
+    pub(in crate::source) encoding: Encoding,
+    /// Where they begin.
+    pub(in crate::source) skip: Skip,
+    /// Unpacked bytes before the first sample of a stream.
+    pub(in crate::source) skip_unpacked: u64,
+    /// Samples to physical values.
+    pub(in crate::source) rescale: Rescale,
+    /// Voxel index to LPS mm.
+    pub(in crate::source) affine: Affine,
+    /// Sentences for the user.
+    pub(in crate::source) warnings: Vec<String>,
+}
+
+impl Stored {
+    /// The volumes; nothing is read of the samples yet.
+    ///
+    /// # Errors
+    /// [`SourceError::Unusable`] where the header contradicts itself or the files;
+    /// [`SourceError::Unreadable`] where the system refuses.
+    pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+        let wrong = |reason| Err(SourceError::Unusable { path: self.header.clone(), reason });
+        let [nx, ny, nz] = self.size;
+        let sides = self.size.map(|n| u32::try_from(n).unwrap_or(0));
+        let Some(dims) = Dims::new(sides[0], sides[1], sides[2]) else {
+            return wrong(format!(
+                "its size of {nx}x{ny}x{nz} voxels is out of range; a side has 1 to {} of them",
+                Dims::MAX_SIDE
+            ));
+        };
+        if !(1..=MAX_VOLUMES).contains(&self.volumes) {
+            return wrong(format!(
+                "holds {} volumes, and 1 to {MAX_VOLUMES} are read; split the file",
+                self.volumes
+            ));
+        }
+        if self.affine.inverse().is_none() {
+            return wrong("its axes are flat, parallel or no numbers; correct spacing and directions".into());
+        }
+        let Rescale { slope, intercept } = self.rescale;
+        if !(slope.is_finite() && intercept.is_finite() && slope != 0.0) {
+            return wrong(format!("slope {slope} and intercept {intercept} give no values"));
+        }
+        let slices = u64::from(dims.nz()) * self.volumes;
+        let count = self.files.len() as u64;
+        if count == 0 || !slices.is_multiple_of(count) {
+            return wrong(format!(
+                "{count} data files are named for {slices} slices, which cannot be shared out evenly"
+            ));
+        }
+        let slices_per_file = slices / count;
+        let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.samples.bytes() as u64;
+        let share = slices_per_file * slice_bytes;
+        let skip = self.check_files(share)?;
+        self.warnings.extend(self.samples.warning());
+        let files = Arc::new(FileSet::new(std::mem::take(&mut self.files)));
+        // Opened now, so that a missing permission shows before a long build and not in it.
+        files
+            .with(0, |_| Ok(()))
+            .map_err(|cause| SourceError::Unreadable { path: files.list().path(0), cause })?;
+        let name = base_name(&self.header);
+        let volume = |index: u64| -> Box<dyn VolumeSource> {
+            let mut warnings = self.warnings.clone();
+            if self.volumes > 1 {
+                warnings.push(format!("this is volume {} of {} in the file", index + 1, self.volumes));
+            }
+            let info = VolumeInfo {
+                dims,
+                scalar: self.samples.delivered(),
+                rescale: self.rescale,
+                spacing_mm: self.affine.spacing_mm(),
+                affine: self.affine,
+                description: SourceDescription {
+                    format: self.format.into(),
+                    name: name.clone(),
+                    files: count,
+                    bytes: dims.voxels() * self.samples.bytes() as u64,
+                },
+                warnings,
+            };
+            let first_slice = index * u64::from(dims.nz());
+            let (files, samples, endian) = (Arc::clone(&files), self.samples, self.endian);
+            if self.encoding == Encoding::Raw {
+                let places = Places::Even { slices_per_file, skip, first_slice };
+                return Box::new(StoredVolume::placed(info, Placed { files, places, samples, endian }));
+            }
+            let (encoding, skip_unpacked) = (self.encoding, self.skip_unpacked);
+            Box::new(StoredVolume::sequential(
+                info,
+                Box::new(Linear {
+                    files,
+                    encoding,
+                    samples,
+                    endian,
+                    slices_per_file,
+                    first_slice,
+                    skip,
+                    skip_unpacked,
+                }),
+            ))
+        };
+        Ok((0..self.volumes).map(volume).collect())
+    }
+
+    /// Holds the size of every file against its share; gives back where the samples begin.
+    fn check_files(&mut self, share: u64) -> Result<u64, SourceError> {
+        let mut common = None;
+        let mut longer = 0_u64;
+        for index in 0..self.files.len() {
+            let path = self.files.path(index);
+            let length = regular(&path)?;
+            let wrong = |reason| Err(SourceError::Unusable { path: path.clone(), reason });
+            let skip = match self.skip {
+                Skip::Bytes(skip) => skip,
+                Skip::AllButSamples => length.saturating_sub(share),
+            };
+            if *common.get_or_insert(skip) != skip {
+                return wrong("its samples begin elsewhere than those of the first file".into());
+            }
+            let there = length.saturating_sub(skip);
+            if self.encoding == Encoding::Raw {
+                if there < share {
+                    return wrong(format!(
+                        "the header promises {share} bytes of samples, the file has {there}; it was cut short or its header is wrong"
+                    ));
+                }
+                longer += u64::from(there > share);
+                continue;
+            }
+            let promised = share.saturating_add(self.skip_unpacked);
+            if self.encoding.most(there, self.samples) < promised {
+                return wrong(format!(
+                    "the header promises {promised} bytes of samples, more than {there} bytes of {} can hold; it was cut short or its header is wrong",
+                    self.encoding.name()
+                ));
+            }
+        }
+        if longer > 0 {
+            let whose =
+                if self.files.len() > 1 { format!("{longer} of the data files") } else { "the file".into() };
+            self.warnings.push(format!("{whose} held more than the header promises; the rest is ignored"));
+        }
+        Ok(common.unwrap_or(0))
+    }
+}
+
+/// Length of a regular file: no device, pipe or folder is opened because a header names it.
+pub(in crate::source) fn regular(path: &Path) -> Result<u64, SourceError> {
+    let meta =
+        fs::metadata(path).map_err(|cause| SourceError::Unreadable { path: path.to_path_buf(), cause })?;
+    if !meta.is_file() {
+        let reason = "is no regular file, so it cannot hold samples".into();
+        return Err(SourceError::Unusable { path: path.to_path_buf(), reason });
+    }
+    Ok(meta.len())
+}
