@@ -47,7 +47,7 @@ pub use gradient::ESTIMATOR;
 pub use skin::Connectivity;
 
 pub(crate) use occupancy::{RangeTest, for_each_block, range_test, worker_bytes as occupancy_worker_bytes};
-pub(crate) use plan::fixed_bytes;
+pub(crate) use plan::{fixed_bytes, is_small_process};
 
 pub use crate::progress::{Progress, Silent};
 

@@ -33,6 +33,11 @@ const BASE_AT_LEAST: u64 = 3584 << 10;
 /// That difference, for programs that start above it (unoptimised ones, or hosts of the library).
 const BASE_SPREAD: u64 = 384 << 10;
 
+/// Is the process as small as an optimised program is when it starts?
+pub(crate) fn is_small_process() -> bool {
+    current_rss_bytes() <= BASE_AT_LEAST
+}
+
 /// What counts against a cap before any buffer of weight.
 pub(crate) fn fixed_bytes(memory: MemoryCap) -> u64 {
     match memory {

@@ -32,12 +32,16 @@ pub(super) fn bytes(row_words: usize, radius: u32, rows: u64) -> u64 {
     (2 * r + 1) * padded * (2 * rows + 6 * r) + 4 * padded
 }
 
+/// Most bytes of one slice of a strip, so that the allocator keeps nothing of it (see `paged`).
+const SLICE_BYTES: u64 = 96 << 10;
+
 /// Rows of a strip: as many as fit, at least one.
 fn strip_rows(bits: &BitVolume, radius: u32, room_bytes: u64) -> u32 {
     let (mut few, mut many) = (1, bits.dims().ny());
     while few < many {
         let middle = few + (many - few).div_ceil(2);
-        if bytes(bits.row_words, radius, u64::from(middle)) <= room_bytes {
+        let slice = (bits.row_words as u64 + 2) * 8 * (u64::from(middle) + 4 * u64::from(radius));
+        if slice <= SLICE_BYTES && bytes(bits.row_words, radius, u64::from(middle)) <= room_bytes {
             few = middle;
         } else {
             many = middle - 1;
@@ -70,30 +74,35 @@ pub(super) fn close(
     Ok(added)
 }
 
-/// Rows of words with one word more on either side: the dilation reaches beyond the volume.
+/// Slices of rows with one word more on either side: the dilation reaches beyond the volume.
 struct Ring {
-    words: Vec<u64>,
+    slices: Vec<Vec<u64>>,
     width: usize,
     first_row: i64,
     rows: i64,
-    slices: i64,
 }
 
 impl Ring {
     fn new(row_words: usize, first_row: i64, rows: i64, slices: i64) -> Self {
         let width = row_words + 2;
-        let count = usize::try_from(rows * slices).unwrap_or(0);
-        Self { words: vec![0; width * count], width, first_row, rows, slices }
+        let slice = vec![0; width * usize::try_from(rows).unwrap_or(0)];
+        Self { slices: vec![slice; usize::try_from(slices).unwrap_or(0)], width, first_row, rows }
     }
 
-    fn at(&self, y: i64, z: i64) -> std::ops::Range<usize> {
-        let row = z.rem_euclid(self.slices) * self.rows + (y - self.first_row);
-        let start = usize::try_from(row).unwrap_or(0) * self.width;
-        start..start + self.width
+    fn place(&self, y: i64, z: i64) -> (usize, std::ops::Range<usize>) {
+        let slice = usize::try_from(z.rem_euclid(self.slices.len() as i64)).unwrap_or(0);
+        let start = usize::try_from(y - self.first_row).unwrap_or(0) * self.width;
+        (slice, start..start + self.width)
     }
 
     fn row(&self, y: i64, z: i64) -> &[u64] {
-        &self.words[self.at(y, z)]
+        let (slice, words) = self.place(y, z);
+        &self.slices[slice][words]
+    }
+
+    fn row_mut(&mut self, y: i64, z: i64) -> &mut [u64] {
+        let (slice, words) = self.place(y, z);
+        &mut self.slices[slice][words]
     }
 }
 
@@ -151,8 +160,7 @@ impl<'a> Strip<'a> {
     fn read(&mut self, z: i64) -> Result<(), BuildError> {
         let dims = self.from.dims();
         for y in self.inside.first_row..self.inside.first_row + self.inside.rows {
-            let at = self.inside.at(y, z);
-            let row = &mut self.inside.words[at];
+            let row = self.inside.row_mut(y, z);
             row.fill(0);
             let (Ok(y), Ok(z)) = (u32::try_from(y), u32::try_from(z)) else { continue };
             if y < dims.ny() && z < dims.nz() {
@@ -170,8 +178,7 @@ impl<'a> Strip<'a> {
                 let row = self.inside.row(y + dy, z + dz);
                 self.sums[*width].iter_mut().zip(row).for_each(|(sum, word)| *sum |= word);
             }
-            let at = self.dilated.at(y, z);
-            let out = &mut self.dilated.words[at];
+            let out = self.dilated.row_mut(y, z);
             out.fill(0);
             for (width, sum) in self.sums.iter().enumerate() {
                 for shift in 0..=width {

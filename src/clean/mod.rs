@@ -44,10 +44,17 @@ use components::{Component, Task};
 use masked::Masked;
 
 /// Most components that can be asked for by [`CleanOptions::keep_largest`].
-pub const MOST_LARGEST: u32 = 10_000;
+pub const MOST_LARGEST: u32 = 4000;
 
-/// What cleaning may leave resident in a process of its own: code that has run, and what the allocator keeps.
-const LEFT_OVER: u64 = 256 << 10;
+/// What cleaning leaves resident in a process of its own: code that has run, and what the allocator keeps.
+fn left_over(memory: MemoryCap) -> u64 {
+    match memory {
+        MemoryCap::Share(_) => 0,
+        MemoryCap::Process(_) if build::is_small_process() => 256 << 10,
+        // Unoptimised programs, and hosts with much code.
+        MemoryCap::Process(_) => 640 << 10,
+    }
+}
 
 /// Which components are too small.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -197,9 +204,7 @@ impl CleanOptions {
         }
         let (dims, row_words) = (source.info().dims, row_words(source.info().dims));
         let needed = build::fixed_bytes(none) + self.least_bytes(source, dims);
-        let left_over = if matches!(none, MemoryCap::Process(_)) { LEFT_OVER } else { 0 };
-        (build + Masked::thread_bytes(row_words)).max(needed + left_over).next_multiple_of(1 << 16)
-            + left_over
+        (build + Masked::thread_bytes(row_words)).max(needed).next_multiple_of(1 << 16) + left_over(none)
     }
 
     /// The least that every operation can do with, beside what is fixed.
@@ -374,7 +379,7 @@ impl<'a> CleanJob<'_, 'a> {
     /// Bytes that an operation may hold now.
     fn room(&self) -> u64 {
         let memory = self.options.memory;
-        memory.bytes().saturating_sub(build::fixed_bytes(memory)).saturating_sub(LEFT_OVER)
+        memory.bytes().saturating_sub(build::fixed_bytes(memory)).saturating_sub(left_over(memory))
     }
 
     /// The range test of the whole volume; returns how many voxels are inside.
@@ -428,3 +433,6 @@ impl<'a> CleanJob<'_, 'a> {
         Task { bits, inverted, connectivity, largest, folder, room_bytes, progress: self.progress }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -13,6 +13,12 @@ const PAGE_WORDS: usize = 512;
 /// Pages that compete for the same places; the one not used for longest gives way.
 const WAYS: usize = 4;
 const NO_PAGE: u64 = u64::MAX;
+/// Pages that are allocated together: 64 KiB. Larger buffers would be mapped one by one by the C library's
+/// allocator, and freeing a mapped one makes it keep as much of its heap from then on.
+const CHUNK_PAGES: usize = 16;
+/// Most pages of a cache, 20 MiB of them, so that the list of places stays below that size too. The system's
+/// page cache holds what is beyond.
+const MOST_PAGES: u64 = 5120;
 
 /// A table of items that grows at its end.
 ///
@@ -20,7 +26,8 @@ const NO_PAGE: u64 = u64::MAX;
 /// table fits into the cache the file stays empty.
 pub(super) struct PagedTable<T> {
     file: File,
-    cache: Vec<u64>,
+    /// Chunks of pages; empty until one of their pages is used.
+    cache: Vec<Vec<u64>>,
     places: Vec<Place>,
     page_words: usize,
     page_items: u64,
@@ -54,10 +61,10 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         let page_words = page_items * size_of::<T>() / 8;
         let page_bytes = (page_words * 8 + size_of::<Place>()) as u64;
         let pages = cache_bytes.max(Self::LEAST_BYTES) / page_bytes;
-        let sets = usize::try_from(pages).unwrap_or(usize::MAX) / WAYS;
+        let sets = usize::try_from(pages.min(MOST_PAGES)).unwrap_or(usize::MAX) / WAYS;
         Ok(Self {
             file: nameless(folder)?,
-            cache: vec![0; sets * WAYS * page_words],
+            cache: vec![Vec::new(); (sets * WAYS).div_ceil(CHUNK_PAGES)],
             places: vec![EMPTY; sets * WAYS],
             page_words,
             page_items: page_items as u64,
@@ -86,7 +93,9 @@ impl<T: bytemuck::Pod> PagedTable<T> {
     #[inline]
     pub(super) fn get(&mut self, index: u64) -> io::Result<T> {
         let place = self.locate(index / self.page_items)?;
-        Ok(self.page(place)[self.within(index)])
+        let words =
+            &self.cache[place / CHUNK_PAGES][place % CHUNK_PAGES * self.page_words..][..self.page_words];
+        Ok(bytemuck::cast_slice::<u64, T>(words)[self.within(index)])
     }
 
     /// The item to be changed.
@@ -95,8 +104,7 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         let place = self.locate(index / self.page_items)?;
         self.places[place].dirty = true;
         let at = self.within(index);
-        let words = &mut self.cache[place * self.page_words..][..self.page_words];
-        Ok(&mut bytemuck::cast_slice_mut::<u64, T>(words)[at])
+        Ok(&mut bytemuck::cast_slice_mut::<u64, T>(self.words(place))[at])
     }
 
     /// Appends an item.
@@ -107,8 +115,9 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         Ok(())
     }
 
-    fn page(&self, place: usize) -> &[T] {
-        bytemuck::cast_slice(&self.cache[place * self.page_words..][..self.page_words])
+    fn words(&mut self, place: usize) -> &mut [u64] {
+        let at = place % CHUNK_PAGES * self.page_words;
+        &mut self.cache[place / CHUNK_PAGES][at..at + self.page_words]
     }
 
     #[inline]
@@ -159,8 +168,13 @@ impl<T: bytemuck::Pod> PagedTable<T> {
     /// is from before [`PagedTable::clear`].
     fn bring(&mut self, page: u64, place: usize) -> io::Result<()> {
         let old = self.places[place];
-        let words = &mut self.cache[place * self.page_words..][..self.page_words];
-        let offset = |page: u64| page * self.page_words as u64 * 8;
+        let page_words = self.page_words;
+        let chunk = &mut self.cache[place / CHUNK_PAGES];
+        if chunk.is_empty() {
+            chunk.resize(CHUNK_PAGES * page_words, 0);
+        }
+        let words = &mut chunk[place % CHUNK_PAGES * page_words..][..page_words];
+        let offset = |page: u64| page * page_words as u64 * 8;
         if old.dirty {
             self.file.write_all_at(bytemuck::cast_slice(words), offset(old.page))?;
         }
