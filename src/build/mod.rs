@@ -47,7 +47,7 @@ pub use gradient::ESTIMATOR;
 pub use skin::Connectivity;
 
 pub(crate) use occupancy::{RangeTest, for_each_block, range_test, worker_bytes as occupancy_worker_bytes};
-pub(crate) use plan::{fixed_bytes, is_small_process};
+pub(crate) use plan::{BASE_SPREAD, above_small_process, fixed_bytes};
 
 pub use crate::progress::{Progress, Silent};
 
@@ -128,6 +128,12 @@ pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, no
         Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) => minimum_bytes,
         _ => 0,
     }
+}
+
+/// Can a model of `source` be built within a cap?
+pub(crate) fn fits(source: &dyn VolumeSource, options: &BuildOptions, memory: MemoryCap) -> bool {
+    let options = BuildOptions { memory, threads: 1, ..options.clone() };
+    (Job { source, options: &options, output: Path::new(""), progress: &Silent }).check_budget().is_ok()
 }
 
 /// What was built and what it took.

@@ -31,11 +31,11 @@ const SHARE_OVERHEAD: u64 = 256 << 10;
 /// kernel maps pages of the program around those that are touched), and the smallest budget should not.
 const BASE_AT_LEAST: u64 = 3584 << 10;
 /// That difference, for programs that start above it (unoptimised ones, or hosts of the library).
-const BASE_SPREAD: u64 = 384 << 10;
+pub(crate) const BASE_SPREAD: u64 = 384 << 10;
 
-/// Is the process as small as an optimised program is when it starts?
-pub(crate) fn is_small_process() -> bool {
-    current_rss_bytes() <= BASE_AT_LEAST
+/// By how much the process is larger than an optimised program is when it starts.
+pub(crate) fn above_small_process() -> u64 {
+    current_rss_bytes().saturating_sub(BASE_AT_LEAST)
 }
 
 /// What counts against a cap before any buffer of weight.

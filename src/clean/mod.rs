@@ -47,12 +47,11 @@ use masked::Masked;
 pub const MOST_LARGEST: u32 = 4000;
 
 /// What cleaning leaves resident in a process of its own: code that has run, and what the allocator keeps.
+/// Unoptimised programs, and hosts with much code, start larger and grow by more.
 fn left_over(memory: MemoryCap) -> u64 {
     match memory {
         MemoryCap::Share(_) => 0,
-        MemoryCap::Process(_) if build::is_small_process() => 256 << 10,
-        // Unoptimised programs, and hosts with much code.
-        MemoryCap::Process(_) => 640 << 10,
+        MemoryCap::Process(_) => (256 << 10) + build::above_small_process().min(384 << 10),
     }
 }
 
@@ -202,13 +201,19 @@ impl CleanOptions {
         if !self.works_on_bits() {
             return build;
         }
-        let (dims, row_words) = (source.info().dims, row_words(source.info().dims));
-        let needed = build::fixed_bytes(none) + self.least_bytes(source, dims);
-        (build + Masked::thread_bytes(row_words)).max(needed).next_multiple_of(1 << 16) + left_over(none)
+        let own = build::fixed_bytes(none) + self.least_bytes(source);
+        let spread = if matches!(none, MemoryCap::Process(_)) { build::BASE_SPREAD } else { 0 };
+        (self.beside(source, none) + build.max(own) + spread).next_multiple_of(1 << 16)
+    }
+
+    /// Bytes that cleaning costs the build that follows.
+    fn beside(&self, source: &dyn VolumeSource, memory: MemoryCap) -> u64 {
+        left_over(memory) + Masked::thread_bytes(row_words(source.info().dims))
     }
 
     /// The least that every operation can do with, beside what is fixed.
-    fn least_bytes(&self, source: &dyn VolumeSource, dims: Dims) -> u64 {
+    fn least_bytes(&self, source: &dyn VolumeSource) -> u64 {
+        let dims = source.info().dims;
         let mut least = build::occupancy_worker_bytes(source);
         if self.close > 0 {
             least = least.max(close::bytes(row_words(dims), self.close, 1));
@@ -363,16 +368,22 @@ impl<'a> CleanJob<'_, 'a> {
         Ok(Cleaned { masked: Masked::new(self.source, described, test, bits), selection, report })
     }
 
+    /// Is there room for cleaning, and for the build after it? What is resident differs between runs, so the
+    /// smallest cap that is stated has some room to spare, as that of the build.
     fn check_budget(&self) -> Result<(), BuildError> {
-        let (limit_bytes, none) = match self.options.memory {
-            MemoryCap::Process(bytes) => (bytes, MemoryCap::Process(0)),
-            MemoryCap::Share(bytes) => (bytes, MemoryCap::Share(0)),
+        let memory = self.options.memory;
+        let limit_bytes = memory.bytes();
+        let own = build::fixed_bytes(memory) + self.clean.least_bytes(self.source) + left_over(memory);
+        let for_build = limit_bytes.saturating_sub(self.clean.beside(self.source, memory));
+        let (none, for_build) = match memory {
+            MemoryCap::Process(_) => (MemoryCap::Process(0), MemoryCap::Process(for_build)),
+            MemoryCap::Share(_) => (MemoryCap::Share(0), MemoryCap::Share(for_build)),
         };
-        let minimum_bytes = self.clean.smallest_cap(self.source, self.options, none);
-        if minimum_bytes <= limit_bytes {
+        if own <= limit_bytes && build::fits(self.source, self.options, for_build) {
             return Ok(());
         }
         let name = self.source.info().description.name.clone();
+        let minimum_bytes = self.clean.smallest_cap(self.source, self.options, none);
         Err(BuildError::BudgetTooSmall { name, limit_bytes, minimum_bytes })
     }
 
