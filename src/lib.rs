@@ -19,8 +19,8 @@
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
 //! | [`codec`] | compressed images, one frame at a time, row by row |
 //! | [`source`] | where voxels come from: raw files, DICOM series, the synthetic head |
-//! | [`clean`] | what is done to the occupancy before the build: components, cavities, closing |
 //! | [`build`] | plan, classify, skin, gradient, swap, merge, atomic output |
+//! | [`clean`] | what is done to the occupancy before the build: components, cavities, closing |
 //! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
 //! | [`render`] | camera, the one traversal kernel, shading, images |
 //! | [`jobs`] | what the commands do, one function each |

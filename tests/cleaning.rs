@@ -145,7 +145,7 @@ fn a_table_that_touches_the_body_stays_and_is_reported_as_one_component() {
     let cleaning = &report["cleaning"];
     assert_eq!(cleaning["operations"], serde_json::json!(["keep-largest 1", "drop-below 50%"]));
     // The screws are apart from the table.
-    let screws = 4 * 3 * 2 * 12;
+    let screws = 5 * 3 * 2 * 12;
     assert_eq!((number(cleaning, "kept"), number(cleaning, "voxels_removed")), (1, screws));
 }
 

@@ -57,7 +57,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
-use crate::budget::{MemoryCap, current_rss_bytes, peak_rss_bytes};
+use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes, file_rss_bytes, peak_rss_bytes};
 use crate::format::{Metadata, Selection, SourceMeta};
 use crate::source::{ScalarType, VolumeInfo, VolumeSource};
 use choose::{Chooser, describe};
@@ -124,7 +124,7 @@ pub fn smallest_share(source: &dyn VolumeSource, options: &BuildOptions) -> u64 
 /// The smallest cap of the kind of `none`, which allows nothing, within which a model can be built.
 pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, none: MemoryCap) -> u64 {
     let options = BuildOptions { memory: none, threads: 1, ..options.clone() };
-    match (Job { source, options: &options, output: Path::new(""), progress: &Silent }).check_budget() {
+    match Job::to_plan(source, &options).check_budget() {
         Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) => minimum_bytes,
         _ => 0,
     }
@@ -133,7 +133,7 @@ pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, no
 /// Can a model of `source` be built within a cap?
 pub(crate) fn fits(source: &dyn VolumeSource, options: &BuildOptions, memory: MemoryCap) -> bool {
     let options = BuildOptions { memory, threads: 1, ..options.clone() };
-    (Job { source, options: &options, output: Path::new(""), progress: &Silent }).check_budget().is_ok()
+    Job::to_plan(source, &options).check_budget().is_ok()
 }
 
 /// What was built and what it took.
@@ -192,7 +192,7 @@ pub fn build(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
-    let job = Job { source, options, output, progress };
+    let job = Job { source, options, output, progress, code_bytes: file_rss_bytes() };
     // What can be refused at once is refused before the volume is read.
     job.check_budget()?;
     let files = job.open_files()?;
@@ -213,6 +213,8 @@ struct Job<'a> {
     options: &'a BuildOptions,
     output: &'a Path,
     progress: &'a dyn Progress,
+    /// Resident pages of files when the job began.
+    code_bytes: u64,
 }
 
 /// The files that a build writes.
@@ -221,7 +223,19 @@ struct Files {
     scratch: Scratch,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
+    /// A job that is only planned.
+    fn to_plan(source: &'a dyn VolumeSource, options: &'a BuildOptions) -> Self {
+        Self { source, options, output: Path::new(""), progress: &Silent, code_bytes: file_rss_bytes() }
+    }
+
+    /// What is resident beside the job. Code that was loaded since it began is part of the growth that the
+    /// plan allows for, and not counted twice: a cap that was accepted at first is not refused later for it.
+    fn base_bytes(&self) -> u64 {
+        let loaded = file_rss_bytes().saturating_sub(self.code_bytes).min(PROCESS_GROWTH / 2);
+        current_rss_bytes().saturating_sub(loaded)
+    }
+
     fn open_files(&self) -> Result<Files, BuildError> {
         let bricks = self.source.info().dims.to_array().map(|n| u64::from(n.div_ceil(plan::BRICK)));
         Ok(Files {
@@ -344,7 +358,7 @@ impl Job<'_> {
             swapped_value_bytes: if self.options.values { value::swapped_bytes(info.scalar) } else { 0 },
             threads: self.options.threads,
             limit_bytes,
-            base_bytes: alone.then(current_rss_bytes),
+            base_bytes: alone.then(|| self.base_bytes()),
             source_bytes: self.source.resident_bytes(),
         });
         // The cap is on the peak: what the process has held before, to open the input, counts too.
