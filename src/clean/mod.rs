@@ -13,7 +13,7 @@
 //! | | range test, for any of those below | the volume, once | 0.3 MiB a thread |
 //! | 3 | close gaps | the occupancy, once | rows of 5 (R = 2: 10) slices; strips where they do not fit |
 //! | 4 | fill cavities | the occupancy, twice | as 5 |
-//! | 5 | drop components | the occupancy, twice | about 0.4 MiB and 30 bytes a column; more is used as a cache |
+//! | 5 | drop components | the occupancy, twice | about 0.35 MiB and 20 bytes a column; up to 40 MiB more are used as a cache |
 //!
 //! Scratch: a bit a voxel (for closing two), and 4 bytes a run of voxels with 4 to 16 bytes a component for 4
 //! and 5. The result does not depend on budget or threads.
