@@ -1,9 +1,11 @@
 //! The command line as types, and the sentences for what cannot be parsed.
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use infobyte::budget::parse_size;
+use infobyte::clean::{CleanOptions, ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::render::RenderRequest;
 use infobyte::source::{Endian, GapPolicy, ScalarType};
@@ -87,6 +89,8 @@ pub(crate) struct BuildArgs {
     #[command(flatten)]
     pub(crate) which: WhichArgs,
     #[command(flatten)]
+    pub(crate) clean: CleanArgs,
+    #[command(flatten)]
     pub(crate) raw: RawArgs,
 }
 
@@ -123,6 +127,117 @@ impl From<Gaps> for GapPolicy {
 fn volume_number(text: &str) -> Result<usize, String> {
     let number = text.parse::<usize>().ok().filter(|n| *n > 0);
     number.ok_or_else(|| format!("'{text}' is not the number of a volume; they are counted from 1"))
+}
+
+/// What is done to the volume before it is built, in the order of these options.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Cleaning (in this order, whatever the order given)")]
+pub(crate) struct CleanArgs {
+    /// Use a part of the volume: voxel indices from X0 up to but without X1, and so on
+    #[arg(long, value_name = "X0..X1,Y0..Y1,Z0..Z1", value_parser = roi)]
+    pub(crate) roi: Option<Roi>,
+    /// Make the volume 2 or 4 times smaller along each axis, by means of blocks; each pass still reads all of it
+    #[arg(long, value_name = "2|4", value_parser = downsample)]
+    pub(crate) downsample: Option<u32>,
+    /// Inside is a tissue by its range in HU (CT only): bone 226 and more, compact-bone 662 and more, teeth 1550
+    /// and more, metal 2500 and more, skin -300 and more, muscle -5..135, fat -205..-51, lung -950..-500
+    #[arg(long, value_name = "NAME", group = "selection", value_parser = preset)]
+    pub(crate) preset: Option<Preset>,
+    /// Close gaps: dilation, then erosion, by a ball of R + 1/2 voxels, R = 1 or 2, whatever the spacing. Extra
+    /// passes: the volume once (for this and all below together), the bits once
+    #[arg(long, value_name = "R", value_parser = closing)]
+    pub(crate) close: Option<u32>,
+    /// Fill what is enclosed: parts of the outside that do not reach the border of the volume, connected by the
+    /// complement of --component-connectivity. Extra passes: the bits twice
+    #[arg(long)]
+    pub(crate) fill_cavities: bool,
+    /// Keep the N largest components, of equal ones the first in z, y, x. Extra passes: the bits twice
+    #[arg(long, value_name = "N", value_parser = keep_largest)]
+    pub(crate) keep_largest: Option<u32>,
+    /// Drop components of fewer voxels, or of less than a part of the largest one. Extra passes: the bits twice,
+    /// together with --keep-largest
+    #[arg(long, value_name = "VOXELS|PERCENT%", value_parser = drop_below)]
+    pub(crate) drop_below: Option<SizeLimit>,
+    /// Voxels of one component share a face (6), or a face, an edge or a corner (26)
+    #[arg(long, value_name = "26|6", default_value = "26", value_parser = connectivity)]
+    pub(crate) component_connectivity: u8,
+}
+
+impl CleanArgs {
+    /// The options of the library.
+    pub(crate) fn options(&self) -> CleanOptions {
+        CleanOptions {
+            roi: self.roi.as_ref().map(|roi| roi.0.clone()),
+            downsample: self.downsample,
+            preset: self.preset,
+            close: self.close.unwrap_or(0),
+            fill_cavities: self.fill_cavities,
+            keep_largest: self.keep_largest,
+            drop_below: self.drop_below,
+            connectivity: match self.component_connectivity {
+                6 => ComponentConnectivity::Faces6,
+                _ => ComponentConnectivity::Corners26,
+            },
+        }
+    }
+}
+
+/// A box of voxels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Roi([Range<u32>; 3]);
+
+fn roi(text: &str) -> Result<Roi, String> {
+    let range = |part: &str| {
+        let (start, end) = part.split_once("..")?;
+        let (start, end) = (start.trim().parse::<u32>().ok()?, end.trim().parse::<u32>().ok()?);
+        (start < end).then_some(start..end)
+    };
+    let ranges: Option<Vec<_>> = text.split(',').map(range).collect();
+    let ranges: Option<[Range<u32>; 3]> = ranges.and_then(|r| r.try_into().ok());
+    ranges.map(Roi).ok_or_else(|| {
+        format!("'{text}' is not a box; write X0..X1,Y0..Y1,Z0..Z1, for example 10..200,0..256,5..90")
+    })
+}
+
+fn downsample(text: &str) -> Result<u32, String> {
+    match text {
+        "2" => Ok(2),
+        "4" => Ok(4),
+        _ => Err(format!("'{text}' is not a factor; choose 2 or 4")),
+    }
+}
+
+fn closing(text: &str) -> Result<u32, String> {
+    match text {
+        "1" => Ok(1),
+        "2" => Ok(2),
+        _ => Err(format!("'{text}' is not a radius; choose 1 or 2 voxels")),
+    }
+}
+
+fn preset(text: &str) -> Result<Preset, String> {
+    Preset::parse(text).ok_or_else(|| {
+        let names = Preset::ALL.map(Preset::name).join(", ");
+        format!("'{text}' is not a preset; choose one of {names}")
+    })
+}
+
+fn keep_largest(text: &str) -> Result<u32, String> {
+    text.parse::<u32>()
+        .ok()
+        .filter(|n| (1..=MOST_LARGEST).contains(n))
+        .ok_or_else(|| format!("'{text}' is not a number of components; choose 1 to {MOST_LARGEST}"))
+}
+
+fn drop_below(text: &str) -> Result<SizeLimit, String> {
+    let refuse = || format!("'{text}' is not a size; write a number of voxels, or a percentage such as 5%");
+    match text.strip_suffix('%') {
+        Some(percent) => match number(percent) {
+            Ok(percent) if (0.0..=100.0).contains(&percent) => Ok(SizeLimit::PercentOfLargest(percent)),
+            _ => Err(refuse()),
+        },
+        None => text.parse().map(SizeLimit::Voxels).map_err(|_| refuse()),
+    }
 }
 
 /// What a headerless volume cannot say of itself.

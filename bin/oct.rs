@@ -116,7 +116,8 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
         ..OpenOptions::default()
     };
     let bars = Bars::new(args.quiet || args.json);
-    let summary = jobs::build::build(&args.input, &how, &options, &args.output, &bars);
+    let cleaning = args.clean.options();
+    let summary = jobs::build::build_cleaned(&args.input, &how, &cleaning, &options, &args.output, &bars);
     bars.finish();
     let summary = summary?;
     print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })

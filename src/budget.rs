@@ -113,6 +113,12 @@ pub fn current_rss_bytes() -> u64 {
     proc_status_bytes("VmRSS:")
 }
 
+/// Resident pages of files in this process (`RssFile`), its own code above all, in bytes; 0 where the system
+/// does not tell.
+pub fn file_rss_bytes() -> u64 {
+    proc_status_bytes("RssFile:")
+}
+
 /// Resident part of the mapping that starts where `mapped` does, in bytes; `None` where none does, or
 /// where the system does not tell.
 ///

@@ -20,6 +20,7 @@
 //! | [`codec`] | compressed images, one frame at a time, row by row |
 //! | [`source`] | where voxels come from: raw files, DICOM series, NRRD, NIfTI and others, the synthetic head |
 //! | [`build`] | plan, classify, skin, gradient, swap, merge, atomic output |
+//! | [`clean`] | what is done to the occupancy before the build: components, cavities, closing |
 //! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
 //! | [`render`] | camera, the one traversal kernel, shading, images |
 //! | [`jobs`] | what the commands do, one function each |
@@ -28,6 +29,7 @@ pub mod allocator;
 pub mod atomic;
 pub mod budget;
 pub mod build;
+pub mod clean;
 pub mod codec;
 mod cpu;
 pub mod error;

@@ -22,13 +22,14 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("scratch", &["budget"]),
     ("source", &["budget", "codec", "cpu", "error", "geom", "progress", "scratch"]),
     ("build", &["atomic", "budget", "cpu", "error", "format", "geom", "progress", "scratch", "source"]),
+    ("clean", &["budget", "build", "error", "format", "geom", "progress", "scratch", "source"]),
     ("load", &["budget", "cpu", "error", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "error", "format", "geom", "load"]),
     (
         "jobs",
         &[
-            "atomic", "budget", "build", "cpu", "error", "format", "geom", "load", "progress", "render",
-            "scratch", "source",
+            "atomic", "budget", "build", "clean", "cpu", "error", "format", "geom", "load", "progress",
+            "render", "scratch", "source",
         ],
     ),
     ("error", &["build", "format", "load", "render", "source"]),

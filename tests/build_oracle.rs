@@ -405,6 +405,7 @@ fn compare(
         (Ok(report), _) => (report.selection.lo, report.selection.hi),
         (Err(_), Threshold::Iso(lo)) => (lo, f64::INFINITY),
         (Err(_), Threshold::Range(lo, hi)) => (lo, hi),
+        (Err(_), Threshold::Chosen(chosen)) => (chosen.lo, chosen.hi),
         (Err(_), Threshold::Otsu) => {
             assert!(finite.is_empty() || min == max, "{name}: Otsu refuses {min}..{max}");
             (f64::NAN, f64::NAN)

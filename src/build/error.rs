@@ -41,6 +41,14 @@ pub enum BuildError {
         /// Largest value.
         max: f64,
     },
+    /// Cleaning removes every voxel.
+    #[error("{name}: no component is left; the largest has {largest} voxels: choose --drop-below below that")]
+    NothingKept {
+        /// The input.
+        name: String,
+        /// Voxels of the largest component.
+        largest: u64,
+    },
     /// Every sample is NaN or infinite.
     #[error("{name}: holds no finite value; check --dtype")]
     NoNumbers {
@@ -82,7 +90,7 @@ impl BuildError {
         match self {
             Self::Source(e) => e.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
-            Self::EmptyResult { .. } | Self::NoNumbers { .. } => ExitKind::Input,
+            Self::EmptyResult { .. } | Self::NothingKept { .. } | Self::NoNumbers { .. } => ExitKind::Input,
             Self::Usage(_) => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads(_) => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,

@@ -19,6 +19,7 @@
 
 mod boxes;
 mod brick;
+mod choose;
 mod classify;
 mod column;
 mod error;
@@ -28,6 +29,7 @@ mod histogram;
 mod lanes;
 mod layout;
 mod merge;
+mod occupancy;
 mod parallel;
 mod plan;
 mod pool;
@@ -39,9 +41,13 @@ mod swap;
 mod value;
 mod walk;
 
+pub use choose::choose_selection;
 pub use error::BuildError;
 pub use gradient::ESTIMATOR;
 pub use skin::Connectivity;
+
+pub(crate) use occupancy::{RangeTest, for_each_block, range_test, worker_bytes as occupancy_worker_bytes};
+pub(crate) use plan::{BASE_SPREAD, above_small_process, fixed_bytes};
 
 pub use crate::progress::{Progress, Silent};
 
@@ -51,9 +57,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
-use crate::budget::{MemoryCap, current_rss_bytes, peak_rss_bytes};
-use crate::format::{Metadata, Selection, SelectionKind, SourceMeta};
+use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes, file_rss_bytes, peak_rss_bytes};
+use crate::format::{Metadata, Selection, SourceMeta};
 use crate::source::{ScalarType, VolumeInfo, VolumeSource};
+use choose::{Chooser, describe};
 use column::{ColumnWorker, ScanContext, ScanTotals};
 use flavour::{Depths, Direct, Flavour};
 use gradient::NormalRule;
@@ -73,6 +80,8 @@ pub enum Threshold {
     Range(f64, f64),
     /// Otsu's threshold of the volume's histogram.
     Otsu,
+    /// What [`choose_selection`] has found already.
+    Chosen(Selection),
 }
 
 /// What to build, and within which means.
@@ -109,11 +118,22 @@ impl BuildOptions {
 
 /// The smallest [`MemoryCap::Share`] within which a model of `source` can be built.
 pub fn smallest_share(source: &dyn VolumeSource, options: &BuildOptions) -> u64 {
-    let options = BuildOptions { memory: MemoryCap::Share(0), threads: 1, ..options.clone() };
-    match (Job { source, options: &options, output: Path::new(""), progress: &Silent }).check_budget() {
+    smallest_cap(source, options, MemoryCap::Share(0))
+}
+
+/// The smallest cap of the kind of `none`, which allows nothing, within which a model can be built.
+pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, none: MemoryCap) -> u64 {
+    let options = BuildOptions { memory: none, threads: 1, ..options.clone() };
+    match Job::to_plan(source, &options).check_budget() {
         Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) => minimum_bytes,
         _ => 0,
     }
+}
+
+/// Can a model of `source` be built within a cap?
+pub(crate) fn fits(source: &dyn VolumeSource, options: &BuildOptions, memory: MemoryCap) -> bool {
+    let options = BuildOptions { memory, threads: 1, ..options.clone() };
+    Job::to_plan(source, &options).check_budget().is_ok()
 }
 
 /// What was built and what it took.
@@ -172,7 +192,7 @@ pub fn build(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
-    let job = Job { source, options, output, progress };
+    let job = Job { source, options, output, progress, code_bytes: file_rss_bytes() };
     // What can be refused at once is refused before the volume is read.
     job.check_budget()?;
     let files = job.open_files()?;
@@ -193,6 +213,8 @@ struct Job<'a> {
     options: &'a BuildOptions,
     output: &'a Path,
     progress: &'a dyn Progress,
+    /// Resident pages of files when the job began.
+    code_bytes: u64,
 }
 
 /// The files that a build writes.
@@ -201,7 +223,19 @@ struct Files {
     scratch: Scratch,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
+    /// A job that is only planned.
+    fn to_plan(source: &'a dyn VolumeSource, options: &'a BuildOptions) -> Self {
+        Self { source, options, output: Path::new(""), progress: &Silent, code_bytes: file_rss_bytes() }
+    }
+
+    /// What is resident beside the job. Code that was loaded since it began is part of the growth that the
+    /// plan allows for, and not counted twice: a cap that was accepted at first is not refused later for it.
+    fn base_bytes(&self) -> u64 {
+        let loaded = file_rss_bytes().saturating_sub(self.code_bytes).min(PROCESS_GROWTH / 2);
+        current_rss_bytes().saturating_sub(loaded)
+    }
+
     fn open_files(&self) -> Result<Files, BuildError> {
         let bricks = self.source.info().dims.to_array().map(|n| u64::from(n.div_ceil(plan::BRICK)));
         Ok(Files {
@@ -228,40 +262,17 @@ impl Job<'_> {
     /// The selection in physical units and in samples.
     fn choose<T: Ordered>(&self) -> Result<(Selection, SampleRange<T>, f64), BuildError> {
         let started = Instant::now();
-        let rescale = self.source.info().rescale;
-        let open = f64::INFINITY;
-        let selection = match self.options.threshold {
-            Threshold::Iso(lo) => Selection { kind: SelectionKind::Iso, lo, hi: open },
-            Threshold::Range(lo, hi) => Selection { kind: SelectionKind::Range, lo, hi },
-            Threshold::Otsu => {
-                self.progress.stage("histogram", 1);
-                let Some(split) = histogram::otsu::<T>(self.source, self.histogram_threads())? else {
-                    return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
-                };
-                self.progress.advance(1);
-                // On a falling scale the samples below the split are the high values, and the split itself is
-                // not one of them.
-                let lowest = if rescale.slope > 0.0 { split } else { range::highest_below::<T>(split) };
-                Selection { kind: SelectionKind::Otsu, lo: rescale.apply(lowest), hi: open }
-            }
-        };
-        if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
-            return Err(BuildError::Usage("the range is empty: write it as LO..HI with LO <= HI".into()));
-        }
-        match SampleRange::of_selection(&selection, rescale) {
-            Some(range) => Ok((selection, range, started.elapsed().as_secs_f64())),
-            None => Err(self.empty::<T>(&describe(&selection))),
-        }
+        let (selection, range) = self.chooser().choose::<T>(self.options.threshold)?;
+        Ok((selection, range, started.elapsed().as_secs_f64()))
     }
 
-    /// As many threads as their histograms fit the budget, at least one. Room for one worker of the scan is
-    /// kept, as the allocator may not give back what the histograms held.
-    fn histogram_threads(&self) -> usize {
-        let scan = merge::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
-        let fixed = histogram::SHARED_BYTES + scan;
-        let each = histogram::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
-        let fit = self.options.memory.left().saturating_sub(fixed) / each;
-        usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.options.threads.max(1))
+    fn chooser(&self) -> Chooser<'_> {
+        Chooser {
+            source: self.source,
+            memory: self.options.memory,
+            threads: self.options.threads,
+            progress: self.progress,
+        }
     }
 
     fn run<F: Flavour>(
@@ -283,7 +294,7 @@ impl Job<'_> {
             seconds.read = totals.reading.as_secs_f64() / plan.threads as f64;
         }
         if totals.skin == 0 {
-            return Err(self.empty::<F::File>(&describe(&selection)));
+            return Err(self.chooser().empty::<F::File>(&describe(&selection)));
         }
 
         let started = Instant::now();
@@ -347,7 +358,7 @@ impl Job<'_> {
             swapped_value_bytes: if self.options.values { value::swapped_bytes(info.scalar) } else { 0 },
             threads: self.options.threads,
             limit_bytes,
-            base_bytes: alone.then(current_rss_bytes),
+            base_bytes: alone.then(|| self.base_bytes()),
             source_bytes: self.source.resident_bytes(),
         });
         // The cap is on the peak: what the process has held before, to open the input, counts too.
@@ -434,27 +445,5 @@ impl Job<'_> {
 
     fn output_error(&self, cause: std::io::Error) -> BuildError {
         BuildError::Output { path: self.output.to_path_buf(), cause }
-    }
-
-    /// The error for a range without voxels: says which values there are, at the price of one more pass.
-    fn empty<T: Ordered>(&self, range: &str) -> BuildError {
-        let info = self.source.info();
-        let name = info.description.name.clone();
-        match histogram::extremes::<T>(self.source, self.histogram_threads()) {
-            Err(e) => e,
-            Ok(None) => BuildError::NoNumbers { name },
-            Ok(Some((a, b))) => {
-                let (a, b) = (info.rescale.apply(a), info.rescale.apply(b));
-                BuildError::EmptyResult { name, range: range.into(), min: a.min(b), max: a.max(b) }
-            }
-        }
-    }
-}
-
-fn describe(selection: &Selection) -> String {
-    if selection.hi.is_infinite() {
-        format!("the range from {} up", selection.lo)
-    } else {
-        format!("the range {}..{}", selection.lo, selection.hi)
     }
 }

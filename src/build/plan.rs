@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::column::Column;
 use super::gradient::{OVERREAD, REACH, SLICE_VOXELS};
 use super::swap::{ENTRY_BYTES, EXTENT_BYTES};
-use crate::budget::PROCESS_GROWTH;
+use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes};
 use crate::geom::Dims;
 
 /// Edge of a brick, the unit of swapping: a column is one brick high.
@@ -31,7 +31,20 @@ const SHARE_OVERHEAD: u64 = 256 << 10;
 /// kernel maps pages of the program around those that are touched), and the smallest budget should not.
 const BASE_AT_LEAST: u64 = 3584 << 10;
 /// That difference, for programs that start above it (unoptimised ones, or hosts of the library).
-const BASE_SPREAD: u64 = 384 << 10;
+pub(crate) const BASE_SPREAD: u64 = 384 << 10;
+
+/// By how much the process is larger than an optimised program is when it starts.
+pub(crate) fn above_small_process() -> u64 {
+    current_rss_bytes().saturating_sub(BASE_AT_LEAST)
+}
+
+/// What counts against a cap before any buffer of weight.
+pub(crate) fn fixed_bytes(memory: MemoryCap) -> u64 {
+    match memory {
+        MemoryCap::Process(_) => current_rss_bytes().max(BASE_AT_LEAST) + PROCESS_GROWTH,
+        MemoryCap::Share(_) => SHARE_OVERHEAD,
+    }
+}
 
 /// Sizes of one worker's buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -23,6 +23,8 @@ impl<T: Scalar> SampleRange<T> {
 
 /// Samples as positions on an integer line, so that a bound can be found by bisection.
 pub(super) trait Ordered: Scalar {
+    /// NaN, where the type has one.
+    const NO_NUMBER: Option<Self>;
     /// Lowest and highest position (of numbers: NaN has none).
     const ENDS: (i128, i128);
     /// Sample at a position.
@@ -32,6 +34,7 @@ pub(super) trait Ordered: Scalar {
 macro_rules! ordered_integer {
     ($($t:ty),*) => {$(
         impl Ordered for $t {
+            const NO_NUMBER: Option<Self> = None;
             const ENDS: (i128, i128) = (<$t>::MIN as i128, <$t>::MAX as i128);
             fn at(position: i128) -> Self {
                 Self::try_from(position.clamp(Self::ENDS.0, Self::ENDS.1)).unwrap_or(0)
@@ -44,6 +47,7 @@ ordered_integer!(u8, i8, u16, i16, u32, i32);
 macro_rules! ordered_float {
     ($($t:ty, $bits:ty);*) => {$(
         impl Ordered for $t {
+            const NO_NUMBER: Option<Self> = Some(<$t>::NAN);
             // Positions are sign and magnitude of the bit pattern: monotone from -inf to +inf.
             const ENDS: (i128, i128) =
                 (-(<$t>::INFINITY.to_bits() as i128), <$t>::INFINITY.to_bits() as i128);
@@ -74,6 +78,13 @@ impl<T: Ordered> SampleRange<T> {
         let lo = first_position::<T>(above_lo)?;
         let hi = first_position::<T>(above_hi).map_or(T::ENDS.1, |p| p - 1);
         (lo <= hi).then(|| Self { lo: T::at(lo), hi: T::at(hi) })
+    }
+
+    /// The nearest samples below and above the range, where there are any.
+    pub(super) fn nearest_outside(self) -> (Option<T>, Option<T>) {
+        let low = first_position::<T>(|p| T::at(p) >= self.lo);
+        let high = first_position::<T>(|p| T::at(p) > self.hi);
+        (low.filter(|p| *p > T::ENDS.0).map(|p| T::at(p - 1)), high.map(T::at))
     }
 
     /// Does the range reach to the type's largest sample?

@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 
 use super::info::{Info, info, static_facts};
 use crate::budget::{Bytes, peak_rss_bytes};
-use crate::build::{self, BuildOptions, BuildReport, Progress};
+use crate::build::{self, BuildOptions, BuildReport, Progress, Threshold};
+use crate::clean::{CleanOptions, CleanReport};
 use crate::error::Error;
 use crate::format::MAGIC;
 use crate::source::{self, OpenOptions, Preparation, VolumeSource, Workspace};
@@ -27,6 +28,8 @@ pub struct BuildSummary {
     pub report: BuildReport,
     /// Facts of the finished file.
     pub info: Info,
+    /// What cleaning was asked for, and what it did to the occupancy if it touched that.
+    pub cleaning: Option<(Vec<String>, Option<CleanReport>)>,
     /// Sentences about the input.
     pub warnings: Vec<String>,
     /// Seconds from opening the input to the model's name on disk.
@@ -44,11 +47,26 @@ pub fn build(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildSummary, Error> {
+    build_cleaned(inputs, how, &CleanOptions::default(), options, output, progress)
+}
+
+/// Opens the inputs, cleans the volume, and builds the model.
+///
+/// # Errors
+/// As [`build()`] and [`CleanOptions::clean`].
+pub fn build_cleaned(
+    inputs: &[PathBuf],
+    how: &OpenOptions,
+    cleaning: &CleanOptions,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, Error> {
     let started = Instant::now();
-    let mut source = source::open_in(inputs, how, &options.scratch_folder(output))?;
+    let source = source::open_in(inputs, how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
-    build_source(&mut *source, input, options, output, progress, started)
+    build_cleaned_source(source, input, cleaning, options, output, progress, started)
 }
 
 /// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
@@ -94,7 +112,51 @@ pub fn build_source(
         memory_bytes: options.memory.bytes(),
         report,
         info: info(output)?,
+        cleaning: None,
         warnings: without_repeats(&source.info().warnings),
+        wall_s,
+    })
+}
+
+/// Cleans an open source and builds its model; `started` is when the job began.
+///
+/// # Errors
+/// As [`build::build`] and [`CleanOptions::clean`].
+pub fn build_cleaned_source(
+    source: Box<dyn VolumeSource>,
+    input: String,
+    cleaning: &CleanOptions,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+    started: Instant,
+) -> Result<BuildSummary, Error> {
+    let mut source = cleaning.reshape(source)?;
+    let mut options = options.clone();
+    let doubt = cleaning.preset.and_then(|preset| {
+        options.threshold = preset.threshold();
+        preset.doubt(source.modality())
+    });
+    prepare(&mut *source, &options, output, progress)?;
+    let cleaned = cleaning.clean(&*source, &options, output, progress)?;
+    let report = match &cleaned {
+        Some(cleaned) => {
+            options.threshold = Threshold::Chosen(cleaned.selection);
+            build::build(cleaned.source(), &options, output, progress)?
+        }
+        None => build::build(&*source, &options, output, progress)?,
+    };
+    let wall_s = started.elapsed().as_secs_f64();
+    let mut warnings = without_repeats(&source.info().warnings);
+    warnings.extend(doubt);
+    Ok(BuildSummary {
+        input,
+        output: output.to_path_buf(),
+        memory_bytes: options.memory.bytes(),
+        report,
+        info: info(output)?,
+        cleaning: (!cleaning.is_empty()).then(|| (cleaning.operations(), cleaned.map(|c| c.report))),
+        warnings,
         wall_s,
     })
 }
@@ -151,6 +213,9 @@ impl BuildSummary {
                 "histogram": s.histogram, "scan": s.scan, "merge": s.merge, "seal": s.seal, "commit": s.commit
             }),
         );
+        if let Some((operations, report)) = &self.cleaning {
+            put("cleaning", cleaning_json(operations, report.as_ref()));
+        }
         put("warnings", json!(self.warnings));
         Value::Object(facts)
     }
@@ -177,9 +242,37 @@ impl BuildSummary {
             Bytes(peak_rss_bytes()),
             Bytes(self.memory_bytes),
         );
+        if let Some((operations, report)) = &self.cleaning {
+            text.push_str(&format!("  cleaned: {}", operations.join(", ")));
+            if let Some(r) = report {
+                text.push_str(&format!("; {} voxels added, {} removed", r.voxels_added, r.voxels_removed));
+                if r.components > 0 {
+                    text.push_str(&format!(", {} of {} components kept", r.kept, r.components));
+                }
+            }
+            text.push('\n');
+        }
         for warning in &self.warnings {
             text.push_str(&format!("  note: {warning}\n"));
         }
         text
     }
+}
+
+/// The `cleaning` object: all its keys are always there; the figures are 0 where the occupancy was not touched.
+fn cleaning_json(operations: &[String], report: Option<&CleanReport>) -> Value {
+    json!({
+        "operations": operations,
+        "passes": {
+            "volume": report.map_or(0, |r| r.passes.volume),
+            "occupancy": report.map_or(0, |r| r.passes.occupancy),
+        },
+        "voxels": report.map(|r| r.voxels),
+        "voxels_added": report.map_or(0, |r| r.voxels_added),
+        "voxels_removed": report.map_or(0, |r| r.voxels_removed),
+        "components": report.map_or(0, |r| r.components),
+        "kept": report.map_or(0, |r| r.kept),
+        "scratch_bytes": report.map_or(0, |r| r.scratch_bytes),
+        "seconds": report.map_or(0.0, |r| r.seconds),
+    })
 }

@@ -5,7 +5,9 @@
 
 mod blend;
 mod catalogue;
+mod crop;
 pub mod dicom;
+mod downsample;
 mod error;
 mod files;
 mod formats;
@@ -29,6 +31,8 @@ mod tiff;
 mod walk;
 
 pub use catalogue::{Catalogue, Finding, GapPolicy, InputFiles, LeftOut, OpenOptions};
+pub use crop::Crop;
+pub use downsample::Downsample;
 pub use error::SourceError;
 pub use natural::natural_cmp;
 pub use open::{open, open_in};
@@ -87,12 +91,19 @@ impl Rescale {
 pub struct SourceDescription {
     /// Kind of source: `raw`, `dicom`, `synthetic`, ...
     pub format: String,
-    /// Base name of the file or folder.
+    /// Base name of the file or folder, and what was done to its volume, each in ` [...]`.
     pub name: String,
     /// Number of files read.
     pub files: u64,
     /// Bytes of voxel data.
     pub bytes: u64,
+}
+
+impl SourceDescription {
+    /// Adds what was done to the volume to its name.
+    pub fn note(&mut self, what: &str) {
+        self.name = format!("{} [{what}]", self.name);
+    }
 }
 
 /// What a source needs before its rows can be read at random.
@@ -122,6 +133,11 @@ pub struct Workspace<'a> {
 pub trait VolumeSource: Send + Sync {
     /// Static facts; known before [`VolumeSource::prepare`].
     fn info(&self) -> &VolumeInfo;
+
+    /// The kind of image, such as `CT` or `MR`, where the input states it.
+    fn modality(&self) -> Option<&str> {
+        None
+    }
 
     /// What [`VolumeSource::prepare`] will take.
     fn preparation(&self) -> Preparation {

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use infobyte::geom::{Dims, Orientation};
+use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::source::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// Numbers from a seed, the same on every machine (xorshift with a multiplied output).
@@ -98,6 +98,13 @@ impl MemoryVolume {
     /// With another map to physical values.
     pub(crate) fn rescaled(mut self, rescale: Rescale) -> Self {
         self.info.rescale = rescale;
+        self
+    }
+
+    /// At another place.
+    pub(crate) fn placed(mut self, affine: Affine) -> Self {
+        self.info.affine = affine;
+        self.info.spacing_mm = affine.spacing_mm();
         self
     }
 

@@ -57,6 +57,7 @@ pub struct DicomVolume {
     coded: u32,
     unroll_bytes: u64,
     spool: Option<Spool>,
+    modality: String,
 }
 
 /// Where an image lies.
@@ -192,6 +193,7 @@ impl DicomVolume {
             coded,
             unroll_bytes: shared.unroll_bytes,
             spool: None,
+            modality: shared.modality.clone(),
         })
     }
 
@@ -336,6 +338,10 @@ impl FrameSink for ToSpool<'_> {
 impl VolumeSource for DicomVolume {
     fn info(&self) -> &VolumeInfo {
         &self.info
+    }
+
+    fn modality(&self) -> Option<&str> {
+        Some(self.modality.as_str()).filter(|m| !m.is_empty())
     }
 
     fn preparation(&self) -> Preparation {

@@ -1,0 +1,110 @@
+//! The choice of what is inside: a selection as given, or by Otsu's method from a streamed histogram.
+
+use super::error::BuildError;
+use super::range::{Ordered, SampleRange, highest_below};
+use super::{Progress, Threshold, histogram, merge, plan};
+use crate::budget::MemoryCap;
+use crate::format::{Selection, SelectionKind};
+use crate::source::{ScalarType, VolumeSource};
+
+/// Chooses what is inside, as [`super::build`] does; [`Threshold::Chosen`] hands the result on to it.
+///
+/// Passes over the volume: none, but for Otsu one (wide types: two). Memory: 0.5 MiB and 0.5 MiB a worker,
+/// fewer workers where the cap is small.
+///
+/// # Errors
+/// The range is empty, or no sample can lie in it; the volume cannot be read.
+pub fn choose_selection(
+    source: &dyn VolumeSource,
+    threshold: Threshold,
+    memory: MemoryCap,
+    threads: usize,
+    progress: &dyn Progress,
+) -> Result<Selection, BuildError> {
+    let chooser = Chooser { source, memory, threads, progress };
+    Ok(match source.info().scalar {
+        ScalarType::U8 => chooser.choose::<u8>(threshold)?.0,
+        ScalarType::I8 => chooser.choose::<i8>(threshold)?.0,
+        ScalarType::U16 => chooser.choose::<u16>(threshold)?.0,
+        ScalarType::I16 => chooser.choose::<i16>(threshold)?.0,
+        ScalarType::U32 => chooser.choose::<u32>(threshold)?.0,
+        ScalarType::I32 => chooser.choose::<i32>(threshold)?.0,
+        ScalarType::F32 => chooser.choose::<f32>(threshold)?.0,
+        ScalarType::F64 => chooser.choose::<f64>(threshold)?.0,
+    })
+}
+
+/// What a choice needs to know.
+pub(super) struct Chooser<'a> {
+    pub(super) source: &'a dyn VolumeSource,
+    pub(super) memory: MemoryCap,
+    pub(super) threads: usize,
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Chooser<'_> {
+    /// The selection in physical units and in samples.
+    pub(super) fn choose<T: Ordered>(
+        &self,
+        threshold: Threshold,
+    ) -> Result<(Selection, SampleRange<T>), BuildError> {
+        let rescale = self.source.info().rescale;
+        let open = f64::INFINITY;
+        let selection = match threshold {
+            Threshold::Iso(lo) => Selection { kind: SelectionKind::Iso, lo, hi: open },
+            Threshold::Range(lo, hi) => Selection { kind: SelectionKind::Range, lo, hi },
+            Threshold::Chosen(selection) => selection,
+            Threshold::Otsu => {
+                self.progress.stage("histogram", 1);
+                let Some(split) = histogram::otsu::<T>(self.source, self.histogram_threads())? else {
+                    return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
+                };
+                self.progress.advance(1);
+                // On a falling scale the samples below the split are the high values, and the split itself is
+                // not one of them.
+                let lowest = if rescale.slope > 0.0 { split } else { highest_below::<T>(split) };
+                Selection { kind: SelectionKind::Otsu, lo: rescale.apply(lowest), hi: open }
+            }
+        };
+        if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
+            return Err(BuildError::Usage("the range is empty: write it as LO..HI with LO <= HI".into()));
+        }
+        match SampleRange::of_selection(&selection, rescale) {
+            Some(range) => Ok((selection, range)),
+            None => Err(self.empty::<T>(&describe(&selection))),
+        }
+    }
+
+    /// As many threads as their histograms fit the budget, at least one. Room for one worker of the scan is
+    /// kept, as the allocator may not give back what the histograms held.
+    fn histogram_threads(&self) -> usize {
+        let scan = merge::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
+        let fixed = histogram::SHARED_BYTES + scan;
+        let each = histogram::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
+        let fit = self.memory.left().saturating_sub(fixed) / each;
+        usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.threads.max(1))
+    }
+
+    /// The error for a range without voxels: says which values there are, at the price of one more pass.
+    pub(super) fn empty<T: Ordered>(&self, range: &str) -> BuildError {
+        let info = self.source.info();
+        let name = info.description.name.clone();
+        match histogram::extremes::<T>(self.source, self.histogram_threads()) {
+            Err(e) => e,
+            Ok(None) => BuildError::NoNumbers { name },
+            Ok(Some((a, b))) => {
+                let (a, b) = (info.rescale.apply(a), info.rescale.apply(b));
+                BuildError::EmptyResult { name, range: range.into(), min: a.min(b), max: a.max(b) }
+            }
+        }
+    }
+}
+
+/// The range in words.
+pub(super) fn describe(selection: &Selection) -> String {
+    if selection.hi.is_infinite() {
+        format!("the range from {} up", selection.lo)
+    } else {
+        format!("the range {}..{}", selection.lo, selection.hi)
+    }
+}

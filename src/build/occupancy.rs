@@ -1,0 +1,210 @@
+//! The range test of a whole volume, for stages that work on bits before the scan: one bit a voxel, and
+//! samples moved to the side of the threshold that the bits say.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::classify::classify;
+use super::error::BuildError;
+use super::parallel::run_workers;
+use super::plan::WORKER_OVERHEAD;
+use super::range::{Ordered, SampleRange};
+use crate::format::Selection;
+use crate::progress::Progress;
+use crate::source::{Rescale, ScalarType, VolumeSource};
+
+/// Bytes of samples that a worker reads at a time; below the size from which the allocator maps a buffer of
+/// its own, so that it is given back.
+const READ_BYTES: usize = 64 << 10;
+
+/// Memory of one worker of [`for_each_block`], beyond what the source holds.
+pub(crate) fn worker_bytes(source: &dyn VolumeSource) -> u64 {
+    2 * READ_BYTES as u64 + WORKER_OVERHEAD + source.resident_bytes()
+}
+
+/// The range test for samples whose type is known at run time only.
+pub(crate) trait RangeTest: Send + Sync {
+    /// Bit i of `words` is set where sample i is inside; bits beyond the last sample are 0. `words` is
+    /// exactly as long as needed.
+    fn classify(&self, samples: &[u8], words: &mut [u64]);
+
+    /// Moves every sample whose side of the threshold differs from its bit in `wanted` to the nearest sample
+    /// value on the other side. A range that holds every value of an integer type has no outside; a float is
+    /// NaN there.
+    fn enforce(&self, samples: &mut [u8], wanted: &[u64]);
+}
+
+/// The test of a selection, or `None` if no sample can be inside.
+pub(crate) fn range_test(
+    scalar: ScalarType,
+    selection: &Selection,
+    rescale: Rescale,
+) -> Option<Box<dyn RangeTest>> {
+    match scalar {
+        ScalarType::U8 => typed::<u8>(selection, rescale),
+        ScalarType::I8 => typed::<i8>(selection, rescale),
+        ScalarType::U16 => typed::<u16>(selection, rescale),
+        ScalarType::I16 => typed::<i16>(selection, rescale),
+        ScalarType::U32 => typed::<u32>(selection, rescale),
+        ScalarType::I32 => typed::<i32>(selection, rescale),
+        ScalarType::F32 => typed::<f32>(selection, rescale),
+        ScalarType::F64 => typed::<f64>(selection, rescale),
+    }
+}
+
+fn typed<T: Ordered>(selection: &Selection, rescale: Rescale) -> Option<Box<dyn RangeTest>> {
+    let range = SampleRange::<T>::of_selection(selection, rescale)?;
+    Some(Box::new(Typed { range, outside: range.nearest_outside() }))
+}
+
+struct Typed<T> {
+    range: SampleRange<T>,
+    /// Nearest samples below and above the range.
+    outside: (Option<T>, Option<T>),
+}
+
+impl<T: Ordered> Typed<T> {
+    /// The nearest sample outside of one that is inside; the lower one of two.
+    fn removed(&self, sample: T) -> T {
+        match self.outside {
+            (Some(below), Some(above)) => {
+                let v = sample.to_f64();
+                if v - below.to_f64() <= above.to_f64() - v { below } else { above }
+            }
+            (Some(only), None) | (None, Some(only)) => only,
+            (None, None) => T::NO_NUMBER.unwrap_or(sample),
+        }
+    }
+
+    /// The nearest sample inside of one that is outside; the lower end for NaN.
+    fn added(&self, sample: T) -> T {
+        if sample > self.range.hi { self.range.hi } else { self.range.lo }
+    }
+
+    fn enforce_typed(&self, samples: &mut [T], wanted: &[u64]) {
+        for (samples, wanted) in samples.chunks_mut(64).zip(wanted) {
+            let mut is = [0];
+            classify(samples, self.range, &mut is);
+            let mask = u64::MAX >> (64 - samples.len());
+            let mut differ = (is[0] ^ wanted) & mask;
+            while differ != 0 {
+                let i = differ.trailing_zeros();
+                differ &= differ - 1;
+                let sample = &mut samples[i as usize];
+                *sample = if wanted >> i & 1 == 1 { self.added(*sample) } else { self.removed(*sample) };
+            }
+        }
+    }
+}
+
+/// Samples that need not be aligned.
+fn aligned<T: Ordered>(samples: &[u8]) -> Vec<T> {
+    samples.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()
+}
+
+impl<T: Ordered> RangeTest for Typed<T> {
+    fn classify(&self, samples: &[u8], words: &mut [u64]) {
+        match bytemuck::try_cast_slice::<u8, T>(samples) {
+            Ok(samples) => classify(samples, self.range, words),
+            Err(_) => classify(&aligned::<T>(samples), self.range, words),
+        }
+    }
+
+    fn enforce(&self, samples: &mut [u8], wanted: &[u64]) {
+        if let Ok(typed) = bytemuck::try_cast_slice_mut::<u8, T>(samples) {
+            return self.enforce_typed(typed, wanted);
+        }
+        let mut copy = aligned::<T>(samples);
+        self.enforce_typed(&mut copy, wanted);
+        samples.copy_from_slice(bytemuck::cast_slice(&copy));
+    }
+}
+
+/// Takes rows of bits: slice, first row, first word of each row, words of a row, and the words row by row.
+pub(crate) type BlockSink<'a> = dyn Fn(u32, u32, usize, usize, &[u64]) -> Result<(), BuildError> + Sync + 'a;
+
+/// Reads the volume once, some rows at a time on several threads, and hands the bits of every block to `sink`
+/// in any order. A block starts at a column that is a multiple of 64.
+///
+/// # Errors
+/// Those of the source and of `sink`.
+pub(crate) fn for_each_block(
+    source: &dyn VolumeSource,
+    test: &dyn RangeTest,
+    threads: usize,
+    progress: &dyn Progress,
+    sink: &BlockSink<'_>,
+) -> Result<(), BuildError> {
+    let info = source.info();
+    let (dims, sample_bytes) = (info.dims, info.scalar.bytes());
+    let most = u32::try_from(READ_BYTES / sample_bytes).unwrap_or(u32::MAX);
+    let cols = dims.nx().min(most);
+    let rows = dims.ny().min((most / cols).max(1));
+    let (across, down) = (u64::from(dims.nx().div_ceil(cols)), u64::from(dims.ny().div_ceil(rows)));
+    let next = AtomicU64::new(0);
+    run_workers(threads, &|stop| {
+        // Words, so that the samples are aligned for every type.
+        let mut buffer = vec![0_u64; (cols as usize * rows as usize * sample_bytes).div_ceil(8)];
+        let mut words = vec![0_u64; cols.div_ceil(64) as usize * rows as usize];
+        while !stop() {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            #[expect(clippy::cast_possible_truncation, reason = "each index is below a side of the volume")]
+            let (x, y, z) = ((at % across) as u32, (at / across % down) as u32, at / across / down);
+            let Some(z) = u32::try_from(z).ok().filter(|z| *z < dims.nz()) else { break };
+            let columns = x * cols..((x + 1) * cols).min(dims.nx());
+            let lines = y * rows..((y + 1) * rows).min(dims.ny());
+            let per_row = columns.len().div_ceil(64);
+            let row_bytes = columns.len() * sample_bytes;
+            let samples = &mut bytemuck::cast_slice_mut::<u64, u8>(&mut buffer)[..row_bytes * lines.len()];
+            source.read_rows(z, lines.clone(), columns.clone(), samples)?;
+            let words = &mut words[..per_row * lines.len()];
+            for (row, bits) in samples.chunks_exact(row_bytes).zip(words.chunks_exact_mut(per_row)) {
+                test.classify(row, bits);
+            }
+            sink(z, lines.start, columns.start as usize / 64, per_row, words)?;
+            if x == 0 && y == 0 {
+                progress.advance(1);
+            }
+        }
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::SelectionKind;
+
+    fn enforced<T: Ordered + std::fmt::Debug>(lo: f64, hi: f64, samples: &[T], wanted: u64) -> Vec<T> {
+        let selection = Selection { kind: SelectionKind::Range, lo, hi };
+        let test = typed::<T>(&selection, Rescale::IDENTITY).unwrap();
+        let mut bytes: Vec<u8> = bytemuck::cast_slice(samples).to_vec();
+        test.enforce(&mut bytes, &[wanted]);
+        let mut is = [0];
+        test.classify(&bytes, &mut is);
+        assert_eq!(is[0], wanted & (u64::MAX >> (64 - samples.len())));
+        aligned(&bytes)
+    }
+
+    #[test]
+    fn samples_move_to_the_nearest_value_on_the_side_that_is_wanted() {
+        assert_eq!(enforced(10.0, 20.0, &[5_u8, 10, 14, 16, 25], 0b10001), [10, 9, 9, 21, 20]);
+        // Nothing lies below, or above.
+        assert_eq!(enforced(0.0, 20.0, &[3_u8, 30], 0b10), [21, 20]);
+        assert_eq!(enforced(-5.0, f64::INFINITY, &[3_i16, -30], 0b10), [-6, -5]);
+        let got = enforced(1.0, f64::INFINITY, &[f32::NAN, 0.5, 2.0, f32::INFINITY], 0b0011);
+        assert_eq!(got, [1.0, 1.0, 1.0_f32.next_down(), 1.0_f32.next_down()]);
+        assert!(enforced(f64::NEG_INFINITY, f64::INFINITY, &[1.0_f64, 2.0], 0b10)[0].is_nan());
+    }
+
+    #[test]
+    fn samples_that_are_not_aligned_are_moved_too() {
+        let selection = Selection { kind: SelectionKind::Iso, lo: 100.0, hi: f64::INFINITY };
+        let test = range_test(ScalarType::F64, &selection, Rescale::IDENTITY).unwrap();
+        let mut bytes = vec![0; 8 * 70 + 1];
+        test.enforce(&mut bytes[1..], &[1, 1 << 5]);
+        let values: Vec<f64> = aligned(&bytes[1..]);
+        for (i, v) in values.iter().enumerate() {
+            assert_eq!(*v, if i == 0 || i == 69 { 100.0 } else { 0.0 });
+        }
+    }
+}

@@ -1,0 +1,245 @@
+//! One bit per voxel in a nameless scratch file, rows padded to whole words, and the runs of a row.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use crate::build::BuildError;
+use crate::geom::Dims;
+use crate::scratch::nameless_for;
+
+/// Bytes of rows that are read at a time.
+const WINDOW_BYTES: usize = 16 << 10;
+
+/// Occupancy of a volume: bit x of a row is word x / 64, bit x % 64; bits beyond the row are 0.
+#[derive(Debug)]
+pub(super) struct BitVolume {
+    file: File,
+    folder: PathBuf,
+    dims: Dims,
+    /// Words of a row.
+    pub(super) row_words: usize,
+}
+
+impl BitVolume {
+    /// An empty volume.
+    pub(super) fn create(folder: &Path, dims: Dims) -> Result<Self, BuildError> {
+        let row_words = dims.nx().div_ceil(64) as usize;
+        let bytes = row_words as u64 * 8 * u64::from(dims.ny()) * u64::from(dims.nz());
+        let failed = |cause| scratch_error(folder, cause);
+        let file = nameless_for(folder, bytes).map_err(failed)?;
+        file.set_len(bytes).map_err(failed)?;
+        Ok(Self { file, folder: folder.to_path_buf(), dims, row_words })
+    }
+
+    pub(super) fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    /// Where the file is, without a name.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Length of the file.
+    pub(super) fn bytes(&self) -> u64 {
+        self.row_words as u64 * 8 * self.rows()
+    }
+
+    /// Rows of all slices.
+    pub(super) fn rows(&self) -> u64 {
+        u64::from(self.dims.ny()) * u64::from(self.dims.nz())
+    }
+
+    /// Number of a row among all.
+    pub(super) fn row(&self, y: u32, z: u32) -> u64 {
+        u64::from(z) * u64::from(self.dims.ny()) + u64::from(y)
+    }
+
+    /// Reads `words` from word `first` of row `row` on; whole rows follow each other.
+    pub(super) fn read(&self, row: u64, first: usize, words: &mut [u64]) -> io::Result<()> {
+        self.file.read_exact_at(bytemuck::cast_slice_mut(words), self.offset(row, first))
+    }
+
+    /// Writes `words` at word `first` of row `row`.
+    pub(super) fn write(&self, row: u64, first: usize, words: &[u64]) -> Result<(), BuildError> {
+        self.file
+            .write_all_at(bytemuck::cast_slice(words), self.offset(row, first))
+            .map_err(|cause| self.failed(cause))
+    }
+
+    fn offset(&self, row: u64, first: usize) -> u64 {
+        (row * self.row_words as u64 + first as u64) * 8
+    }
+
+    /// The words for a failure of the file.
+    pub(super) fn failed(&self, cause: io::Error) -> BuildError {
+        scratch_error(&self.folder, cause)
+    }
+}
+
+/// The error of a scratch file in `folder`.
+pub(super) fn scratch_error(folder: &Path, cause: io::Error) -> BuildError {
+    BuildError::Scratch { path: folder.to_path_buf(), cause }
+}
+
+/// Rows read from front to back, many at a time.
+pub(super) struct RowWindow<'a> {
+    bits: &'a BitVolume,
+    words: Vec<u64>,
+    first: u64,
+    rows: u64,
+}
+
+impl<'a> RowWindow<'a> {
+    pub(super) fn new(bits: &'a BitVolume) -> Self {
+        let rows = (WINDOW_BYTES / 8 / bits.row_words).max(1) as u64;
+        let rows = usize::try_from(rows.min(bits.rows())).unwrap_or(1);
+        Self { bits, words: vec![0; rows * bits.row_words], first: 0, rows: 0 }
+    }
+
+    /// Bytes of a window over rows of `row_words`.
+    pub(super) fn bytes(row_words: usize) -> u64 {
+        WINDOW_BYTES.max(row_words * 8) as u64
+    }
+
+    /// The words of a row.
+    pub(super) fn get(&mut self, row: u64) -> Result<&mut [u64], BuildError> {
+        let width = self.bits.row_words;
+        if row < self.first || row >= self.first + self.rows {
+            let most = (self.words.len() / width) as u64;
+            self.rows = most.min(self.bits.rows() - row);
+            self.first = row;
+            let words = &mut self.words[..usize::try_from(self.rows).unwrap_or(0) * width];
+            self.bits.read(row, 0, words).map_err(|cause| self.bits.failed(cause))?;
+        }
+        let at = usize::try_from(row - self.first).unwrap_or(0) * width;
+        Ok(&mut self.words[at..at + width])
+    }
+}
+
+/// Set voxels in a row that follow each other without a gap, and the label they have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Run {
+    /// First and last column.
+    pub(super) start: u16,
+    pub(super) last: u16,
+    pub(super) label: u32,
+}
+
+impl Run {
+    pub(super) fn voxels(self) -> u64 {
+        u64::from(self.last - self.start) + 1
+    }
+}
+
+/// The runs of a row of `nx` voxels, or of what is not set in it.
+pub(super) fn find_runs(words: &[u64], nx: u32, inverted: bool, runs: &mut Vec<Run>) {
+    runs.clear();
+    #[expect(clippy::cast_possible_truncation, reason = "columns are below 2^16")]
+    let mut push = |start: u32, end: u32| {
+        runs.push(Run { start: start as u16, last: (end - 1) as u16, label: 0 });
+    };
+    let mut open = None;
+    for (word, base) in words.iter().zip((0..nx).step_by(64)) {
+        let word = if inverted { !word & row_mask(nx, base) } else { *word };
+        let mut at = 0;
+        while at < 64 {
+            let rest = word >> at;
+            if let Some(start) = open {
+                at += rest.trailing_ones();
+                if at < 64 {
+                    push(start, base + at);
+                    open = None;
+                }
+            } else if rest == 0 {
+                break;
+            } else {
+                at += rest.trailing_zeros();
+                open = Some(base + at);
+            }
+        }
+    }
+    if let Some(start) = open {
+        push(start, nx);
+    }
+}
+
+/// The bits of the word at column `base` that belong to a row of `nx` voxels.
+pub(super) fn row_mask(nx: u32, base: u32) -> u64 {
+    match nx.saturating_sub(base) {
+        0 => 0,
+        left @ 1..64 => (1 << left) - 1,
+        _ => u64::MAX,
+    }
+}
+
+/// Sets or clears the bits of a run.
+pub(super) fn fill(words: &mut [u64], run: Run, set: bool) {
+    let (first, last) = (u32::from(run.start), u32::from(run.last));
+    for (at, word) in words.iter_mut().enumerate().take(last as usize / 64 + 1).skip(first as usize / 64) {
+        #[expect(clippy::cast_possible_truncation, reason = "columns are below 2^16")]
+        let base = at as u32 * 64;
+        let mask = row_mask(last + 1, base) & !row_mask(first, base);
+        if set {
+            *word |= mask;
+        } else {
+            *word &= !mask;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_those_of_the_bits_and_filling_them_undoes_the_search() {
+        let mut state = 7_u64;
+        for nx in [1, 2, 63, 64, 65, 127, 128, 129, 200, 65_536] {
+            for sparse in 0..6 {
+                let mut words = vec![0_u64; (nx as usize).div_ceil(64)];
+                for (word, base) in words.iter_mut().zip((0..nx).step_by(64)) {
+                    for _ in 0..=sparse {
+                        state = state
+                            .wrapping_mul(6_364_136_223_846_793_005)
+                            .wrapping_add(1_442_695_040_888_963_407);
+                        *word |= state ^ (state >> 29);
+                    }
+                    *word = if sparse == 5 { u64::MAX } else { *word } & row_mask(nx, base);
+                }
+                for inverted in [false, true] {
+                    let mut runs = Vec::new();
+                    find_runs(&words, nx, inverted, &mut runs);
+                    assert!(runs.windows(2).all(|w| u32::from(w[0].last) + 1 < u32::from(w[1].start)));
+                    let mut again = vec![if inverted { u64::MAX } else { 0 }; words.len()];
+                    runs.iter().for_each(|run| fill(&mut again, *run, !inverted));
+                    for (word, base) in again.iter_mut().zip((0..nx).step_by(64)) {
+                        *word &= row_mask(nx, base);
+                    }
+                    assert_eq!(again, words, "{nx} {inverted}");
+                    let voxels: u64 = runs.iter().map(|r| r.voxels()).sum();
+                    let set: u64 = words.iter().map(|w| u64::from(w.count_ones())).sum();
+                    assert_eq!(voxels, if inverted { u64::from(nx) - set } else { set });
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn windows_give_every_row() {
+        let folder = tempfile::tempdir().unwrap();
+        let dims = Dims::new(130, 700, 2).unwrap();
+        let bits = BitVolume::create(folder.path(), dims).unwrap();
+        for row in 0..bits.rows() {
+            bits.write(row, 1, &[row]).unwrap();
+        }
+        let mut window = RowWindow::new(&bits);
+        for row in (0..bits.rows()).chain([3, 1399, 0]) {
+            assert_eq!(window.get(row).unwrap(), [0, row, 0]);
+        }
+        assert_eq!(bits.bytes(), 1400 * 24);
+        assert!(matches!(BitVolume::create(Path::new("no/folder"), dims), Err(BuildError::Scratch { .. })));
+    }
+}

@@ -1,0 +1,543 @@
+//! Connected components of a bit volume, labelled as a stream: two passes, memory of a few rows.
+//!
+//! **Forward**, rows in the order of the volume. A row falls into *runs*. A run joins the runs of the rows next
+//! to it that were there before (the one above, and those of the slice before) in a union-find over *nodes*:
+//! the components that reach the slice before, and the runs of this slice that began a component. At the end
+//! of a slice every component that has a run in it gets a *slot*, in the order of first appearance; slots are
+//! the first nodes of the next slice, with what the component has gathered so far. Every slot of the slice
+//! before is told which slot goes on with it, or that its component is finished, and what that was.
+//!
+//! ```text
+//!   slice z - 1     slot 0     slot 1   slot 2          links of its slots: 0, 0, finished (size, first voxel)
+//!                       \      /
+//!   slice z              slot 0         slot 1 (new)
+//! ```
+//!
+//! **Backward**, slices from the last to the first: a slot's fate is that of its link, or what the rule says of
+//! a finished component. Each run has its slot written down, and its bits are changed if its fate says so.
+//!
+//! Runs, links and finished components are lists in scratch files, written and read in order; nodes and fates
+//! are tables of one slice, paged to a scratch file where they outgrow their cache. No component is ever
+//! looked up across slices, so a volume of noise costs disk and time, never memory. Source: the streaming idea
+//! of M. Isenburg and J. Shewchuk, *Streaming connected component computation for trillion voxel images* (2009).
+//! Here links are followed backwards instead of being resolved in memory.
+//!
+//! Scratch: 4 bytes a run, 4 bytes a slot of every slice, 16 bytes a component.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::io;
+use std::path::Path;
+
+use super::bits::{BitVolume, RowWindow, Run, fill, find_runs, scratch_error};
+use super::paged::PagedTable;
+use super::stream::{BUFFER_BYTES, Cursor, Stream};
+use crate::build::BuildError;
+use crate::geom::Dims;
+use crate::progress::Progress;
+
+/// Link of a slot whose component is finished.
+const FINISHED: u32 = u32::MAX;
+/// Slot of a component without a run in the slice.
+const NO_SLOT: u32 = u32::MAX;
+/// Marks a component that touches the border of the volume, in the field of its first voxel (below 2^48).
+const BORDER: u64 = 1 << 63;
+
+/// Which voxels are neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ComponentConnectivity {
+    /// Voxels that share a face.
+    Faces6,
+    /// Voxels that share a face, an edge or a corner.
+    Corners26,
+}
+
+impl ComponentConnectivity {
+    /// The connectivity of what is left over: a surface that one cannot cross parts the other.
+    pub fn complement(self) -> Self {
+        match self {
+            Self::Faces6 => Self::Corners26,
+            Self::Corners26 => Self::Faces6,
+        }
+    }
+
+    /// 6 or 26.
+    pub fn neighbours(self) -> u8 {
+        match self {
+            Self::Faces6 => 6,
+            Self::Corners26 => 26,
+        }
+    }
+}
+
+/// A component as far as it is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Component {
+    pub(super) voxels: u64,
+    first: u64,
+}
+
+impl Component {
+    /// Number of its first voxel in the order z, y, x.
+    pub(super) fn first(self) -> u64 {
+        self.first & !BORDER
+    }
+
+    pub(super) fn touches_border(self) -> bool {
+        self.first & BORDER != 0
+    }
+
+    fn join(self, other: Self) -> Self {
+        let border = (self.first | other.first) & BORDER;
+        Self { voxels: self.voxels + other.voxels, first: self.first().min(other.first()) | border }
+    }
+
+    /// Rank: larger ones first, equal ones by their first voxel.
+    fn rank(self) -> (u64, Reverse<u64>) {
+        (self.voxels, Reverse(self.first()))
+    }
+}
+
+/// A node of the union-find of one slice, as it lies in a table: voxels and first voxel of its component, and
+/// its parent in the low half and its slot in the high half of the last word.
+type Node = [u64; 3];
+
+fn node(component: Component, parent: u32) -> Node {
+    [component.voxels, component.first, u64::from(parent) | u64::from(NO_SLOT) << 32]
+}
+
+fn component_of(node: Node) -> Component {
+    Component { voxels: node[0], first: node[1] }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the low half")]
+fn parent_of(node: Node) -> u32 {
+    node[2] as u32
+}
+
+fn slot_of(node: Node) -> u32 {
+    (node[2] >> 32) as u32
+}
+
+/// Where the lists of a slice begin: runs, links, finished components.
+type SliceStart = [u64; 3];
+const RUNS: usize = 0;
+const LINKS: usize = 1;
+const FINISHES: usize = 2;
+
+/// What is labelled, and within which means.
+#[derive(Clone, Copy)]
+pub(super) struct Task<'a> {
+    pub(super) bits: &'a BitVolume,
+    /// Label what is not set?
+    pub(super) inverted: bool,
+    pub(super) connectivity: ComponentConnectivity,
+    /// How many of the largest are of interest.
+    pub(super) largest: usize,
+    pub(super) folder: &'a Path,
+    /// Bytes that may be held, at least [`least_bytes`].
+    pub(super) room_bytes: u64,
+    pub(super) progress: &'a dyn Progress,
+}
+
+/// What the forward pass has found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Census {
+    pub(super) components: u64,
+    /// The largest, in order.
+    pub(super) largest: Vec<Component>,
+}
+
+/// Bytes beside the caches: rows, runs, buffers, the largest.
+fn fixed_bytes(dims: Dims, largest: usize) -> u64 {
+    let row_words = dims.nx().div_ceil(64) as usize;
+    let runs = (u64::from(dims.nx()) / 2 + 2) * size_of::<Run>() as u64;
+    2 * RowWindow::bytes(row_words) + 5 * runs + 6 * BUFFER_BYTES as u64 + 2 * 16 * largest as u64
+}
+
+/// Smallest [`Task::room_bytes`].
+pub(super) fn least_bytes(dims: Dims, largest: usize) -> u64 {
+    fixed_bytes(dims, largest) + 3 * PagedTable::<Node>::LEAST_BYTES
+}
+
+/// A labelled volume: its components are known, and can be told their fates.
+pub(super) struct Labelled<'a> {
+    task: Task<'a>,
+    runs: Stream<u32>,
+    links: Stream<u32>,
+    finished: Stream<[u64; 2]>,
+    starts: PagedTable<SliceStart>,
+    pub(super) census: Census,
+}
+
+impl<'a> Task<'a> {
+    /// The forward pass.
+    ///
+    /// # Errors
+    /// The scratch files fail, or a slice has more than 2^32 - 2 runs and components together.
+    pub(super) fn label(self) -> Result<Labelled<'a>, BuildError> {
+        let failed = |cause| scratch_error(self.folder, cause);
+        let mut labelled = Labelled {
+            task: self,
+            runs: Stream::new(self.folder).map_err(failed)?,
+            links: Stream::new(self.folder).map_err(failed)?,
+            finished: Stream::new(self.folder).map_err(failed)?,
+            starts: PagedTable::new(self.folder, 0).map_err(failed)?,
+            census: Census::default(),
+        };
+        let mut forward = Forward::new(&mut labelled).map_err(failed)?;
+        forward.run()?;
+        let largest = forward.heap.into_iter().map(|Reverse(component)| component).collect();
+        labelled.census.largest = largest;
+        labelled.census.largest.sort_by(|a, b| b.cmp(a));
+        Ok(labelled)
+    }
+
+    /// What there is for a table of one slice, of which each pass has two, and no more than it can fill.
+    fn table_bytes(&self, item_bytes: usize) -> u64 {
+        let dims = self.bits.dims();
+        let fixed = fixed_bytes(dims, self.largest) + PagedTable::<SliceStart>::LEAST_BYTES;
+        let runs = u64::from(dims.nx().div_ceil(2)) * u64::from(dims.ny());
+        // Nodes are the runs of two slices at most; pages are whole, and stand in sets.
+        let most = 2 * runs * (item_bytes as u64 + 1) + PagedTable::<Node>::LEAST_BYTES;
+        (self.room_bytes.saturating_sub(fixed) / 2).min(most)
+    }
+}
+
+impl PartialOrd for Component {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Component {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.rank().cmp(&other.rank())
+    }
+}
+
+/// Union-find over the nodes of a slice; a set's root is its smallest node.
+struct Sets {
+    nodes: PagedTable<Node>,
+}
+
+impl Sets {
+    fn find(&mut self, mut node: u32) -> io::Result<u32> {
+        loop {
+            let parent = parent_of(self.nodes.get(u64::from(node))?);
+            if parent == node {
+                return Ok(node);
+            }
+            let above = parent_of(self.nodes.get(u64::from(parent))?);
+            if above == parent {
+                return Ok(parent);
+            }
+            // Paths are halved on the way.
+            self.set_parent(node, above)?;
+            node = above;
+        }
+    }
+
+    /// Joins two different roots and returns the root of both.
+    fn join(&mut self, a: u32, b: u32) -> io::Result<u32> {
+        let (root, other) = (a.min(b), a.max(b));
+        self.set_parent(other, root)?;
+        let component = component_of(self.nodes.get(u64::from(other))?);
+        self.add(root, component)?;
+        Ok(root)
+    }
+
+    fn set_parent(&mut self, node: u32, parent: u32) -> io::Result<()> {
+        let word = &mut self.nodes.get_mut(u64::from(node))?[2];
+        *word = *word >> 32 << 32 | u64::from(parent);
+        Ok(())
+    }
+
+    fn set_slot(&mut self, node: u32, slot: u32) -> io::Result<()> {
+        let word = &mut self.nodes.get_mut(u64::from(node))?[2];
+        *word = *word & u64::from(u32::MAX) | u64::from(slot) << 32;
+        Ok(())
+    }
+
+    fn add(&mut self, root: u32, component: Component) -> io::Result<()> {
+        let node = self.nodes.get_mut(u64::from(root))?;
+        let sum = component_of(*node).join(component);
+        (node[0], node[1]) = (sum.voxels, sum.first);
+        Ok(())
+    }
+
+    /// A new set.
+    fn push(&mut self, component: Component) -> io::Result<u32> {
+        let number = u32::try_from(self.nodes.len())
+            .ok()
+            .filter(|n| *n < NO_SLOT)
+            .ok_or_else(|| io::Error::other("a slice has more than 2^32 runs"))?;
+        self.nodes.push(node(component, number))?;
+        Ok(number)
+    }
+}
+
+struct Forward<'l, 'a> {
+    to: &'l mut Labelled<'a>,
+    sets: Sets,
+    next: Sets,
+    /// Slots of the slice before: the first nodes.
+    slots: u64,
+    row: Vec<Run>,
+    above: Vec<Run>,
+    /// Rows y - 1, y and y + 1 of the slice before.
+    before: [Vec<Run>; 3],
+    heap: BinaryHeap<Reverse<Component>>,
+}
+
+impl<'l, 'a> Forward<'l, 'a> {
+    fn new(to: &'l mut Labelled<'a>) -> io::Result<Self> {
+        let task = to.task;
+        let bytes = task.table_bytes(size_of::<Node>());
+        let sets = || PagedTable::new(task.folder, bytes).map(|nodes| Sets { nodes });
+        let most = task.bits.dims().nx() as usize / 2 + 1;
+        let runs = || Vec::with_capacity(most);
+        Ok(Self {
+            sets: sets()?,
+            next: sets()?,
+            to,
+            slots: 0,
+            row: runs(),
+            above: runs(),
+            before: [runs(), runs(), runs()],
+            heap: BinaryHeap::new(),
+        })
+    }
+
+    fn run(&mut self) -> Result<(), BuildError> {
+        let task = self.to.task;
+        let dims = task.bits.dims();
+        let mut here = RowWindow::new(task.bits);
+        let mut back = RowWindow::new(task.bits);
+        let mut labels = Cursor::new();
+        let failed = |cause| task.bits.failed(cause);
+        let mut start = SliceStart::default();
+        for z in 0..dims.nz() {
+            let previous = std::mem::replace(&mut start, self.start().map_err(failed)?);
+            self.above.clear();
+            self.before.iter_mut().for_each(Vec::clear);
+            if z > 0 {
+                labels.start(previous[RUNS]..start[RUNS]);
+                self.load_before(&mut back, &mut labels, 0, z)?;
+            }
+            for y in 0..dims.ny() {
+                if z > 0 {
+                    self.before.rotate_left(1);
+                    self.load_before(&mut back, &mut labels, y + 1, z)?;
+                }
+                let words = here.get(task.bits.row(y, z))?;
+                find_runs(words, dims.nx(), task.inverted, &mut self.row);
+                self.join_row(y, z).map_err(failed)?;
+                std::mem::swap(&mut self.row, &mut self.above);
+            }
+            self.end_slice(start[RUNS]).map_err(failed)?;
+            task.progress.advance(1);
+        }
+        self.end_volume().map_err(failed)
+    }
+
+    /// Notes where the lists of the next slice begin.
+    fn start(&mut self) -> io::Result<SliceStart> {
+        let to = &mut *self.to;
+        let start = [to.runs.len(), to.links.len(), to.finished.len()];
+        to.starts.push(start)?;
+        Ok(start)
+    }
+
+    /// Loads row `y` of the slice before `z`, if there is one, into the last place of `before`.
+    fn load_before(
+        &mut self,
+        window: &mut RowWindow<'_>,
+        labels: &mut Cursor<u32>,
+        y: u32,
+        z: u32,
+    ) -> Result<(), BuildError> {
+        let task = self.to.task;
+        let dims = task.bits.dims();
+        let row = &mut self.before[2];
+        row.clear();
+        if y < dims.ny() {
+            find_runs(window.get(task.bits.row(y, z - 1))?, dims.nx(), task.inverted, row);
+            for run in row.iter_mut() {
+                run.label = labels.next(&self.to.runs).map_err(|cause| task.bits.failed(cause))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Labels the runs of a row by their neighbours, and writes the labels down.
+    fn join_row(&mut self, y: u32, z: u32) -> io::Result<()> {
+        let task = self.to.task;
+        let [nx, ny, nz] = task.bits.dims().to_array();
+        let outer = y == 0 || z == 0 || y + 1 == ny || z + 1 == nz;
+        let origin = task.bits.row(y, z) * u64::from(nx);
+        let wide = task.connectivity == ComponentConnectivity::Corners26;
+        let (reach, sides) = if wide { (1, 4) } else { (0, 2) };
+        let neighbours = [&self.above, &self.before[1], &self.before[0], &self.before[2]];
+        let mut at = [0_usize; 4];
+        for run in &mut self.row {
+            let (first, last) = (u32::from(run.start), u32::from(run.last));
+            let mut label = None;
+            for (side, at) in neighbours.iter().zip(&mut at).take(sides) {
+                while side.get(*at).is_some_and(|n| u32::from(n.last) + reach < first) {
+                    *at += 1;
+                }
+                let touching = side[*at..].iter().take_while(|n| u32::from(n.start) <= last + reach);
+                for neighbour in touching {
+                    label = Some(match label {
+                        Some(label) if label == neighbour.label => label,
+                        Some(label) => match self.sets.find(neighbour.label)? {
+                            root if root == label => label,
+                            root => self.sets.join(label, root)?,
+                        },
+                        None => self.sets.find(neighbour.label)?,
+                    });
+                }
+            }
+            let border = if outer || first == 0 || last + 1 == nx { BORDER } else { 0 };
+            let component = Component { voxels: run.voxels(), first: (origin + u64::from(first)) | border };
+            run.label = match label {
+                Some(label) => {
+                    self.sets.add(label, component)?;
+                    label
+                }
+                None => self.sets.push(component)?,
+            };
+            self.to.runs.push(run.label)?;
+        }
+        Ok(())
+    }
+
+    /// Gives slots to the components of the slice, whose runs begin at `runs`, and links to the slots before.
+    fn end_slice(&mut self, runs: u64) -> io::Result<()> {
+        let Self { to, sets, next, .. } = self;
+        next.nodes.clear();
+        to.runs.flush()?;
+        let end = to.runs.len();
+        to.runs.rewrite(runs..end, &mut |label| {
+            let root = sets.find(label)?;
+            let node = sets.nodes.get(u64::from(root))?;
+            if slot_of(node) != NO_SLOT {
+                return Ok(slot_of(node));
+            }
+            let slot = next.push(component_of(node))?;
+            sets.set_slot(root, slot)?;
+            Ok(slot)
+        })?;
+        for slot in 0..self.slots {
+            #[expect(clippy::cast_possible_truncation, reason = "a node's number")]
+            let root = self.sets.find(slot as u32)?;
+            let node = self.sets.nodes.get(u64::from(root))?;
+            match slot_of(node) {
+                NO_SLOT => self.finish(component_of(node))?,
+                slot => self.to.links.push(slot)?,
+            }
+        }
+        std::mem::swap(&mut self.sets, &mut self.next);
+        self.slots = self.sets.nodes.len();
+        Ok(())
+    }
+
+    /// Nothing goes on beyond the last slice.
+    fn end_volume(&mut self) -> io::Result<()> {
+        self.start()?;
+        for slot in 0..self.slots {
+            let component = component_of(self.sets.nodes.get(slot)?);
+            self.finish(component)?;
+        }
+        self.start()?;
+        self.to.runs.flush()?;
+        self.to.links.flush()?;
+        self.to.finished.flush()
+    }
+
+    fn finish(&mut self, component: Component) -> io::Result<()> {
+        self.to.links.push(FINISHED)?;
+        self.to.finished.push([component.voxels, component.first])?;
+        self.to.census.components += 1;
+        let most = self.to.task.largest;
+        if self.heap.len() < most {
+            self.heap.push(Reverse(component));
+        } else if self.heap.peek().is_some_and(|least| component > least.0) {
+            self.heap.pop();
+            self.heap.push(Reverse(component));
+        }
+        Ok(())
+    }
+}
+
+/// What the backward pass did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Outcome {
+    /// Components that stay.
+    pub(super) kept: u64,
+    /// Voxels of the others, whose bits were changed.
+    pub(super) changed: u64,
+}
+
+impl Labelled<'_> {
+    /// The backward pass: components that `keep` refuses are cleared, or, if what is not set was labelled, set.
+    ///
+    /// # Errors
+    /// The scratch files fail.
+    pub(super) fn decide(mut self, keep: &dyn Fn(Component) -> bool) -> Result<Outcome, BuildError> {
+        let task = self.task;
+        let failed = |cause| scratch_error(task.folder, cause);
+        let dims = task.bits.dims();
+        let bytes = task.table_bytes(1);
+        let mut later = PagedTable::<u8>::new(task.folder, bytes).map_err(failed)?;
+        let mut fates = PagedTable::<u8>::new(task.folder, bytes).map_err(failed)?;
+        let (mut links, mut finished, mut slots) = (Cursor::new(), Cursor::new(), Cursor::new());
+        let mut window = RowWindow::new(task.bits);
+        let mut runs = Vec::with_capacity(dims.nx() as usize / 2 + 1);
+        let mut outcome = Outcome::default();
+        for z in (0..dims.nz()).rev() {
+            let mut start = |after: u32| self.starts.get(u64::from(z) + u64::from(after)).map_err(failed);
+            let [here, next, end] = [start(0)?, start(1)?, start(2)?];
+            links.start(next[LINKS]..end[LINKS]);
+            finished.start(next[FINISHES]..end[FINISHES]);
+            slots.start(here[RUNS]..next[RUNS]);
+            fates.clear();
+            let mut decide = || -> io::Result<()> {
+                for _ in next[LINKS]..end[LINKS] {
+                    let fate = match links.next(&self.links)? {
+                        FINISHED => {
+                            let [voxels, first] = finished.next(&self.finished)?;
+                            let kept = keep(Component { voxels, first });
+                            outcome.kept += u64::from(kept);
+                            u8::from(kept)
+                        }
+                        link => later.get(u64::from(link))?,
+                    };
+                    fates.push(fate)?;
+                }
+                Ok(())
+            };
+            decide().map_err(failed)?;
+            for row in task.bits.row(0, z)..task.bits.row(0, z) + u64::from(dims.ny()) {
+                let words = window.get(row)?;
+                find_runs(words, dims.nx(), task.inverted, &mut runs);
+                let mut changed = 0;
+                for run in &runs {
+                    let slot = slots.next(&self.runs).map_err(failed)?;
+                    if fates.get(u64::from(slot)).map_err(failed)? == 0 {
+                        fill(words, *run, task.inverted);
+                        changed += run.voxels();
+                    }
+                }
+                if changed > 0 {
+                    task.bits.write(row, 0, words)?;
+                    outcome.changed += changed;
+                }
+            }
+            std::mem::swap(&mut fates, &mut later);
+            task.progress.advance(1);
+        }
+        Ok(outcome)
+    }
+}

@@ -1,0 +1,449 @@
+//! Cleaning before the build: what users do to a segmentation, under the memory cap.
+//!
+//! The volume itself may be cropped and downsampled; both are sources around the source. What follows works on
+//! the *occupancy*, one bit a voxel in a nameless scratch file, and ends in a volume whose samples agree with it:
+//! the builder needs to know nothing of cleaning.
+//!
+//! Operations have a fixed order, whatever that of the options:
+//!
+//! | | operation | extra passes | memory |
+//! |---|---|---|---|
+//! | 1 | crop | none | none |
+//! | 2 | downsample | none, but each pass reads the whole original | 64 KiB a thread |
+//! | | range test, for any of those below | the volume, once | 0.3 MiB a thread |
+//! | 3 | close gaps | the occupancy, once | rows of 5 (R = 2: 10) slices; strips where they do not fit |
+//! | 4 | fill cavities | the occupancy, twice | as 5 |
+//! | 5 | drop components | the occupancy, twice | about 0.35 MiB and 20 bytes a column; up to 40 MiB more are used as a cache |
+//!
+//! Scratch: a bit a voxel (for closing two), and 4 bytes a run of voxels with 4 to 16 bytes a component for 4
+//! and 5. The result does not depend on budget or threads.
+
+mod bits;
+mod close;
+mod components;
+mod masked;
+mod paged;
+mod preset;
+mod stream;
+
+pub use components::ComponentConnectivity;
+pub use preset::Preset;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use crate::budget::MemoryCap;
+use crate::build::{self, BuildError, BuildOptions, Progress, choose_selection, for_each_block, range_test};
+use crate::format::Selection;
+use crate::geom::Dims;
+use crate::source::{Crop, Downsample, SourceError, VolumeSource};
+use bits::BitVolume;
+use components::{Component, Task};
+use masked::Masked;
+
+/// Most components that can be asked for by [`CleanOptions::keep_largest`].
+pub const MOST_LARGEST: u32 = 4000;
+
+/// What cleaning leaves resident in a process of its own: code that has run, and what the allocator keeps.
+/// Unoptimised programs, and hosts with much code, start larger and grow by more.
+fn left_over(memory: MemoryCap) -> u64 {
+    match memory {
+        MemoryCap::Share(_) => 0,
+        MemoryCap::Process(_) => (256 << 10) + build::above_small_process().min(384 << 10),
+    }
+}
+
+/// Which components are too small.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SizeLimit {
+    /// Those of fewer voxels.
+    Voxels(u64),
+    /// Those of less than this part of the largest one's voxels, in percent.
+    PercentOfLargest(f64),
+}
+
+/// What is done to a volume before it is built; nothing by default.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CleanOptions {
+    /// Keep voxels with these indices along x, y, z only.
+    pub roi: Option<[Range<u32>; 3]>,
+    /// Take means of blocks of 2^3 or 4^3 voxels.
+    pub downsample: Option<u32>,
+    /// What is inside, in HU, in place of a threshold.
+    pub preset: Option<Preset>,
+    /// Radius of the closing in voxels, 1 or 2; 0 for none.
+    pub close: u32,
+    /// Turn cavities, which are parts of the outside that the border of the volume does not touch, into inside?
+    /// They are connected as [`ComponentConnectivity::complement`] says.
+    pub fill_cavities: bool,
+    /// Keep this many of the largest components; of equal ones those whose first voxel comes first in the order
+    /// z, y, x.
+    pub keep_largest: Option<u32>,
+    /// Drop components that are too small.
+    pub drop_below: Option<SizeLimit>,
+    /// Which voxels are of one component.
+    pub connectivity: ComponentConnectivity,
+}
+
+impl Default for CleanOptions {
+    fn default() -> Self {
+        Self {
+            roi: None,
+            downsample: None,
+            preset: None,
+            close: 0,
+            fill_cavities: false,
+            keep_largest: None,
+            drop_below: None,
+            connectivity: ComponentConnectivity::Corners26,
+        }
+    }
+}
+
+/// Passes that cleaning adds to those of a build.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ExtraPasses {
+    /// Over the samples of the volume.
+    pub volume: u32,
+    /// Over its occupancy, a bit a voxel.
+    pub occupancy: u32,
+}
+
+impl CleanOptions {
+    /// Is there anything to do on the occupancy?
+    fn works_on_bits(&self) -> bool {
+        self.close > 0 || self.fill_cavities || self.drops()
+    }
+
+    fn drops(&self) -> bool {
+        self.keep_largest.is_some() || self.drop_below.is_some()
+    }
+
+    /// Passes beyond those of the build.
+    pub fn extra_passes(&self) -> ExtraPasses {
+        ExtraPasses {
+            volume: u32::from(self.works_on_bits()),
+            occupancy: u32::from(self.close > 0)
+                + 2 * u32::from(self.fill_cavities)
+                + 2 * u32::from(self.drops()),
+        }
+    }
+
+    /// Operations on the volume, as on the command line, in the order in which they are done.
+    fn volume_operations(&self) -> Vec<String> {
+        let mut list = Vec::new();
+        if let Some([x, y, z]) = &self.roi {
+            list.push(format!("roi {x:?},{y:?},{z:?}"));
+        }
+        if let Some(factor) = self.downsample {
+            list.push(format!("downsample {factor}"));
+        }
+        list
+    }
+
+    /// Operations on the occupancy, likewise.
+    fn bit_operations(&self) -> Vec<String> {
+        let mut list = Vec::new();
+        if self.close > 0 {
+            list.push(format!("close {}", self.close));
+        }
+        if self.fill_cavities {
+            list.push("fill-cavities".into());
+        }
+        if let Some(count) = self.keep_largest {
+            list.push(format!("keep-largest {count}"));
+        }
+        match self.drop_below {
+            Some(SizeLimit::Voxels(voxels)) => list.push(format!("drop-below {voxels}")),
+            Some(SizeLimit::PercentOfLargest(percent)) => list.push(format!("drop-below {percent}%")),
+            None => {}
+        }
+        if (self.fill_cavities || self.drops()) && self.connectivity != ComponentConnectivity::Corners26 {
+            list.push(format!("component-connectivity {}", self.connectivity.neighbours()));
+        }
+        list
+    }
+
+    /// Everything that is asked for, as on the command line, in the order in which it is done.
+    pub fn operations(&self) -> Vec<String> {
+        let preset = self.preset.map(|preset| format!("preset {}", preset.name()));
+        self.volume_operations().into_iter().chain(preset).chain(self.bit_operations()).collect()
+    }
+
+    /// Is nothing asked for?
+    pub fn is_empty(&self) -> bool {
+        self.roi.is_none() && self.downsample.is_none() && self.preset.is_none() && !self.works_on_bits()
+    }
+
+    /// Crops and downsamples; to be called before [`VolumeSource::prepare`].
+    ///
+    /// # Errors
+    /// [`SourceError::Usage`] when the box or the factor does not fit the volume.
+    pub fn reshape(&self, mut source: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>, SourceError> {
+        if let Some(roi) = &self.roi {
+            source = Box::new(Crop::new(source, roi.clone())?);
+        }
+        if let Some(factor) = self.downsample {
+            source = Box::new(Downsample::new(source, factor)?);
+        }
+        Ok(source)
+    }
+
+    /// The smallest [`MemoryCap::Share`] within which a (reshaped) volume can be cleaned and built.
+    pub fn smallest_share(&self, source: &dyn VolumeSource, options: &BuildOptions) -> u64 {
+        self.smallest_cap(source, options, MemoryCap::Share(0))
+    }
+
+    fn smallest_cap(&self, source: &dyn VolumeSource, options: &BuildOptions, none: MemoryCap) -> u64 {
+        let build = build::smallest_cap(source, options, none);
+        if !self.works_on_bits() {
+            return build;
+        }
+        let own = build::fixed_bytes(none) + self.least_bytes(source);
+        let spread = if matches!(none, MemoryCap::Process(_)) { build::BASE_SPREAD } else { 0 };
+        (self.beside(source, none) + build.max(own) + spread).next_multiple_of(1 << 16)
+    }
+
+    /// Bytes that cleaning costs the build that follows.
+    fn beside(&self, source: &dyn VolumeSource, memory: MemoryCap) -> u64 {
+        left_over(memory) + Masked::thread_bytes(row_words(source.info().dims))
+    }
+
+    /// The least that every operation can do with, beside what is fixed.
+    fn least_bytes(&self, source: &dyn VolumeSource) -> u64 {
+        let dims = source.info().dims;
+        let mut least = build::occupancy_worker_bytes(source);
+        if self.close > 0 {
+            least = least.max(close::bytes(row_words(dims), self.close, 1));
+        }
+        if self.fill_cavities || self.drops() {
+            least = least.max(components::least_bytes(dims, self.largest()));
+        }
+        least
+    }
+
+    /// How many of the largest components the rule has to know.
+    fn largest(&self) -> usize {
+        self.keep_largest.unwrap_or(1).clamp(1, MOST_LARGEST) as usize
+    }
+
+    /// Cleans the occupancy of a prepared (and reshaped) volume; `None` where there is nothing to do.
+    ///
+    /// [`Cleaned::source`] is then built with [`build::Threshold::Chosen`] of [`Cleaned::selection`]. Memory,
+    /// threads and scratch folder are those of the build.
+    ///
+    /// # Errors
+    /// [`BuildError`]: the cap is too small (with the smallest that works), the volume cannot be read, scratch
+    /// files fail, or nothing is left.
+    pub fn clean<'a>(
+        &self,
+        source: &'a dyn VolumeSource,
+        options: &BuildOptions,
+        output: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Option<Cleaned<'a>>, BuildError> {
+        if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MOST_LARGEST) {
+            return Err(BuildError::Usage(format!(
+                "gaps can be closed by 1 or 2 voxels, and 1 to {MOST_LARGEST} components kept"
+            )));
+        }
+        if !self.works_on_bits() {
+            return Ok(None);
+        }
+        let job =
+            CleanJob { clean: self, source, options, scratch: options.scratch_folder(output), progress };
+        job.run().map(Some)
+    }
+}
+
+fn row_words(dims: Dims) -> usize {
+    dims.nx().div_ceil(64) as usize
+}
+
+/// What cleaning did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CleanReport {
+    /// Passes over volume and occupancy that were added.
+    pub passes: ExtraPasses,
+    /// Voxels inside before.
+    pub voxels: u64,
+    /// Voxels that closing and filling added.
+    pub voxels_added: u64,
+    /// Voxels of dropped components.
+    pub voxels_removed: u64,
+    /// Components found; 0 when they were not asked for.
+    pub components: u64,
+    /// Components that were kept.
+    pub kept: u64,
+    /// Bytes of scratch files that the occupancy takes; lists of runs come on top.
+    pub scratch_bytes: u64,
+    /// Wall time.
+    pub seconds: f64,
+}
+
+/// A volume with a cleaned occupancy.
+pub struct Cleaned<'a> {
+    masked: Masked<'a>,
+    /// What is inside; a threshold by Otsu's method has been chosen on the volume before it was cleaned.
+    pub selection: Selection,
+    /// What was done.
+    pub report: CleanReport,
+}
+
+impl Cleaned<'_> {
+    /// The volume to build.
+    pub fn source(&self) -> &dyn VolumeSource {
+        &self.masked
+    }
+}
+
+/// Which components stay.
+struct Rule {
+    least_voxels: f64,
+    last: Option<Component>,
+}
+
+impl Rule {
+    fn keeps(&self, component: Component) -> bool {
+        #[expect(clippy::cast_precision_loss, reason = "below 2^48: exact")]
+        let voxels = component.voxels as f64;
+        voxels >= self.least_voxels && self.last.is_none_or(|last| component >= last)
+    }
+}
+
+struct CleanJob<'c, 'a> {
+    clean: &'c CleanOptions,
+    source: &'a dyn VolumeSource,
+    options: &'c BuildOptions,
+    scratch: PathBuf,
+    progress: &'c dyn Progress,
+}
+
+impl<'a> CleanJob<'_, 'a> {
+    fn run(&self) -> Result<Cleaned<'a>, BuildError> {
+        let started = Instant::now();
+        self.check_budget()?;
+        let info = self.source.info();
+        let BuildOptions { threshold, memory, threads, .. } = *self.options;
+        let selection = choose_selection(self.source, threshold, memory, threads, self.progress)?;
+        let Some(test) = range_test(info.scalar, &selection, info.rescale) else {
+            return Err(BuildError::Usage("the range holds no sample of this volume's type".into()));
+        };
+        let mut report = CleanReport {
+            passes: self.clean.extra_passes(),
+            voxels: 0,
+            voxels_added: 0,
+            voxels_removed: 0,
+            components: 0,
+            kept: 0,
+            scratch_bytes: 0,
+            seconds: 0.0,
+        };
+        let mut bits = BitVolume::create(&self.scratch, info.dims)?;
+        report.scratch_bytes = bits.bytes();
+        report.voxels = self.test_range(&bits, &*test)?;
+        // A volume without any voxel inside is refused by the builder, with the values that there are.
+        if report.voxels > 0 {
+            if self.clean.close > 0 {
+                let closed = BitVolume::create(&self.scratch, info.dims)?;
+                report.scratch_bytes += closed.bytes();
+                report.voxels_added +=
+                    close::close(&bits, &closed, self.clean.close, self.room(), self.progress)?;
+                bits = closed;
+            }
+            if self.clean.fill_cavities {
+                let task = self.task(&bits, true, self.clean.connectivity.complement(), 0);
+                self.progress.stage("cavities", 2 * u64::from(info.dims.nz()));
+                report.voxels_added += task.label()?.decide(&Component::touches_border)?.changed;
+            }
+            if self.clean.drops() {
+                self.drop_components(&bits, &mut report)?;
+            }
+        }
+        let mut described = info.clone();
+        described.description.note(&self.clean.bit_operations().join("; "));
+        report.seconds = started.elapsed().as_secs_f64();
+        Ok(Cleaned { masked: Masked::new(self.source, described, test, bits), selection, report })
+    }
+
+    /// Is there room for cleaning, and for the build after it? What is resident differs between runs, so the
+    /// smallest cap that is stated has some room to spare, as that of the build.
+    fn check_budget(&self) -> Result<(), BuildError> {
+        let memory = self.options.memory;
+        let limit_bytes = memory.bytes();
+        let own = build::fixed_bytes(memory) + self.clean.least_bytes(self.source) + left_over(memory);
+        let for_build = limit_bytes.saturating_sub(self.clean.beside(self.source, memory));
+        let (none, for_build) = match memory {
+            MemoryCap::Process(_) => (MemoryCap::Process(0), MemoryCap::Process(for_build)),
+            MemoryCap::Share(_) => (MemoryCap::Share(0), MemoryCap::Share(for_build)),
+        };
+        if own <= limit_bytes && build::fits(self.source, self.options, for_build) {
+            return Ok(());
+        }
+        let name = self.source.info().description.name.clone();
+        let minimum_bytes = self.clean.smallest_cap(self.source, self.options, none);
+        Err(BuildError::BudgetTooSmall { name, limit_bytes, minimum_bytes })
+    }
+
+    /// Bytes that an operation may hold now.
+    fn room(&self) -> u64 {
+        let memory = self.options.memory;
+        memory.bytes().saturating_sub(build::fixed_bytes(memory)).saturating_sub(left_over(memory))
+    }
+
+    /// The range test of the whole volume; returns how many voxels are inside.
+    fn test_range(&self, bits: &BitVolume, test: &dyn build::RangeTest) -> Result<u64, BuildError> {
+        let fit = self.room() / build::occupancy_worker_bytes(self.source);
+        let threads = usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.options.threads.max(1));
+        let inside = AtomicU64::new(0);
+        self.progress.stage("range test", u64::from(bits.dims().nz()));
+        for_each_block(self.source, test, threads, self.progress, &|z, y, first, per_row, words| {
+            let set: u64 = words.iter().map(|w| u64::from(w.count_ones())).sum();
+            inside.fetch_add(set, Ordering::Relaxed);
+            let row = bits.row(y, z);
+            if per_row == bits.row_words {
+                return bits.write(row, 0, words);
+            }
+            words.chunks_exact(per_row).zip(row..).try_for_each(|(words, row)| bits.write(row, first, words))
+        })?;
+        Ok(inside.into_inner())
+    }
+
+    fn drop_components(&self, bits: &BitVolume, report: &mut CleanReport) -> Result<(), BuildError> {
+        self.progress.stage("components", 2 * u64::from(bits.dims().nz()));
+        let labelled = self.task(bits, false, self.clean.connectivity, self.clean.largest()).label()?;
+        let largest = &labelled.census.largest;
+        let most = largest.first().map_or(0, |c| c.voxels);
+        #[expect(clippy::cast_precision_loss, reason = "counts below 2^48 are exact; more drops everything")]
+        let least_voxels = match self.clean.drop_below {
+            Some(SizeLimit::Voxels(voxels)) => voxels as f64,
+            Some(SizeLimit::PercentOfLargest(percent)) => percent / 100.0 * most as f64,
+            None => 0.0,
+        };
+        let rule = Rule { least_voxels, last: self.clean.keep_largest.and(largest.last().copied()) };
+        if !largest.first().is_some_and(|c| rule.keeps(*c)) {
+            let name = self.source.info().description.name.clone();
+            return Err(BuildError::NothingKept { name, largest: most });
+        }
+        report.components = labelled.census.components;
+        let outcome = labelled.decide(&|component| rule.keeps(component))?;
+        (report.kept, report.voxels_removed) = (outcome.kept, outcome.changed);
+        Ok(())
+    }
+
+    fn task<'t>(
+        &'t self,
+        bits: &'t BitVolume,
+        inverted: bool,
+        connectivity: ComponentConnectivity,
+        largest: usize,
+    ) -> Task<'t> {
+        let (folder, room_bytes) = (&*self.scratch, self.room());
+        Task { bits, inverted, connectivity, largest, folder, room_bytes, progress: self.progress }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,101 @@
+//! Ranges of Hounsfield units under the names of tissues.
+
+use crate::build::Threshold;
+
+/// A tissue in CT, by its usual range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Bone, cancellous and compact: 226 HU and more.
+    Bone,
+    /// Compact bone: 662 HU and more.
+    CompactBone,
+    /// Enamel of teeth: 1550 HU and more.
+    Teeth,
+    /// Implants and fillings: 2500 HU and more.
+    Metal,
+    /// The outside of the body against air: -300 HU and more.
+    Skin,
+    /// Muscle and other soft tissue: -5 to 135 HU.
+    Muscle,
+    /// Fat: -205 to -51 HU.
+    Fat,
+    /// Air-filled lung: -950 to -500 HU.
+    Lung,
+}
+
+impl Preset {
+    /// Every preset.
+    pub const ALL: [Self; 8] = [
+        Self::Bone,
+        Self::CompactBone,
+        Self::Teeth,
+        Self::Metal,
+        Self::Skin,
+        Self::Muscle,
+        Self::Fat,
+        Self::Lung,
+    ];
+
+    /// Name as written on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bone => "bone",
+            Self::CompactBone => "compact-bone",
+            Self::Teeth => "teeth",
+            Self::Metal => "metal",
+            Self::Skin => "skin",
+            Self::Muscle => "muscle",
+            Self::Fat => "fat",
+            Self::Lung => "lung",
+        }
+    }
+
+    /// The preset of a name.
+    pub fn parse(text: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|preset| preset.name() == text)
+    }
+
+    /// Its range in HU.
+    pub fn threshold(self) -> Threshold {
+        match self {
+            Self::Bone => Threshold::Iso(226.0),
+            Self::CompactBone => Threshold::Iso(662.0),
+            Self::Teeth => Threshold::Iso(1550.0),
+            Self::Metal => Threshold::Iso(2500.0),
+            Self::Skin => Threshold::Iso(-300.0),
+            Self::Muscle => Threshold::Range(-5.0, 135.0),
+            Self::Fat => Threshold::Range(-205.0, -51.0),
+            Self::Lung => Threshold::Range(-950.0, -500.0),
+        }
+    }
+
+    /// What the user should know when the input is not, or not surely, a CT.
+    pub fn doubt(self, modality: Option<&str>) -> Option<String> {
+        let name = self.name();
+        match modality {
+            Some("CT") => None,
+            Some(other) => {
+                Some(format!("the preset {name} is a range of Hounsfield units, and this is {other}, not CT"))
+            }
+            None => Some(format!(
+                "the preset {name} is a range of Hounsfield units; the input does not say that its values are"
+            )),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_back_and_doubts_depend_on_the_modality() {
+        for preset in Preset::ALL {
+            assert_eq!(Preset::parse(preset.name()), Some(preset));
+            assert_eq!(preset.doubt(Some("CT")), None);
+            assert!(preset.doubt(Some("MR")).unwrap().contains("MR"));
+            assert!(preset.doubt(None).unwrap().contains(preset.name()));
+        }
+        assert_eq!(Preset::parse("Bone"), None);
+    }
+}

@@ -1,0 +1,97 @@
+//! A box cut out of a volume.
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
+use crate::geom::Dims;
+
+/// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its
+/// place in the world. Nothing is held; no pass is added.
+pub struct Crop {
+    source: Box<dyn VolumeSource>,
+    info: VolumeInfo,
+    roi: [Range<u32>; 3],
+}
+
+impl Crop {
+    /// The voxels with indices in `roi` (along x, y, z; the ends are not included).
+    ///
+    /// # Errors
+    /// [`SourceError::Usage`] when the box is empty or not within the volume.
+    pub fn new(source: Box<dyn VolumeSource>, roi: [Range<u32>; 3]) -> Result<Self, SourceError> {
+        let mut info = source.info().clone();
+        let size = roi.clone().map(|r| r.end.saturating_sub(r.start));
+        let fits = roi.iter().zip(info.dims.to_array()).all(|(r, n)| r.end <= n);
+        let Some(dims) = Dims::new(size[0], size[1], size[2]).filter(|_| fits) else {
+            let path = PathBuf::from(&info.description.name);
+            let [x, y, z] = &roi;
+            let reason = format!(
+                "--roi {x:?},{y:?},{z:?} is empty or not within the volume of {} voxels; write X0..X1,Y0..Y1,Z0..Z1 with each end at most the side",
+                info.dims
+            );
+            return Err(SourceError::Usage { path, reason });
+        };
+        let corner = roi.clone().map(|r| f64::from(r.start));
+        let origin = info.affine.apply(corner);
+        for (row, at) in info.affine.rows.iter_mut().zip(origin) {
+            row[3] = at;
+        }
+        info.dims = dims;
+        let [x, y, z] = &roi;
+        info.description.note(&format!("roi {x:?},{y:?},{z:?}"));
+        Ok(Self { source, info, roi })
+    }
+}
+
+/// The part of a range that begins at `start`.
+fn moved(range: &Range<u32>, start: u32) -> Range<u32> {
+    range.start.saturating_add(start)..range.end.saturating_add(start)
+}
+
+impl VolumeSource for Crop {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn modality(&self) -> Option<&str> {
+        self.source.modality()
+    }
+
+    fn preparation(&self) -> Preparation {
+        self.source.preparation()
+    }
+
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        self.source.prepare(workspace)
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        let [x, y, slices] = &self.roi;
+        let z = z.saturating_add(slices.start);
+        self.source.read_rows(z, moved(&rows, y.start), moved(&cols, x.start), out)
+    }
+
+    fn read_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        let [x, y, slices] = &self.roi;
+        let z = z.saturating_add(slices.start);
+        self.source.read_pitched(z, moved(&rows, y.start), moved(&cols, x.start), pitch, out)
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        self.source.resident_bytes()
+    }
+}
