@@ -303,12 +303,17 @@ pub(crate) struct BatchArgs {
     /// Leave patient names in reported paths; they are masked by default
     #[arg(long)]
     pub(crate) keep_names: bool,
+    /// Where slices are missing or uneven: refuse, make them from their neighbours, or take them as even
+    #[arg(long, value_enum, default_value_t = Gaps::Error)]
+    pub(crate) gaps: Gaps,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
     /// No progress, no lines for volumes
     #[arg(long)]
     pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) clean: CleanArgs,
 }
 
 #[derive(Debug, Args)]
@@ -319,6 +324,9 @@ pub(crate) struct ScanArgs {
     /// Leave patient names in reported paths; they are masked by default
     #[arg(long)]
     pub(crate) keep_names: bool,
+    /// Where slices are missing or uneven: refuse, make them from their neighbours, or take them as even
+    #[arg(long, value_enum, default_value_t = Gaps::Error)]
+    pub(crate) gaps: Gaps,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,

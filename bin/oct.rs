@@ -140,7 +140,8 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
     let request = BatchRequest {
         inputs: args.input.clone(),
         out: args.out.clone(),
-        how: OpenOptions::default(),
+        how: OpenOptions { gaps: args.gaps.into(), ..OpenOptions::default() },
+        clean: args.clean.options(),
         build: BuildOptions {
             threshold: threshold(args.iso, args.range),
             connectivity: connectivity(args.connectivity),
@@ -196,7 +197,8 @@ fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
 
 fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
     let mut first = true;
-    let report = jobs::scan::scan(&args.input, &OpenOptions::default(), args.keep_names, &mut |listed| {
+    let how = OpenOptions { gaps: args.gaps.into(), ..OpenOptions::default() };
+    let report = jobs::scan::scan(&args.input, &how, args.keep_names, &mut |listed| {
         let before = match (args.json, std::mem::take(&mut first)) {
             (true, true) => "{\"items\":[\n",
             (true, false) => ",\n",

@@ -131,7 +131,22 @@ pub fn build_cleaned_source(
     progress: &dyn Progress,
     started: Instant,
 ) -> Result<BuildSummary, Error> {
-    let mut source = cleaning.reshape(source)?;
+    build_reshaped_source(cleaning.reshape(source)?, input, cleaning, options, output, progress, started)
+}
+
+/// As [`build_cleaned_source`], of a source that [`CleanOptions::reshape`] has cut and shrunk already.
+///
+/// # Errors
+/// As [`build_cleaned_source`].
+pub fn build_reshaped_source(
+    mut source: Box<dyn VolumeSource>,
+    input: String,
+    cleaning: &CleanOptions,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+    started: Instant,
+) -> Result<BuildSummary, Error> {
     let mut options = options.clone();
     let doubt = cleaning.preset.and_then(|preset| {
         options.threshold = preset.threshold();

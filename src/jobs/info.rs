@@ -68,7 +68,7 @@ pub fn content_checksum(frame: &Frame) -> u32 {
 }
 
 /// Type of the source's samples.
-fn dtype(frame: &Frame) -> &'static str {
+pub(super) fn dtype(frame: &Frame) -> &'static str {
     ScalarType::ALL.get(usize::from(frame.metadata.scalar)).map_or("unknown", |s| s.name())
 }
 

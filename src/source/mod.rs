@@ -21,6 +21,7 @@ mod nrrd;
 mod open;
 mod png_stack;
 mod raw;
+mod reversed;
 mod scalar;
 mod sidecar;
 mod spool;

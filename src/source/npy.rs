@@ -1,7 +1,8 @@
 //! NumPy arrays (`.npy`, versions 1 to 3).
 //!
-//! The fastest axis is x: of an array in C order with shape (z, y, x) the last, of one in Fortran order with
-//! shape (x, y, z), as readers of NIfTI give it, the first. So no axis is ever turned into another. The header is a Python literal; it is parsed, never evaluated.
+//! An array has shape (z, y, x), or (y, x), whatever its order in memory: an array saved in C and in Fortran
+//! order gives the same volume. In C order x is the fastest axis, as everywhere; in Fortran order it is the
+//! slowest, and the array is turned once. The header is a Python literal; it is parsed, never evaluated.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -9,6 +10,7 @@ use std::path::Path;
 
 use super::files::FileList;
 use super::header::{unreadable, unusable};
+use super::reversed::Reversed;
 use super::stored::{Encoding, Samples, Skip, Stored};
 use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
 use crate::geom::Affine;
@@ -59,17 +61,13 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
             return Err(unusable(path, reason));
         }
     };
-    if array.fortran {
-        // The first axis is the fastest already; a picture's missing one is the slowest in both orders.
-        if let [a, b] = array.shape.as_slice() {
-            size = [*a, *b, 1];
-        }
-    } else {
+    // The fastest axis first.
+    if !array.fortran {
         size.reverse();
     }
     let mut files = FileList::new(path.parent().unwrap_or(Path::new("")));
     files.push(Path::new(path.file_name().unwrap_or_default()));
-    Stored {
+    let volumes = Stored {
         header: path.to_path_buf(),
         format: "npy",
         files,
@@ -84,7 +82,14 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
         affine: Affine::from_spacing([1.0; 3]),
         warnings: vec!["an .npy file states neither spacing nor directions; 1 mm and LPS are assumed".into()],
     }
-    .open()
+    .open()?;
+    if array.fortran {
+        return Ok(volumes
+            .into_iter()
+            .map(|inner| -> Box<dyn VolumeSource> { Box::new(Reversed::new(inner)) })
+            .collect());
+    }
+    Ok(volumes)
 }
 
 /// What a header says.

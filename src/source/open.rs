@@ -17,10 +17,11 @@ const DEPTH: u32 = 5;
 const NAMED: usize = 3;
 
 /// Formats by their first bytes that are not read, to say what a refused file is.
-const KNOWN: [(usize, &[u8], &str); 4] = [
+const KNOWN: [(usize, &[u8], &str); 5] = [
     (0, b"\x1f\x8b", "a gzip file, but of no volume that is read"),
     (0, b"\xff\xd8\xff", "a JPEG image"),
     (0, b"ply", "a PLY mesh"),
+    (0, b"OFF", "an OFF mesh"),
     (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
 ];
 
@@ -243,7 +244,10 @@ fn refuse_file(path: &Path) -> SourceError {
             "is not DICOM, in spite of its name; for headerless voxels add --dims and --dtype".into(),
         );
     }
-    let reason = "is not DICOM; for headerless voxels add --dims NXxNYxNZ and --dtype".into();
+    if ["stl", "obj", "off", "ply", "gltf", "glb"].iter().any(|e| promises(e)) {
+        return unusable("is a mesh by its name; only volumes are read so far".into());
+    }
+    let reason = "is of no kind that is known; for headerless voxels add --dims NXxNYxNZ and --dtype".into();
     SourceError::Usage { path: path.to_path_buf(), reason }
 }
 

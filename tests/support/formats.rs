@@ -182,11 +182,11 @@ pub(crate) fn metaimage(object: &Object, big: bool, compressed: bool, data: &str
     .into_bytes()
 }
 
-/// A NumPy array in C order (shape z, y, x) or Fortran order (shape x, y, z): the same bytes follow.
+/// A NumPy array of shape z, y, x in C or Fortran order.
 pub(crate) fn npy(object: &Object, version: u8, big: bool, fortran: bool) -> Vec<u8> {
     let names = ["u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"];
     let [nx, ny, nz] = object.dims;
-    let shape = if fortran { [nx, ny, nz] } else { [nz, ny, nx] };
+    let shape = [nz, ny, nx];
     let order = if object.scalar.bytes() == 1 {
         '|'
     } else if big {
@@ -214,7 +214,20 @@ pub(crate) fn npy(object: &Object, version: u8, big: bool, fortran: bool) -> Vec
         file.extend((header.len() as u32).to_le_bytes());
     }
     file.extend(header.into_bytes());
-    file.extend(object.ordered(big));
+    let bytes = object.ordered(big);
+    if !fortran {
+        file.extend(bytes);
+        return file;
+    }
+    let (nx, ny, nz) = (nx as usize, ny as usize, nz as usize);
+    let width = object.scalar.bytes();
+    for x in 0..nx {
+        for y in 0..ny {
+            for z in 0..nz {
+                file.extend(&bytes[((z * ny + y) * nx + x) * width..][..width]);
+            }
+        }
+    }
     file
 }
 

@@ -30,12 +30,13 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use super::build::build_source;
+use super::build::build_reshaped_source;
 use super::picture::thumbnail_file;
 use super::scan::Masked;
 use crate::atomic::sweep;
 use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes, peak_rss_bytes};
-use crate::build::{self, BuildError, BuildOptions};
+use crate::build::{BuildError, BuildOptions};
+use crate::clean::CleanOptions;
 use crate::error::Error;
 use crate::progress::Progress;
 use crate::source::{Catalogue, Finding, OpenOptions, SourceError, VolumeSource};
@@ -60,6 +61,8 @@ pub struct BatchRequest {
     pub out: PathBuf,
     /// How volumes are read.
     pub how: OpenOptions,
+    /// What is done to each volume before it is built.
+    pub clean: CleanOptions,
     /// How models are built. Its memory is the whole process's cap, its threads are shared by the jobs.
     pub build: BuildOptions,
     /// Volumes worked on at a time.
@@ -227,11 +230,18 @@ impl Run<'_> {
             warnings: Vec::new(),
             model: None,
         };
+        // Sentences begin with the path that the item names already.
         let mask = |text: String| masked.text(text, &finding.secrets);
-        let mut source = match finding.volume {
+        let mask_reason = |e: String, input: &str| {
+            let text = mask(e);
+            text.strip_prefix(input)
+                .and_then(|rest| rest.strip_prefix(": "))
+                .map_or(text.clone(), str::to_owned)
+        };
+        let source = match finding.volume {
             Ok(source) => source,
             Err(e) => {
-                item.reason = Some(mask(e.to_string()));
+                item.reason = Some(mask_reason(e.to_string(), &item.input));
                 return item;
             }
         };
@@ -250,7 +260,7 @@ impl Run<'_> {
         }
         let progress = self.watcher.begin(slot, &item.name);
         // A defect in one volume's way must not take the others along.
-        let built = catch_unwind(AssertUnwindSafe(|| self.build(&mut *source, &item.name, progress)));
+        let built = catch_unwind(AssertUnwindSafe(|| self.build(source, &item.name, progress)));
         let built = built.unwrap_or_else(|_| {
             Err(Error::Usage(
                 "an internal error stopped its conversion; please report it with the file".into(),
@@ -273,7 +283,7 @@ impl Run<'_> {
                     item.reason = Some(format!("its record cannot be written ({cause})"));
                 }
             }
-            Err(e) => item.reason = Some(mask(e.to_string())),
+            Err(e) => item.reason = Some(mask_reason(e.to_string(), &item.input)),
         }
         item
     }
@@ -281,7 +291,7 @@ impl Run<'_> {
     /// Model and thumbnail of one volume within the memory that it is granted.
     fn build(
         &self,
-        source: &mut dyn VolumeSource,
+        source: Box<dyn VolumeSource>,
         name: &str,
         progress: &dyn Progress,
     ) -> Result<(ModelFacts, u64, Vec<String>), Error> {
@@ -295,7 +305,9 @@ impl Run<'_> {
             scratch: Some(self.scratch()),
             ..self.request.build.clone()
         };
-        let least = build::smallest_share(source, &template).max(source.preparation().memory_bytes);
+        let cleaning = &self.request.clean;
+        let source = cleaning.reshape(source)?;
+        let least = cleaning.smallest_share(&*source, &template).max(source.preparation().memory_bytes);
         let needed = least.max(self.share);
         let Some(grant) = self.ledger.take(needed.min(self.ledger.total()).max(least)) else {
             return Err(Error::Build(BuildError::BudgetTooSmall {
@@ -306,7 +318,8 @@ impl Run<'_> {
         };
         let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..template };
         let prepared = source.preparation().scratch_bytes;
-        let built = build_source(source, String::new(), &options, &model, progress, started)?;
+        let built =
+            build_reshaped_source(source, String::new(), cleaning, &options, &model, progress, started)?;
         let memory_bytes = grant.bytes();
         drop(grant);
         let mut thumbnail = None;
@@ -319,14 +332,14 @@ impl Run<'_> {
             thumbnail_bytes = fs::metadata(out.join(&file)).map_or(0, |meta| meta.len());
             thumbnail = Some(file);
         }
-        let info = source.info();
+        let m = &built.info.frame.metadata;
         let r = &built.report;
         let facts = ModelFacts {
             file: format!("{name}.oct"),
             thumbnail,
-            dims: info.dims.to_array(),
-            spacing_mm: info.spacing_mm,
-            dtype: info.scalar.name().into(),
+            dims: m.dims,
+            spacing_mm: m.spacing_mm,
+            dtype: super::info::dtype(&built.info.frame).to_owned(),
             range: (r.selection.lo, r.selection.hi.is_finite().then_some(r.selection.hi)),
             skin_voxels: r.skin_voxels,
             nodes: r.nodes,
@@ -364,8 +377,15 @@ fn is_plain(c: char) -> bool {
 fn options_fingerprint(request: &BatchRequest) -> u64 {
     let b = &request.build;
     let text = format!(
-        "{:?} {:?} {} {} {} {} {:?}",
-        b.threshold, b.connectivity, b.normals, b.values, b.lod, request.thumbnails, request.how
+        "{:?} {:?} {} {} {} {} {:?} {:?}",
+        b.threshold,
+        b.connectivity,
+        b.normals,
+        b.values,
+        b.lod,
+        request.thumbnails,
+        request.how,
+        request.clean
     );
     fnv(text.as_bytes())
 }
