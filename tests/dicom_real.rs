@@ -119,7 +119,7 @@ fn series_that_form_no_volume_are_refused_with_the_reason() {
         ("ct-short/tilt-missing-slice", &["1 slice(s) seem to be missing"]),
         ("ct-short/same-position-4", &["all 4 images are at one position"]),
         ("raw-cthead", &["no volume is among the 113 file(s)", "--dims"]),
-        ("raw-lidc-u8/lidc2_256x256x133_u8.raw", &["is not DICOM", "--dims", "--dtype"]),
+        ("raw-lidc-u8/lidc2_256x256x133_u8.raw", &["headerless", "--dims", "--dtype"]),
         ("mesh/bunny-open.ply", &["is a PLY mesh"]),
         ("mesh", &["no volume is among the 5 file(s)"]),
     ] {

@@ -74,6 +74,13 @@ fn torment(original: &Path, changes: u64) {
     let bytes = fs::read(original).unwrap();
     let whole = bytes.len() as u64;
     fs::write(&path, &bytes).unwrap();
+    // A header on its own leads nowhere; what it names lies beside it.
+    if ["nhdr", "mhd", "hdr", "json", "toml"].iter().any(|end| path.extension().is_some_and(|e| e == *end)) {
+        for entry in fs::read_dir(original.parent().unwrap()).unwrap() {
+            let beside = entry.unwrap().path();
+            let _ = std::os::unix::fs::symlink(&beside, folder.path().join(beside.file_name().unwrap()));
+        }
+    }
     let file = File::options().write(true).open(&path).unwrap();
     let mut random = Lcg(whole ^ 0x5eed);
     for n in 0..changes {
