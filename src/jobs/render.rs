@@ -173,7 +173,28 @@ fn level_of_detail<V: NodeView>(
     if k >= 2 { k } else { 0 }
 }
 
-/// Makes a square thumbnail: the named front view, framed, level of detail on, soft silhouette,
+/// A volume is flat if it shows this many times more of itself from another side than from the front.
+const FLAT: f64 = 4.0;
+
+/// The front, or the side from which a flat volume (one slice, a few) shows what is in it: axial slices from
+/// below, as they are read in radiology, sagittal ones from the patient's left.
+fn thumbnail_view(dims: Dims, affine: &Affine) -> NamedView {
+    let sides = dims.to_array();
+    // Extent of the box along each patient axis.
+    let extent = [0, 1, 2]
+        .map(|axis| (0..3).map(|i| (affine.column(i)[axis] * f64::from(sides[i])).abs()).sum::<f64>());
+    let [x, y, z] = extent;
+    let front = x * z;
+    if x * y >= FLAT * front && x * y >= y * z {
+        NamedView::Bottom
+    } else if y * z >= FLAT * front {
+        NamedView::Left
+    } else {
+        NamedView::Front
+    }
+}
+
+/// Makes a square thumbnail: the view that shows the most of a flat volume, else the front, framed, level of detail on, soft silhouette,
 /// transparent background.
 ///
 /// # Errors
@@ -188,6 +209,7 @@ pub fn thumbnail<V: NodeView>(
     let request = RenderRequest {
         width: size,
         height: size,
+        point: ViewPoint::Named(thumbnail_view(dims, affine)),
         threads,
         lod: true,
         smooth_edges: true,
@@ -227,4 +249,22 @@ pub fn selfcheck<V: NodeView>(
     };
     let all = || (0..tasks).into_par_iter().map(task).reduce(Mismatches::default, Mismatches::plus);
     Ok(picture::pool(threads)?.install(all))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flat_volumes_are_shown_from_their_flat_side() {
+        let axial = Affine::from_spacing([0.5, 0.5, 5.0]);
+        let of = |x, y, z, affine: &Affine| Dims::new(x, y, z).map(|dims| thumbnail_view(dims, affine));
+        assert_eq!(of(512, 512, 1, &axial), Some(NamedView::Bottom));
+        assert_eq!(of(512, 512, 28, &axial), Some(NamedView::Front));
+        // x runs to posterior, y to inferior, z to the left.
+        let sagittal = Affine { rows: [[0.0, 0.0, 5.0, 0.0], [0.5, 0.0, 0.0, 0.0], [0.0, -0.5, 0.0, 0.0]] };
+        assert_eq!(of(256, 256, 4, &sagittal), Some(NamedView::Left));
+        assert_eq!(of(256, 256, 40, &sagittal), Some(NamedView::Front));
+        assert_eq!(of(1, 1, 1, &Affine::from_spacing([1.0; 3])), Some(NamedView::Front));
+    }
 }

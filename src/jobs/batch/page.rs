@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-use super::record::{Item, Journal, Status};
+use super::record::{Item, Journal};
 use super::report::{BatchReport, status};
 use crate::budget::Bytes;
 
@@ -18,15 +18,14 @@ const HEAD: &str = r#"<!doctype html>
 :root{color-scheme:light dark;--ground:#f4f5f7;--card:#fff;--ink:#1b1f24;--soft:#667080;--line:#dde1e7;--bad:#b3261e;--note:#8a5a00;--tile:linear-gradient(#e9edf2,#cfd6df)}
 @media(prefers-color-scheme:dark){:root{--ground:#14171b;--card:#1d2127;--ink:#e7eaee;--soft:#97a1ae;--line:#2c323a;--bad:#ff8a80;--note:#e0b35a;--tile:linear-gradient(#323943,#1b2027)}}
 *{box-sizing:border-box}body{margin:0;background:var(--ground);color:var(--ink);font:14px/1.45 system-ui,sans-serif}
-header{padding:24px 28px 12px}h1{font-size:20px;margin:0 0 4px}h2{font-size:15px;margin:20px 28px 8px}p.sum{margin:0;color:var(--soft)}
+header{padding:24px 28px 12px}h1{font-size:20px;margin:0 0 4px}h2{font-size:15px;margin:20px 28px 8px}p.sum{margin:0;color:var(--soft)}a{color:inherit}
 .bar{position:sticky;top:0;z-index:1;background:var(--ground);padding:8px 28px;display:flex;gap:8px;border-bottom:1px solid var(--line)}
 .bar input{flex:1;max-width:26em;padding:6px 10px;border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}
 .bar label{display:flex;align-items:center;gap:5px;color:var(--soft)}
 main{display:grid;grid-template-columns:repeat(auto-fill,minmax(236px,1fr));gap:16px;padding:16px 28px 28px}
 article{background:var(--card);border:1px solid var(--line);border-radius:10px;overflow:hidden;display:flex;flex-direction:column}
-article.failed{border-color:var(--bad)}.shot{background:var(--tile);aspect-ratio:1;display:flex;align-items:center;justify-content:center}
+main{align-items:start}main.list{grid-template-columns:repeat(auto-fill,minmax(380px,1fr));padding-top:4px}article.failed{border-left:3px solid var(--bad)}.shot{background:var(--tile);aspect-ratio:1;display:flex;align-items:center;justify-content:center}
 .shot img{width:100%;height:100%;object-fit:contain}.shot span{font-size:13px;color:var(--soft);padding:16px;text-align:center}
-.failed .shot{aspect-ratio:auto;min-height:64px}.failed .shot span{color:var(--bad);font-weight:600}
 .text{padding:10px 12px 12px;overflow-wrap:anywhere}.text h3{font-size:14px;margin:0 0 2px}.text .in{color:var(--soft);font-size:12px;margin:0 0 6px}
 dl{display:grid;grid-template-columns:auto 1fr;gap:0 10px;margin:0;font-size:12.5px;font-variant-numeric:tabular-nums}dt{color:var(--soft)}dd{margin:0;text-align:right}
 .why{color:var(--bad);margin:6px 0 0;font-size:12.5px}ul{margin:8px 0 0;padding:0;list-style:none;font-size:12px;color:var(--note)}li+li{margin-top:3px}
@@ -53,7 +52,7 @@ pub(super) fn write(
     w.write_all(HEAD.as_bytes())?;
     write!(
         w,
-        "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped as done before, {} failed \
+        "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped as done before, <a href=\"#failed\">{} failed</a> \
          &middot; {:.1} s with {} job(s) &middot; peak memory {} of {} allowed</p></header>\n\
          <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, folder, size, warning …\" \
          aria-label=\"Filter\"><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n<main>\n",
@@ -67,8 +66,13 @@ pub(super) fn write(
         Bytes(report.memory_budget_bytes)
     )?;
     let embed = c.converted + c.skipped <= MOST_EMBEDDED;
-    journal.for_each(&mut |item| card(&item, out, embed, w))?;
+    journal.for_each(&mut |item| if item.model.is_some() { card(&item, out, embed, w) } else { Ok(()) })?;
     w.write_all(b"</main>\n")?;
+    if c.failed > 0 {
+        w.write_all(b"<h2 id=\"failed\">Not converted</h2>\n<main class=\"list\">\n")?;
+        journal.for_each(&mut |item| if item.model.is_none() { failure(&item, w) } else { Ok(()) })?;
+        w.write_all(b"</main>\n")?;
+    }
     if !report.left_out.is_empty() {
         w.write_all(b"<h2>Files that are no volume</h2><table>\n")?;
         for (reason, count, first) in &report.left_out {
@@ -85,13 +89,28 @@ pub(super) fn write(
     w.write_all(b"</body></html>\n")
 }
 
+/// A volume without a model: what it is, and why.
+fn failure(item: &Item, w: &mut dyn Write) -> io::Result<()> {
+    let part =
+        if item.part.is_empty() { String::new() } else { format!(" &middot; {}", escaped(&item.part)) };
+    write!(
+        w,
+        "<article class=\"failed\"><div class=\"text\"><h3>{}{part}</h3><p class=\"in\">{}, {} file(s), {}</p>",
+        escaped(&item.input),
+        escaped(&item.format),
+        item.files,
+        Bytes(item.input_bytes)
+    )?;
+    write!(w, "<p class=\"why\">{}</p>", escaped(item.reason.as_deref().unwrap_or_default()))?;
+    w.write_all(b"</div></article>\n")
+}
+
 fn card(item: &Item, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<()> {
     write!(w, "<article class=\"{}\"><div class=\"shot\">", status(item.status))?;
     let thumbnail = item.model.as_ref().and_then(|m| m.thumbnail.as_deref());
-    match (item.status, thumbnail) {
-        (Status::Failed, _) => w.write_all(b"<span>not converted</span>")?,
-        (_, None) => w.write_all(b"<span>no thumbnail</span>")?,
-        (_, Some(file)) => {
+    match thumbnail {
+        None => w.write_all(b"<span>no thumbnail</span>")?,
+        Some(file) => {
             write!(w, "<img alt=\"{}\" loading=\"lazy\" src=\"", escaped(&item.name))?;
             if !embed || !embed_png(&out.join(file), w)? {
                 w.write_all(escaped(file).as_bytes())?;
@@ -123,9 +142,6 @@ fn card(item: &Item, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<(
         row("memory", Bytes(m.memory_bytes).to_string())?;
     }
     w.write_all(b"</dl>")?;
-    if let Some(reason) = &item.reason {
-        write!(w, "<p class=\"why\">{}</p>", escaped(reason))?;
-    }
     if !item.warnings.is_empty() {
         w.write_all(b"<ul>")?;
         for warning in &item.warnings {
