@@ -274,6 +274,12 @@ impl Elements {
         self
     }
 
+    /// Sets a value as it is in the file, of an even number of bytes.
+    pub(crate) fn raw(&mut self, tag: u32, vr: &'static str, value: &[u8]) -> &mut Self {
+        self.by_tag.insert(tag, (vr, value.to_vec()));
+        self
+    }
+
     /// Takes an element away.
     pub(crate) fn without(&mut self, tag: u32) -> &mut Self {
         self.by_tag.remove(&tag);

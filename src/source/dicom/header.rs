@@ -174,6 +174,8 @@ pub struct DicomHeader {
     pub slope: Option<f64>,
     /// Rescale Intercept.
     pub intercept: Option<f64>,
+    /// Dose Grid Scaling: Gy (or a part of the prescription) for each step of an RT dose's stored values.
+    pub dose_scaling: Option<f64>,
     /// Pixel Padding Value, as its 16 bits in the file.
     pub padding: Option<u16>,
     /// Pixel Padding Range Limit, as its 16 bits.
@@ -247,6 +249,7 @@ impl DicomHeader {
             spacing_between: None,
             slope: None,
             intercept: None,
+            dose_scaling: None,
             padding: None,
             padding_limit: None,
             echo_time: None,
@@ -306,6 +309,11 @@ impl DicomHeader {
         self.image_type.split('\\').any(|part| part == "LOCALIZER")
     }
 
+    /// Is it an RT dose? Its values are scaled by Dose Grid Scaling, and by nothing else (PS3.3 C.8.8.3).
+    pub fn is_dose(&self) -> bool {
+        self.sop_class == "1.2.840.10008.5.1.4.1.1.481.2" || self.modality == "RTDOSE"
+    }
+
     /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
     /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
     pub(super) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
@@ -360,6 +368,7 @@ impl DicomHeader {
             0x0028_1052 => self.intercept = number(value),
             0x0028_1053 => self.slope = number(value),
             0x0028_3000 => self.modality_lut = true,
+            0x3004_000e => self.dose_scaling = number(value),
             _ => {}
         }
     }
@@ -403,7 +412,13 @@ impl DicomHeader {
                 | 0x0028_0011
                 | 0x0028_0030
                 | 0x0028_0100
-                ..=0x0028_0103 | 0x0028_0120 | 0x0028_0121 | 0x0028_1052 | 0x0028_1053 | 0x0028_3000
+                ..=0x0028_0103
+                    | 0x0028_0120
+                    | 0x0028_0121
+                    | 0x0028_1052
+                    | 0x0028_1053
+                    | 0x0028_3000
+                    | 0x3004_000e
         )
     }
 }
@@ -476,7 +491,9 @@ mod tests {
     fn every_kept_tag_is_wanted() {
         let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
         let untouched = header.clone();
-        for tag in (0x0002_0000..0x0030_0000).filter(|tag| !DicomHeader::wants(*tag)) {
+        for tag in
+            (0x0002_0000..0x0030_0000).chain(0x3004_0000..0x3005_0000).filter(|tag| !DicomHeader::wants(*tag))
+        {
             header.keep(tag, b"1\0", Endian::Little);
         }
         assert_eq!(header, untouched);

@@ -140,8 +140,11 @@ fn add_frame(
         key = key.number(number);
     }
     let key = key.part(photometric.as_bytes()).finish();
-    let rescale = (frame.slope.is_some() || frame.intercept.is_some())
-        .then(|| (frame.slope.unwrap_or(1.0), frame.intercept.unwrap_or(0.0)));
+    let rescale = if header.is_dose() {
+        header.dose_scaling.map(|scaling| (scaling, 0.0))
+    } else {
+        stated_rescale(frame)
+    };
     let rescales = image.is_none_or(Image::rescales);
     let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
     let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
@@ -214,6 +217,9 @@ fn add_frame(
             group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
         group.shared.warn(image.warning());
     }
+    if header.is_dose() && header.dose_scaling.is_none() && rescales {
+        group.shared.warn(Some("the RT dose states no dose grid scaling; values are as stored, not in Gy"));
+    }
     group.shared.warn(match frame.origin {
         Origin::Stated => None,
         Origin::Grid => Some("positions of frames are taken from the grid frame offset vector"),
@@ -222,6 +228,12 @@ fn add_frame(
         }
     });
     group.slices.push(slice);
+}
+
+/// Rescale slope and intercept; one that is missing beside the other changes nothing.
+fn stated_rescale(frame: &FrameGeometry) -> Option<(f64, f64)> {
+    (frame.slope.is_some() || frame.intercept.is_some())
+        .then(|| (frame.slope.unwrap_or(1.0), frame.intercept.unwrap_or(0.0)))
 }
 
 fn native_of(image: &Image) -> bool {
