@@ -24,6 +24,10 @@ fn opened(
     (folder, volume)
 }
 
+fn refusal(images: &[Elements]) -> String {
+    opened(images, GapPolicy::Error).1.unwrap_err().to_string()
+}
+
 fn images(count: i32) -> Vec<Elements> {
     (0..count).map(|i| Elements::ct(f64::from(i), i + 1, [1, 2, 3, 4])).collect()
 }
@@ -46,4 +50,39 @@ fn a_dose_is_scaled_by_its_grid_scaling_alone() {
     let bare = dose(None);
     assert_eq!((bare.rescale.slope, bare.rescale.intercept), (1.0, 0.0));
     assert!(bare.warnings.iter().any(|w| w.contains("no dose grid scaling")), "{:?}", bare.warnings);
+}
+
+#[test]
+fn images_that_were_set_apart_are_named_beside_the_gap_they_leave() {
+    for (tag, vr, value, words) in [
+        (0x0020_0037, "DS", "1\\0\\0\\0\\0.8\\0.6", "Image Orientation (0020,0037)"),
+        (0x0028_0030, "DS", "0.9\\0.5", "Pixel Spacing (0028,0030)"),
+        (0x0008_0008, "CS", "DERIVED\\SECONDARY", "Image Type (0008,0008)"),
+    ] {
+        let mut all = images(6);
+        all[3].set(tag, vr, value);
+        let sentence = refusal(&all);
+        let expected = format!(
+            "; 1 other image of the series was set apart because of a different {words} (first: 4.dcm)"
+        );
+        assert!(
+            sentence.contains("1 slice(s) seem to be missing") && sentence.contains(&expected),
+            "{sentence}"
+        );
+    }
+    // Without one, nothing is said; an overview fills no gap.
+    let mut all = images(6);
+    all[3].set(0x0008_0008, "CS", "ORIGINAL\\PRIMARY\\LOCALIZER");
+    assert!(!refusal(&all).contains("set apart"));
+}
+
+#[test]
+fn slices_that_were_made_are_counted_and_placed() {
+    let mut all = images(6);
+    all.remove(3);
+    let (_keep, volume) = opened(&all, GapPolicy::Fill);
+    let warnings = volume.unwrap().info().warnings.clone();
+    let expected = "gaps between slices were filled: 1 of 6 were made by interpolation between neighbours \
+                    (1 between 3.dcm and 4.dcm)";
+    assert!(warnings.iter().any(|w| w.starts_with(expected)), "{warnings:?}");
 }

@@ -106,7 +106,7 @@ pub(super) fn judge_gaps(
         return Ok(Grid::AsTheyAre);
     }
     match policy {
-        GapPolicy::Error => Err(Refusal::Other(uneven(&gaps, usual, file))),
+        GapPolicy::Error => Err(Refusal::Gaps(uneven(&gaps, usual, file))),
         GapPolicy::Keep => {
             warnings.push(format!(
                 "unevenly spaced slices are used as if they were {mean:.4} mm apart; they lie up to {off:.3} mm \
@@ -245,7 +245,7 @@ mod tests {
         let mut warnings = Vec::new();
         match judge_gaps(along, policy, &|i| format!("f{i}"), &mut warnings) {
             Ok(grid) => Ok((grid, warnings)),
-            Err(Refusal::Repeated(text) | Refusal::Other(text)) => Err(text),
+            Err(Refusal::Repeated(text) | Refusal::Gaps(text) | Refusal::Other(text)) => Err(text),
         }
     }
 

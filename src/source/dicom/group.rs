@@ -195,17 +195,33 @@ impl Shared {
 
     /// Could an image lie in the same volume, as far as directions and distances of pixels go?
     fn is_like(&self, other: &Self) -> bool {
-        let close =
-            |a: &[f64], b: &[f64], tolerance: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
-        let orientation = match (&self.orientation, &other.orientation) {
+        self.turns_like(other) && self.spaced_like(other)
+    }
+
+    fn turns_like(&self, other: &Self) -> bool {
+        match (&self.orientation, &other.orientation) {
             (Some(a), Some(b)) => close(a, b, ORIENTATION_TOLERANCE),
             (a, b) => a.is_none() && b.is_none(),
-        };
-        let spacing = match (&self.pixel_spacing, &other.pixel_spacing) {
+        }
+    }
+
+    fn spaced_like(&self, other: &Self) -> bool {
+        match (&self.pixel_spacing, &other.pixel_spacing) {
             (Some(a), Some(b)) => close(a, b, SPACING_TOLERANCE * a[0].abs().max(a[1].abs())),
             (a, b) => a.is_none() && b.is_none(),
-        };
-        orientation && spacing
+        }
+    }
+
+    /// The attributes by which images of two groups of a series were told apart; never none.
+    pub(super) fn differences(&self, other: &Self) -> Vec<&'static str> {
+        let found = [
+            ("Image Type (0008,0008)", self.kind != other.kind),
+            ("Rows and Columns (0028,0010), (0028,0011)", self.size != other.size),
+            ("Image Orientation (0020,0037)", !self.turns_like(other)),
+            ("Pixel Spacing (0028,0030)", !self.spaced_like(other)),
+        ];
+        let tags: Vec<&str> = found.into_iter().filter(|(_, differs)| *differs).map(|(tag, _)| tag).collect();
+        if tags.is_empty() { vec!["format of the pixels, or whether positions are stated"] } else { tags }
     }
 
     /// A whole number that differs by at most one between orientations that are the same.
@@ -217,6 +233,10 @@ impl Shared {
         let bucket = (sum / WIDTH).floor() as i64;
         bucket
     }
+}
+
+fn close(a: &[f64], b: &[f64], tolerance: f64) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance)
 }
 
 /// Images of one size, kind and orientation.

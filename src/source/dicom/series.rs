@@ -35,6 +35,8 @@ pub(super) enum Layer {
 pub(super) enum Refusal {
     /// Some positions occur more than once: perhaps several volumes in one series.
     Repeated(String),
+    /// Slices seem to be missing.
+    Gaps(String),
     /// Anything else.
     Other(String),
 }
