@@ -86,3 +86,13 @@ fn slices_that_were_made_are_counted_and_placed() {
                     (1 between 3.dcm and 4.dcm)";
     assert!(warnings.iter().any(|w| w.starts_with(expected)), "{warnings:?}");
 }
+
+#[test]
+fn pixels_without_any_description_are_refused_as_such() {
+    let mut image = Elements::ct(0.0, 1, [1, 2, 3, 4]);
+    for tag in [0x0028_0010, 0x0028_0011, 0x0028_0100] {
+        image.without(tag);
+    }
+    let sentence = refusal(&[image]);
+    assert!(sentence.contains("8 bytes of pixel data, but no image description"), "{sentence}");
+}
