@@ -21,6 +21,9 @@ const SPACING_TOLERANCE: f64 = 1e-4;
 /// Texts that are kept apart in one series; what comes later counts as one.
 const MAX_TEXTS: usize = 256;
 
+/// Sentences on the files of a group; those of damaged files may all differ.
+const MAX_WARNINGS: usize = 16;
+
 /// [`Slice::obstacle`] of an image that can be read.
 pub(super) const NO_OBSTACLE: u32 = u32::MAX;
 
@@ -184,9 +187,10 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Keeps a sentence once.
+    /// Keeps a sentence once, of few.
     pub(super) fn warn(&mut self, sentence: Option<&str>) {
         if let Some(sentence) = sentence
+            && self.warnings.len() < MAX_WARNINGS
             && !self.warnings.iter().any(|w| w == sentence)
         {
             self.warnings.push(sentence.to_owned());

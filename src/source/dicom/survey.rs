@@ -2,14 +2,16 @@
 //!
 //! Memory: one header at a time, some 250 bytes per image, the names once.
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::encapsulated::{MissingEnd, missing_end};
 use super::frames::{FrameGeometry, Origin, visit};
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::header::{DicomHeader, Secrets};
-use super::image::{Access, Image, Obstacle};
+use super::image::{Access, Image, Obstacle, Storage};
 use super::scan::{ScanError, scan};
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
@@ -76,13 +78,16 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         );
     }
     let image = image.ok().filter(|_| obstacle.is_none());
+    let note = image.as_ref().and_then(|image| end_note(input, header, image));
     let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
     if plain || image.is_none() {
-        return add_frame(series, file, header, image.as_ref(), &own_geometry(header), obstacle.as_deref());
+        let own = own_geometry(header);
+        add_frame(series, file, header, image.as_ref(), &own, obstacle.as_deref()).warn(note.as_deref());
+        return;
     }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
-        add_frame(series, file, header, image.as_ref(), frame, None);
+        add_frame(series, file, header, image.as_ref(), frame, None).warn(note.as_deref());
         seen += 1;
         seen < frames
     });
@@ -90,6 +95,19 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         let reason = format!("its frames cannot be told apart: {error}");
         add_frame(series, file, header, None, &own_geometry(header), Some(&reason));
     }
+}
+
+/// Warns of compressed pixels whose end is missing. A file that cannot be read says so when it is decoded.
+fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<String> {
+    let Storage::Coded(codec) = image.storage else { return None };
+    let MissingEnd { fragments, lacking } = missing_end(input, &header.pixels?, codec).ok().flatten()?;
+    let mut text = String::from("the end of the pixel data is missing; was the file cut short?");
+    if lacking > 0 {
+        let _ = write!(text, " The last fragment lacks {lacking} bytes");
+    } else if image.frames > 1 && fragments >= image.frames.into() {
+        let _ = write!(text, " All {} frames were found", image.frames);
+    }
+    Some(text)
 }
 
 /// What the file of one frame says of it.
@@ -113,14 +131,15 @@ fn own_geometry(header: &DicomHeader) -> FrameGeometry {
     }
 }
 
-fn add_frame(
-    series: &mut Series,
+/// Adds a frame; returns what its group shares.
+fn add_frame<'s>(
+    series: &'s mut Series,
     file: usize,
     header: &DicomHeader,
     image: Option<&Image>,
     frame: &FrameGeometry,
     obstacle: Option<&str>,
-) {
+) -> &'s mut Shared {
     let kind = kind_of(&frame.frame_type);
     let mut key = StableHash::new().part(header.series_uid.as_bytes());
     let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
@@ -228,6 +247,7 @@ fn add_frame(
         }
     });
     group.slices.push(slice);
+    &mut group.shared
 }
 
 /// Rescale slope and intercept; one that is missing beside the other changes nothing.
