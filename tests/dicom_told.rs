@@ -1,5 +1,5 @@
 //! What a series says and what it lacks reaches the user: doses are scaled, images that were set apart are
-//! named beside the gap that they leave, and slices that were made are counted. If one fails, a model has wrong
+//! named beside the gap that they leave, slices that were made are counted, and floating-point padding is replaced. If one fails, a model has wrong
 //! values, or a user looks for a file that is there.
 
 use std::fs;
@@ -95,4 +95,24 @@ fn pixels_without_any_description_are_refused_as_such() {
     }
     let sentence = refusal(&[image]);
     assert!(sentence.contains("8 bytes of pixel data, but no image description"), "{sentence}");
+}
+
+#[test]
+fn floating_point_padding_becomes_the_background() {
+    for (modality, background) in [("CT", -1000.0_f32), ("MR", 0.0)] {
+        for padding in [f32::NAN, -3.4e38] {
+            let mut all = images(2);
+            for image in &mut all {
+                let pixels = [padding, 1.5, -2.5, padding];
+                let bytes: Vec<u8> = pixels.iter().flat_map(|v| v.to_le_bytes()).collect();
+                image.set(0x0008_0060, "CS", modality).us(0x0028_0100, 32).without(0x7fe0_0010);
+                image.raw(0x0028_0122, "FL", &padding.to_le_bytes()).raw(0x7fe0_0008, "OF", &bytes);
+            }
+            let (_keep, volume) = opened(&all, GapPolicy::Error);
+            let mut out = [0; 16];
+            volume.unwrap().read_rows(1, 0..2, 0..2, &mut out).unwrap();
+            let got: Vec<f32> = out.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
+            assert_eq!(got, [background, 1.5, -2.5, background], "{modality} {padding}");
+        }
+    }
 }

@@ -39,7 +39,7 @@ fn length_of(n: usize) -> u32 {
     u32::try_from(n).unwrap()
 }
 
-const LONG: [&str; 4] = ["OB", "OW", "SQ", "UN"];
+const LONG: [&str; 6] = ["OB", "OD", "OF", "OW", "SQ", "UN"];
 
 impl Writer {
     /// Preamble and meta header; the dataset follows in `syntax`, whatever `uid` claims.

@@ -7,7 +7,7 @@ use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
 use super::header::Secrets;
-use super::pixels::PixelLayout;
+use super::pixels::{PixelLayout, StatedPadding};
 use super::survey::words;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
@@ -138,8 +138,8 @@ pub(super) struct Slice {
     pub(super) linear: (f64, f64),
     /// Do slope and intercept apply at all?
     pub(super) rescales: bool,
-    /// Pixel Padding Value and Range Limit as their bits.
-    pub(super) padding: (Option<u16>, Option<u16>),
+    /// Stored values that mean "no pixel".
+    pub(super) padding: StatedPadding,
     /// Numbers that tell images at one position apart; NaN where not stated.
     pub(super) keys: [f32; Key::NUMBERS],
 }

@@ -180,6 +180,10 @@ pub struct DicomHeader {
     pub padding: Option<u16>,
     /// Pixel Padding Range Limit, as its 16 bits.
     pub padding_limit: Option<u16>,
+    /// Float or Double Float Pixel Padding Value, which may be NaN.
+    pub float_padding: Option<f64>,
+    /// Float or Double Float Pixel Padding Range Limit.
+    pub float_padding_limit: Option<f64>,
     /// Echo Time in ms.
     pub echo_time: Option<f64>,
     /// Echo Number(s), the first.
@@ -252,6 +256,8 @@ impl DicomHeader {
             dose_scaling: None,
             padding: None,
             padding_limit: None,
+            float_padding: None,
+            float_padding_limit: None,
             echo_time: None,
             echo_number: None,
             repetition_time: None,
@@ -365,6 +371,10 @@ impl DicomHeader {
             0x0028_0103 => self.pixel_representation = word(),
             0x0028_0120 => self.padding = word(),
             0x0028_0121 => self.padding_limit = word(),
+            0x0028_0122 => self.float_padding = raw_single(value, endian),
+            0x0028_0123 => self.float_padding = raw_double(value, endian),
+            0x0028_0124 => self.float_padding_limit = raw_single(value, endian),
+            0x0028_0125 => self.float_padding_limit = raw_double(value, endian),
             0x0028_1052 => self.intercept = number(value),
             0x0028_1053 => self.slope = number(value),
             0x0028_3000 => self.modality_lut = true,
@@ -444,9 +454,13 @@ pub(super) fn integer(value: &[u8]) -> Option<i32> {
 
 /// One finite binary double (VR FD).
 pub(super) fn double(value: &[u8], endian: Endian) -> Option<f64> {
+    raw_double(value, endian).filter(|v| v.is_finite())
+}
+
+/// One binary double, whatever it is.
+fn raw_double(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<8>()?;
-    let number = if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) };
-    number.is_finite().then_some(number)
+    Some(if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
 }
 
 /// Three finite binary doubles.
@@ -457,9 +471,13 @@ fn doubles(value: &[u8], endian: Endian) -> Option<[f64; 3]> {
 
 /// One finite binary single (VR FL).
 fn single(value: &[u8], endian: Endian) -> Option<f64> {
+    raw_single(value, endian).filter(|v| v.is_finite())
+}
+
+/// One binary single, whatever it is.
+fn raw_single(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<4>()?;
-    let number = if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) };
-    number.is_finite().then_some(number.into())
+    Some(if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) }.into())
 }
 
 /// Exactly `N` finite decimals separated by backslashes.

@@ -12,6 +12,7 @@ use super::frames::{FrameGeometry, Origin, visit};
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::header::{DicomHeader, Secrets};
 use super::image::{Access, Image, Obstacle, Storage};
+use super::pixels::StatedPadding;
 use super::scan::{ScanError, scan};
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
@@ -213,7 +214,7 @@ fn add_frame<'s>(
             .map_or((0, 0), |p| (p.offset, p.available)),
         linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
         rescales,
-        padding: (header.padding, header.padding_limit),
+        padding: StatedPadding::of(header),
         keys,
     };
     let shared = Shared {
