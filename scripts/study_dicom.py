@@ -492,26 +492,35 @@ class DicomStudies:
             ds.add_new("PixelPaddingValue", "US", 0)
         self.write_series("padding-unsigned", padded)
         self.truth("padding-unsigned", np.where(outside, -1000, base).astype(float), same="padded")
-        colour = self.slices()[:3]
-        for z, ds in enumerate(colour):
-            grey = np.clip(small[z], 0, 255).astype(np.uint8)
-            put_pixels(ds, grey, bits=8)
+        # Colours whose luminance (ITU-R BT.601) is not any of the three.
+        colour, grey = self.slices()[8:20], []
+        for z, ds in enumerate(colour, 8):
+            red, green, blue = small[z], 255 - small[z] // 2, (small[z] * 3 + 20 * z) % 256
+            grey.append((299 * red + 587 * green + 114 * blue + 500) // 1000)
+            put_pixels(ds, red, bits=8)
             ds.SamplesPerPixel, ds.PhotometricInterpretation, ds.PlanarConfiguration = 3, "RGB", 0
-            ds.PixelData = np.repeat(grey[..., None], 3, -1).tobytes()
+            ds.PixelData = np.stack([red, green, blue], -1).astype(np.uint8).tobytes()
             ds.RescaleIntercept = "0"
         self.write_series("x-rgb", colour)
-        self.truth("x-rgb", np.clip(small[:3], 0, 255).astype(float), warn="colou?r|RGB|luminance",
-                   expect="either", reason="colou?r|RGB|samples",
-                   iso=120.0, same=None)
+        grey = np.stack(grey).astype(float)
+        moved = self.s.affine.copy()
+        moved[:, 3] += 8 * moved[:, 2]
+        self.truth("x-rgb", grey, affine=moved, warn="colou?r|RGB|luminance", expect="either",
+                   reason="colou?r|RGB|samples", iso=180.0, same=None)
+        # A curve that rises, with values on both sides of the table.
+        first, table = 300, (np.arange(2000) ** 2 // 128 + 7).astype("<u2")
         lut = self.slices()
         for ds in lut:
             item = Dataset()
-            item.LUTDescriptor, item.ModalityLUTType = [4, 0, 16], "HU"
-            item.add_new("LUTData", "OW", np.arange(4, dtype="<u2").tobytes())
+            item.LUTDescriptor, item.ModalityLUTType = [len(table), first, 16], "US"
+            item.add_new("LUTData", "OW", table.tobytes())
             ds.ModalityLUTSequence = Sequence([item])
             del ds.RescaleSlope, ds.RescaleIntercept
         self.write_series("x-modality-lut", lut)
-        self.s.add("dicom/x-modality-lut", expect="either", reason="LUT")
+        mapped = table[np.clip(base.astype(int) + 1024 - first, 0, len(table) - 1)].astype(float)
+        assert mapped.min() == table[0] and mapped.max() == table[-1]
+        self.truth("x-modality-lut", mapped, iso=float(table[1224 - first]), warn="LUT", expect="either", reason="LUT",
+                   same=None)
         mosaic = self.slices()[:1]
         tiles = base[:36].reshape(6, 6, *base.shape[1:]).swapaxes(1, 2).reshape(6 * base.shape[1], 6 * base.shape[2])
         put_pixels(mosaic[0], tiles.astype(int) + 1024)

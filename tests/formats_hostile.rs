@@ -1,5 +1,6 @@
-//! Whatever is cut off or changed in the file of a volume, reading it ends in a volume or a sentence: no panic,
-//! no hang, no memory beyond what was allowed. If this fails, one bad file on a disk stops a whole batch.
+//! Whatever is cut off or changed in the file of a volume or its side-car, reading it ends in a volume or a
+//! sentence: no panic, no hang, no memory beyond what was allowed. If this fails, one bad file on a disk stops a
+//! whole batch.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -135,6 +136,21 @@ fn cut_and_changed_headers_of_detached_files_are_read_or_refused() {
     torment(at, "p.mhd", &metaimage(&object, false, false, "s%d.raw 0 5 1"));
     file(at, "v.img", &object.bytes);
     torment(at, "v.hdr", &nifti(&object, 1, false, false, 1));
+}
+
+/// The same for the texts that describe headerless voxels.
+#[test]
+fn cut_and_changed_side_cars_are_read_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let object = Object::new([17, 9, 6], ScalarType::I16, [0.5, 1.0, 2.0]);
+    file(at, "v.raw", &[&[0; 32][..], &object.bytes].concat());
+    let json = r#"{"dims": [17, 9, 6], "dtype": "i16le", "spacing": [0.5, 1.0, 2.0], "skip": 32,
+                   "orientation": "LPS", "file": "v.raw", "note": {"a": [1, "b"]}}"#;
+    torment(at, "v.json", json.as_bytes());
+    let toml = "# voxels\ndims = [17,\n 9, # rows\n 6]\ndtype = 'i16le'\nspacing = \"0.5x1x2\"\nskip = 32\n\
+                orientation = \"RAS\"\nfile = \"v.raw\"\n[other]\nskip = 1\n";
+    torment(at, "v.toml", toml.as_bytes());
 }
 
 #[test]

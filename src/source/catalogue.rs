@@ -5,19 +5,18 @@
 //! per item. An item is opened when it is its turn, so that a disk full of studies needs no more memory
 //! than its largest series: some 300 bytes for each of its images.
 
-use std::collections::HashMap;
 use std::fmt;
-use std::fs::{File, Metadata};
-use std::io::Read;
+use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use super::dicom::{Recognised, open_series, recognise};
 use super::files::FileList;
-use super::formats::{FORMATS, HEAD_BYTES, STACKS};
-use super::log::{Log, NONE, Record};
+use super::formats::{FORMATS, STACKS};
+use super::log::{Log, Record};
 use super::stable_hash::StableHash;
-use super::walk::{NotEntered, Visitor, changed, walk, without_repeats};
+use super::surveyor::{Surveyor, leave_out};
+use super::walk::{changed, walk, without_repeats};
 use super::{RawOptions, RawVolume, SourceError, VolumeSource, natural_cmp, sidecar};
 
 /// How volumes are read, where they leave a choice.
@@ -131,17 +130,17 @@ pub struct Catalogue {
 
 /// One series, stack or file.
 #[derive(Clone, Copy, Debug)]
-struct Item {
-    what: What,
+pub(super) struct Item {
+    pub(super) what: What,
     /// Head of its chain in the log.
-    last: u64,
+    pub(super) last: u64,
     /// The record whose path comes first; items are in the order of these.
-    first: u64,
-    files: u32,
+    pub(super) first: u64,
+    pub(super) files: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum What {
+pub(super) enum What {
     Series,
     /// DICOM that cannot be followed.
     Damaged,
@@ -152,9 +151,6 @@ enum What {
     Sidecar,
     Raw,
 }
-
-/// Different reasons that are kept apart.
-const MAX_REASONS: usize = 32;
 
 /// How deep the folders below an input are searched, if nothing else is said: deep enough for every
 /// archive, and an end for a file system that contains itself.
@@ -182,16 +178,9 @@ impl Catalogue {
         depth: u32,
     ) -> Result<Self, SourceError> {
         let inputs = without_repeats(inputs)?;
-        let mut surveyor = Surveyor {
-            inputs: &inputs,
-            options,
-            items: Vec::new(),
-            log: Log::new(scratch),
-            left_out: Vec::new(),
-            index: HashMap::new(),
-        };
+        let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, &mut surveyor)?;
-        let Surveyor { items, log, left_out, .. } = surveyor;
+        let (items, log, left_out) = surveyor.finish();
         let mut found = Self { inputs, items, log, left_out, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
@@ -355,14 +344,14 @@ impl Catalogue {
 }
 
 /// Where a record's file is.
-fn full_path(inputs: &[PathBuf], record: &Record) -> PathBuf {
+pub(super) fn full_path(inputs: &[PathBuf], record: &Record) -> PathBuf {
     let input = inputs.get(record.input as usize).map_or(Path::new(""), PathBuf::as_path);
     // Joined with nothing, a file would get a slash at its end.
     if record.path.as_os_str().is_empty() { input.to_path_buf() } else { input.join(&record.path) }
 }
 
 /// Natural order of whole paths: the order of the inputs does not matter, only their names.
-fn precedes(inputs: &[PathBuf], a: &Record, b: &Record) -> std::cmp::Ordering {
+pub(super) fn precedes(inputs: &[PathBuf], a: &Record, b: &Record) -> std::cmp::Ordering {
     let bytes = |r: &Record| full_path(inputs, r).into_os_string();
     if a.input == b.input {
         return natural_cmp(a.path.as_os_str().as_bytes(), b.path.as_os_str().as_bytes());
@@ -435,195 +424,4 @@ pub(super) fn safe_name(name: &str) -> String {
         .collect();
     let plain = plain.trim_start_matches(['.', '-']);
     if plain.is_empty() { "volume".into() } else { plain.into() }
-}
-
-/// Counts a file among those left out.
-fn leave_out(left_out: &mut Vec<LeftOut>, reason: String, path: PathBuf) {
-    let at = left_out.iter().position(|known| known.reason == reason);
-    // Offsets and counts can make many reasons; a bound keeps a folder of junk from piling them up.
-    let at = at.or_else(|| {
-        (left_out.len() >= MAX_REASONS)
-            .then(|| left_out.iter().position(|known| known.reason == OTHER))
-            .flatten()
-    });
-    match at.and_then(|at| left_out.get_mut(at)) {
-        Some(known) => {
-            known.count += 1;
-            if natural_cmp(path.as_os_str().as_bytes(), known.first.as_os_str().as_bytes()).is_lt() {
-                known.first = path;
-            }
-        }
-        None => {
-            let reason = if left_out.len() >= MAX_REASONS { OTHER.to_owned() } else { reason };
-            left_out.push(LeftOut { reason, count: 1, first: path });
-        }
-    }
-}
-
-/// Reason of those that have reasons past [`MAX_REASONS`].
-const OTHER: &str = "left out for other reasons";
-
-/// A catalogue in the making.
-struct Surveyor<'a> {
-    inputs: &'a [PathBuf],
-    options: &'a OpenOptions,
-    items: Vec<Item>,
-    log: Log,
-    left_out: Vec<LeftOut>,
-    /// Items that take more than one file, by what they are and a hash of their key.
-    index: HashMap<(What, u64), u32>,
-}
-
-/// What a file is.
-enum Class {
-    /// A volume of its own, or with `Some` key a part of one.
-    Item(What, Option<u64>),
-    LeftOut(String),
-    /// Part of something that is counted elsewhere.
-    Part,
-}
-
-impl Surveyor<'_> {
-    fn path(&self, input: u32, path: &Path) -> PathBuf {
-        let record = Record { before: NONE, size: 0, changed: 0, input, path: path.to_path_buf() };
-        full_path(self.inputs, &record)
-    }
-
-    fn classify(&self, path: &Path, meta: &Metadata, named: bool) -> Result<Class, SourceError> {
-        let left_out = |reason: &str| Ok(Class::LeftOut(reason.into()));
-        if meta.len() == 0 {
-            return left_out("empty file");
-        }
-        let mut head = Vec::with_capacity(HEAD_BYTES);
-        let opened = File::open(path).and_then(|file| {
-            (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
-            Ok(file)
-        });
-        let file = match opened {
-            Ok(file) => file,
-            // A file that was named must be readable; one met in a folder is only reported.
-            Err(cause) if named => return Err(SourceError::Unreadable { path: path.to_path_buf(), cause }),
-            Err(cause) => return Ok(Class::LeftOut(format!("cannot be read ({})", cause.kind()))),
-        };
-        match recognise(&file) {
-            Recognised::Image { series } => {
-                let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
-                // Images that name no series belong to those beside them.
-                let key = if series.is_empty() {
-                    StableHash::new().part(b"folder").part(folder)
-                } else {
-                    StableHash::new().part(b"series").part(series.as_bytes())
-                };
-                return Ok(Class::Item(What::Series, Some(key.finish())));
-            }
-            Recognised::NoImage(kind) => return Ok(Class::LeftOut(kind)),
-            Recognised::Damaged(_) => return Ok(Class::Item(What::Damaged, None)),
-            Recognised::Unreadable(cause) if named => {
-                return Err(SourceError::Unreadable { path: path.to_path_buf(), cause });
-            }
-            Recognised::Unreadable(cause) => {
-                return Ok(Class::LeftOut(format!("cannot be read ({})", cause.kind())));
-            }
-            Recognised::Foreign => {}
-        }
-        let index = |at: usize| u8::try_from(at).unwrap_or(u8::MAX);
-        if let Some(at) = FORMATS.iter().position(|f| (f.recognise)(&head, path)) {
-            return Ok(Class::Item(What::Format(index(at)), None));
-        }
-        if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
-            if path.extension().is_some_and(|e| e == "png") && path.with_extension("oct").is_file() {
-                return left_out("picture of a model");
-            }
-            let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
-            let key = StableHash::new().part(folder).finish();
-            return Ok(Class::Item(What::Stack(index(at)), Some(key)));
-        }
-        if let Some(what) = super::open::known(&head) {
-            return left_out(what);
-        }
-        if sidecar::is_named_so(path) && sidecar::read(path).is_some() {
-            return Ok(Class::Item(What::Sidecar, None));
-        }
-        if sidecar::describes(path) || is_detached_data(path) {
-            return Ok(Class::Part);
-        }
-        if let Some(raw) = &self.options.raw {
-            let expected = raw.dims.voxels() * raw.scalar.bytes() as u64;
-            if named || expected.checked_add(raw.skip) == Some(meta.len()) {
-                return Ok(Class::Item(What::Raw, None));
-            }
-        }
-        left_out("not a volume")
-    }
-
-    fn add(&mut self, what: What, key: Option<u64>, mut record: Record) -> Result<(), SourceError> {
-        let known = key.and_then(|key| self.index.get(&(what, key))).copied();
-        let item = known.and_then(|at| self.items.get_mut(at as usize));
-        let Some(item) = item else {
-            let at = self.log.push(&record)?;
-            if let (Some(key), Ok(index)) = (key, u32::try_from(self.items.len())) {
-                self.index.insert((what, key), index);
-            }
-            self.items.push(Item { what, last: at, first: at, files: 1 });
-            return Ok(());
-        };
-        let comes_first = precedes(self.inputs, &record, &self.log.get(item.first)?).is_lt();
-        record.before = item.last;
-        item.last = self.log.push(&record)?;
-        item.files = item.files.saturating_add(1);
-        if comes_first {
-            item.first = item.last;
-        }
-        Ok(())
-    }
-}
-
-impl Visitor for Surveyor<'_> {
-    fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result<(), SourceError> {
-        let full = self.path(input, path);
-        match self.classify(&full, meta, path.as_os_str().is_empty())? {
-            Class::Part => Ok(()),
-            Class::LeftOut(reason) => {
-                leave_out(&mut self.left_out, reason, full);
-                Ok(())
-            }
-            Class::Item(what, key) => {
-                let record = Record {
-                    before: NONE,
-                    size: meta.len(),
-                    changed: changed(meta),
-                    input,
-                    path: path.to_path_buf(),
-                };
-                self.add(what, key, record)
-            }
-        }
-    }
-
-    fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError> {
-        let full = self.path(input, path);
-        if let Some(skip) = &self.options.skip
-            && skip.file_name() == path.file_name()
-            && full.canonicalize().is_ok_and(|real| real == *skip)
-        {
-            return Ok(true);
-        }
-        // Slice files described by a side-car beside their folder.
-        Ok(sidecar::describes(&full))
-    }
-
-    fn not_entered(&mut self, path: &Path, reason: NotEntered) {
-        let reason = match reason {
-            NotEntered::Unreadable => "folder that cannot be read",
-            NotEntered::TooDeep => "folder that lies too deep to be searched",
-        };
-        leave_out(&mut self.left_out, reason.into(), path.to_path_buf());
-    }
-}
-
-/// Do the voxels of a header file of the same stem lie in this file?
-fn is_detached_data(path: &Path) -> bool {
-    let is = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
-    ["raw", "zraw", "img", "gz", "bz2", "bin", "dat"].iter().any(|e| is(e))
-        && ["nhdr", "mhd", "hdr"].iter().any(|e| path.with_extension(e).is_file())
 }

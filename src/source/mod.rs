@@ -27,6 +27,7 @@ mod sidecar;
 mod spool;
 mod stable_hash;
 mod stored;
+mod surveyor;
 mod synthetic;
 mod tiff;
 mod walk;

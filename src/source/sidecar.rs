@@ -65,10 +65,12 @@ pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
 /// left out; those that are read as JSON, which they are but for quotes and commas.
 fn flat_toml(text: &str) -> Value {
     let plain = |line: &str| {
-        let quotes = |head: &str| head.matches(['"', '\'']).count();
-        let comment = line.match_indices('#').map(|(at, _)| at);
-        let end = comment.into_iter().find(|at| line.get(..*at).is_some_and(|head| quotes(head) % 2 == 0));
-        line.get(..end.unwrap_or(line.len())).unwrap_or_default().trim().to_owned()
+        let mut quoted = false;
+        let comment = line.char_indices().find(|(_, c)| {
+            quoted ^= matches!(c, '"' | '\'');
+            *c == '#' && !quoted
+        });
+        line.get(..comment.map_or(line.len(), |(at, _)| at)).unwrap_or_default().trim().to_owned()
     };
     let mut keys = serde_json::Map::new();
     let mut lines = text.lines();
@@ -262,6 +264,10 @@ mod tests {
         let expected = serde_json::json!({"dims": [2, 3, 4], "dtype": "u8", "note": "a # b", "skip": 7});
         assert_eq!(flat_toml(text), expected);
         assert_eq!(flat_toml("a = [1,\n\n= = =\n'"), serde_json::json!({}));
+        // Signs of comments in a text that never ends: looked at once each.
+        let started = std::time::Instant::now();
+        assert_eq!(flat_toml(&format!("a = \"{}", "#".repeat(1 << 20))), serde_json::json!({}));
+        assert!(started.elapsed() < std::time::Duration::from_secs(2));
     }
 
     #[test]

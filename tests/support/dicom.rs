@@ -39,7 +39,7 @@ fn length_of(n: usize) -> u32 {
     u32::try_from(n).unwrap()
 }
 
-const LONG: [&str; 4] = ["OB", "OW", "SQ", "UN"];
+const LONG: [&str; 6] = ["OB", "OD", "OF", "OW", "SQ", "UN"];
 
 impl Writer {
     /// Preamble and meta header; the dataset follows in `syntax`, whatever `uid` claims.
@@ -271,6 +271,12 @@ impl Elements {
     /// Sets a 16-bit number.
     pub(crate) fn us(&mut self, tag: u32, value: u16) -> &mut Self {
         self.by_tag.insert(tag, ("US", value.to_le_bytes().to_vec()));
+        self
+    }
+
+    /// Sets a value as it is in the file, of an even number of bytes.
+    pub(crate) fn raw(&mut self, tag: u32, vr: &'static str, value: &[u8]) -> &mut Self {
+        self.by_tag.insert(tag, (vr, value.to_vec()));
         self
     }
 

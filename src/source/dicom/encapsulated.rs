@@ -28,6 +28,8 @@ struct Fragment {
     offset: u64,
     /// How many there are, as far as the file goes.
     length: u64,
+    /// How many its item states.
+    declared: u64,
     first_bytes: [u8; 4],
 }
 
@@ -54,7 +56,60 @@ fn fragment<R: ReadAt + ?Sized>(input: &R, at: u64, end: u64) -> io::Result<Opti
         return Ok(None);
     }
     let offset = at + HEAD;
-    Ok(Some(Fragment { offset, length: u64::from(length).min(end.saturating_sub(offset)), first_bytes }))
+    let declared = u64::from(length);
+    let length = declared.min(end.saturating_sub(offset));
+    Ok(Some(Fragment { offset, length, declared, first_bytes }))
+}
+
+/// Items that [`missing_end`] looks at; what has more is left to the decoder.
+const MOST_WALKED: u64 = 1 << 20;
+
+/// A pixel element of undefined length that the file ends, or goes on, without a delimiter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct MissingEnd {
+    /// Fragments that are there.
+    pub(super) fragments: u64,
+    /// Bytes that the last of them lacks.
+    pub(super) lacking: u64,
+}
+
+/// Does the Sequence Delimitation Item lack after the fragments? It closes most files, so that the last
+/// bytes tell; else the heads of the items are walked.
+pub(super) fn missing_end<R: ReadAt + ?Sized>(
+    input: &R,
+    pixels: &PixelData,
+    codec: Codec,
+) -> io::Result<Option<MissingEnd>> {
+    const DELIMITER: [u8; 8] = [0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0, 0];
+    let end = pixels.offset.saturating_add(pixels.available);
+    let ends_at = |at: u64| -> io::Result<bool> {
+        let mut head = [0; DELIMITER.len()];
+        // The length after the tag is 0, but nothing depends on it.
+        Ok(read_full(input, &mut head, at)? >= 4 && head.starts_with(&DELIMITER[..4]))
+    };
+    let last = end.saturating_sub(HEAD).max(pixels.offset);
+    if pixels.declared.is_some() || ends_at(last)? {
+        return Ok(None);
+    }
+    let (mut at, mut items, mut lacking, mut table) = (pixels.offset, 0, 0, 0);
+    while let Some(next) = fragment(input, at, end)? {
+        if items == 0 {
+            table = u64::from(!has_no_table(codec, &next));
+        }
+        items += 1;
+        if items == MOST_WALKED {
+            return Ok(None);
+        }
+        lacking = next.declared - next.length;
+        at = next.after();
+    }
+    let fragments = items - table.min(items);
+    Ok((!ends_at(at)?).then_some(MissingEnd { fragments, lacking }))
+}
+
+/// The first item is the offset table, which may be empty; a few programs leave it out.
+fn has_no_table(codec: Codec, first: &Fragment) -> bool {
+    codec.begins(first.first_bytes) && first.length > 4
 }
 
 /// Fills `buf` as far as the input goes.
@@ -133,8 +188,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         let Some(table) = fragment(input, start, end)? else {
             return Err(damaged(start, "the compressed pixels are not in items"));
         };
-        // The first item is the table, which may be empty; a few programs leave it out.
-        let has_table = !(codec.begins(table.first_bytes) && table.length > 4);
+        let has_table = !has_no_table(codec, &table);
         if has_table {
             all.first = table.after();
         }
@@ -354,5 +408,47 @@ impl<R: ReadAt + ?Sized> ReadAt for ListedFrame<'_, R> {
 
     fn read_some_at(&self, buf: &mut [u8], offset: u64) -> io::Result<usize> {
         self.read_at(buf, offset)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::dicom::header::PixelElement;
+
+    fn item(bytes: &[u8]) -> Vec<u8> {
+        let length = u32::try_from(bytes.len()).unwrap();
+        [&[0xfe, 0xff, 0x00, 0xe0], &length.to_le_bytes()[..], bytes].concat()
+    }
+
+    fn missing(file: &[u8]) -> Option<MissingEnd> {
+        let pixels = PixelData {
+            element: PixelElement::Integer,
+            offset: 0,
+            declared: None,
+            available: file.len() as u64,
+            words: false,
+        };
+        missing_end(file, &pixels, Codec::Jpeg2000).unwrap()
+    }
+
+    #[test]
+    fn a_missing_end_is_told_from_one_that_something_follows() {
+        let table = item(&[]);
+        let stream = item(&[0xff, 0x4f, 0xff, 0x51, 0, 1]);
+        let end = [0xfe, 0xff, 0xdd, 0xe0, 0, 0, 0, 0];
+        let whole = [table, stream.clone(), stream.clone(), end.to_vec()].concat();
+        assert_eq!(missing(&whole), None);
+        assert_eq!(missing(&[&whole[..], b"\xfc\xff\xfc\xffOB\0\0\x04\0\0\0tail"].concat()), None);
+        let two = MissingEnd { fragments: 2, lacking: 0 };
+        assert_eq!(missing(&whole[..whole.len() - 8]), Some(two));
+        // Half a delimiter is none; a whole tag is one.
+        assert_eq!(missing(&whole[..whole.len() - 5]), Some(two));
+        assert_eq!(missing(&whole[..whole.len() - 2]), None);
+        assert_eq!(missing(&whole[..whole.len() - 11]), Some(MissingEnd { fragments: 2, lacking: 3 }));
+        assert_eq!(missing(&whole[..whole.len() - 18]), Some(MissingEnd { fragments: 1, ..two }));
+        // Without a table, every item is a fragment.
+        assert_eq!(missing(&[stream.clone(), stream].concat()), Some(two));
+        assert_eq!(missing(&[]), Some(MissingEnd { fragments: 0, lacking: 0 }));
     }
 }

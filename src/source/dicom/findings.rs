@@ -148,10 +148,41 @@ fn open(
             _ => cut_short(path, reason),
         });
     }
-    let name = |s: &Slice| series.files.name(s.file as usize).display().to_string();
+    let frames = slices.iter().any(|s| s.frame > 0);
+    let name = |s: &Slice| {
+        let file = series.files.name(s.file as usize).display();
+        if frames { format!("{file} (frame {})", s.frame + 1) } else { file.to_string() }
+    };
     assemble(group, &part.chosen, options.gaps, &name).map_err(|refusal| match refusal {
         Refusal::Repeated(reason) | Refusal::Other(reason) => refuse(reason),
+        Refusal::Gaps(reason) => refuse(reason + &set_apart(series, group)),
     })
+}
+
+/// Says which images of the series went into other groups, as the missing ones may be among them. Overviews
+/// are left out: they never fill a gap.
+fn set_apart(series: &Series, group: &Group) -> String {
+    let others: Vec<&Group> = series
+        .groups
+        .iter()
+        .filter(|g| !std::ptr::eq(*g, group) && g.shared.kind != Kind::Localizer)
+        .collect();
+    let count: usize = others.iter().map(|g| g.slices.len()).sum();
+    let Some(first) = others.first().and_then(|g| g.slices.first()) else { return String::new() };
+    let mut tags: Vec<&str> = Vec::new();
+    for tag in others.iter().flat_map(|g| group.shared.differences(&g.shared)) {
+        if !tags.contains(&tag) {
+            tags.push(tag);
+        }
+    }
+    let images =
+        if count == 1 { "1 other image of the series was" } else { "other images of the series were" };
+    let number = if count == 1 { String::new() } else { format!("{count} ") };
+    format!(
+        "; {number}{images} set apart because of a different {} (first: {})",
+        tags.join(", "),
+        series.files.name(first.file as usize).display()
+    )
 }
 
 fn cut_short(path: PathBuf, reason: String) -> SourceError {
@@ -184,30 +215,14 @@ fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<String> {
     }
     if parts.len() > 1 {
         let mut tags: Vec<&str> = parts.iter().flat_map(|(_, p)| p.tags.iter().copied()).collect();
-        if series.groups.len() > 1 {
-            let shared: Vec<&Shared> = series.groups.iter().map(|g| &g.shared).collect();
-            let differ = |f: &dyn Fn(&Shared, &Shared) -> bool| {
-                shared.iter().zip(shared.iter().skip(1)).any(|(a, b)| f(a, b))
-            };
-            for (tag, found) in [
-                ("Image Type (0008,0008)", differ(&|a, b| a.kind != b.kind)),
-                ("Rows and Columns (0028,0010), (0028,0011)", differ(&|a, b| a.size != b.size)),
-                ("Image Orientation (0020,0037)", differ(&|a, b| a.orientation != b.orientation)),
-                ("Pixel Spacing (0028,0030)", differ(&|a, b| a.pixel_spacing != b.pixel_spacing)),
-            ] {
-                if found {
-                    tags.push(tag);
-                }
-            }
+        if let Some((first, others)) = series.groups.split_first() {
+            tags.extend(others.iter().flat_map(|other| first.shared.differences(&other.shared)));
         }
         let mut distinct: Vec<&str> = Vec::new();
         for tag in tags {
             if !distinct.contains(&tag) && distinct.len() < NAMED {
                 distinct.push(tag);
             }
-        }
-        if distinct.is_empty() {
-            distinct.push("the format of the pixels");
         }
         notes.push(format!(
             "the series holds {} volumes, told apart by {}",

@@ -20,6 +20,9 @@ const SAME_MM: f64 = 1e-3;
 /// Slices that are made at most for each one that is there: more would be a picture of the interpolation.
 const MOST_MADE: f64 = 10.0;
 
+/// Gaps named in one warning.
+const NAMED: usize = 4;
+
 /// Where the slices of the volume come from.
 #[derive(Debug, PartialEq)]
 pub(super) enum Grid {
@@ -103,7 +106,7 @@ pub(super) fn judge_gaps(
         return Ok(Grid::AsTheyAre);
     }
     match policy {
-        GapPolicy::Error => Err(Refusal::Other(uneven(&gaps, usual, file))),
+        GapPolicy::Error => Err(Refusal::Gaps(uneven(&gaps, usual, file))),
         GapPolicy::Keep => {
             warnings.push(format!(
                 "unevenly spaced slices are used as if they were {mean:.4} mm apart; they lie up to {off:.3} mm \
@@ -111,7 +114,7 @@ pub(super) fn judge_gaps(
             ));
             Ok(Grid::AsTheyAre)
         }
-        GapPolicy::Fill => fill(along, total, usual, same, warnings),
+        GapPolicy::Fill => fill(along, total, (usual, same), file, warnings),
     }
 }
 
@@ -119,8 +122,8 @@ pub(super) fn judge_gaps(
 fn fill(
     along: &[f64],
     total: f64,
-    usual: f64,
-    same: f64,
+    (usual, same): (f64, f64),
+    file: &dyn Fn(usize) -> String,
     warnings: &mut Vec<String>,
 ) -> Result<Grid, Refusal> {
     let steps = (total / usual).round().max(1.0);
@@ -137,6 +140,8 @@ fn fill(
     let mut places = Vec::new();
     let (mut made, mut used, mut worst, mut below, mut k) = (0_u64, 0_usize, 0.0_f64, 0_usize, 0_usize);
     let mut last_used = None;
+    // Where slices were made: behind which image, and how many.
+    let mut holes: Vec<(usize, u64)> = Vec::new();
     while count(k) <= steps {
         let place = start + count(k) * step;
         while along.get(below + 1).is_some_and(|next| *next <= place) {
@@ -158,6 +163,10 @@ fn fill(
             }
             (None, Some(next)) => {
                 made += 1;
+                match holes.last_mut() {
+                    Some((at, n)) if *at == below => *n += 1,
+                    _ => holes.push((below, 1)),
+                }
                 places.push((below, (place - here) / (next - here)));
             }
             // Past the last image, by rounding alone.
@@ -166,10 +175,17 @@ fn fill(
         k += 1;
     }
     let mut text = format!(
-        "unevenly spaced slices: {made} of {} were made by interpolation between neighbours, on a regular grid of \
-         {step:.4} mm from the first to the last",
+        "gaps between slices were filled: {made} of {} were made by interpolation between neighbours (",
         places.len()
     );
+    for (i, (at, n)) in holes.iter().take(NAMED).enumerate() {
+        let comma = if i > 0 { ", " } else { "" };
+        let _ = write!(text, "{comma}{n} between {} and {}", file(*at), file(at + 1));
+    }
+    if holes.len() > NAMED {
+        let _ = write!(text, ", and in {} more places", holes.len() - NAMED);
+    }
+    let _ = write!(text, "), on a regular grid of {step:.4} mm from the first to the last");
     let unused = along.len() - used.min(along.len());
     if unused > 0 {
         let _ = write!(text, "; {unused} that lie off the grid only lend their values to those");
@@ -229,7 +245,7 @@ mod tests {
         let mut warnings = Vec::new();
         match judge_gaps(along, policy, &|i| format!("f{i}"), &mut warnings) {
             Ok(grid) => Ok((grid, warnings)),
-            Err(Refusal::Repeated(text) | Refusal::Other(text)) => Err(text),
+            Err(Refusal::Repeated(text) | Refusal::Gaps(text) | Refusal::Other(text)) => Err(text),
         }
     }
 
@@ -270,6 +286,7 @@ mod tests {
             assert!(*at == e && (part - f).abs() < 1e-12, "{places:?}");
         }
         assert!(warnings.len() == 1 && warnings[0].contains("3 of 8 were made"), "{warnings:?}");
+        assert!(warnings[0].contains("(1 between f2 and f3, 2 between f3 and f4)"), "{warnings:?}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
 use super::header::Secrets;
-use super::pixels::PixelLayout;
+use super::pixels::{PixelLayout, StatedPadding};
 use super::survey::words;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
@@ -20,6 +20,9 @@ const SPACING_TOLERANCE: f64 = 1e-4;
 
 /// Texts that are kept apart in one series; what comes later counts as one.
 const MAX_TEXTS: usize = 256;
+
+/// Sentences on the files of a group; those of damaged files may all differ.
+const MAX_WARNINGS: usize = 16;
 
 /// [`Slice::obstacle`] of an image that can be read.
 pub(super) const NO_OBSTACLE: u32 = u32::MAX;
@@ -135,8 +138,8 @@ pub(super) struct Slice {
     pub(super) linear: (f64, f64),
     /// Do slope and intercept apply at all?
     pub(super) rescales: bool,
-    /// Pixel Padding Value and Range Limit as their bits.
-    pub(super) padding: (Option<u16>, Option<u16>),
+    /// Stored values that mean "no pixel".
+    pub(super) padding: StatedPadding,
     /// Numbers that tell images at one position apart; NaN where not stated.
     pub(super) keys: [f32; Key::NUMBERS],
 }
@@ -184,9 +187,10 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Keeps a sentence once.
+    /// Keeps a sentence once, of few.
     pub(super) fn warn(&mut self, sentence: Option<&str>) {
         if let Some(sentence) = sentence
+            && self.warnings.len() < MAX_WARNINGS
             && !self.warnings.iter().any(|w| w == sentence)
         {
             self.warnings.push(sentence.to_owned());
@@ -195,17 +199,33 @@ impl Shared {
 
     /// Could an image lie in the same volume, as far as directions and distances of pixels go?
     fn is_like(&self, other: &Self) -> bool {
-        let close =
-            |a: &[f64], b: &[f64], tolerance: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
-        let orientation = match (&self.orientation, &other.orientation) {
+        self.turns_like(other) && self.spaced_like(other)
+    }
+
+    fn turns_like(&self, other: &Self) -> bool {
+        match (&self.orientation, &other.orientation) {
             (Some(a), Some(b)) => close(a, b, ORIENTATION_TOLERANCE),
             (a, b) => a.is_none() && b.is_none(),
-        };
-        let spacing = match (&self.pixel_spacing, &other.pixel_spacing) {
+        }
+    }
+
+    fn spaced_like(&self, other: &Self) -> bool {
+        match (&self.pixel_spacing, &other.pixel_spacing) {
             (Some(a), Some(b)) => close(a, b, SPACING_TOLERANCE * a[0].abs().max(a[1].abs())),
             (a, b) => a.is_none() && b.is_none(),
-        };
-        orientation && spacing
+        }
+    }
+
+    /// The attributes by which images of two groups of a series were told apart; never none.
+    pub(super) fn differences(&self, other: &Self) -> Vec<&'static str> {
+        let found = [
+            ("Image Type (0008,0008)", self.kind != other.kind),
+            ("Rows and Columns (0028,0010), (0028,0011)", self.size != other.size),
+            ("Image Orientation (0020,0037)", !self.turns_like(other)),
+            ("Pixel Spacing (0028,0030)", !self.spaced_like(other)),
+        ];
+        let tags: Vec<&str> = found.into_iter().filter(|(_, differs)| *differs).map(|(tag, _)| tag).collect();
+        if tags.is_empty() { vec!["format of the pixels, or whether positions are stated"] } else { tags }
     }
 
     /// A whole number that differs by at most one between orientations that are the same.
@@ -217,6 +237,10 @@ impl Shared {
         let bucket = (sum / WIDTH).floor() as i64;
         bucket
     }
+}
+
+fn close(a: &[f64], b: &[f64], tolerance: f64) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance)
 }
 
 /// Images of one size, kind and orientation.

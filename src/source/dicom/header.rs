@@ -174,10 +174,16 @@ pub struct DicomHeader {
     pub slope: Option<f64>,
     /// Rescale Intercept.
     pub intercept: Option<f64>,
+    /// Dose Grid Scaling: Gy (or a part of the prescription) for each step of an RT dose's stored values.
+    pub dose_scaling: Option<f64>,
     /// Pixel Padding Value, as its 16 bits in the file.
     pub padding: Option<u16>,
     /// Pixel Padding Range Limit, as its 16 bits.
     pub padding_limit: Option<u16>,
+    /// Float or Double Float Pixel Padding Value, which may be NaN.
+    pub float_padding: Option<f64>,
+    /// Float or Double Float Pixel Padding Range Limit.
+    pub float_padding_limit: Option<f64>,
     /// Echo Time in ms.
     pub echo_time: Option<f64>,
     /// Echo Number(s), the first.
@@ -247,8 +253,11 @@ impl DicomHeader {
             spacing_between: None,
             slope: None,
             intercept: None,
+            dose_scaling: None,
             padding: None,
             padding_limit: None,
+            float_padding: None,
+            float_padding_limit: None,
             echo_time: None,
             echo_number: None,
             repetition_time: None,
@@ -306,6 +315,11 @@ impl DicomHeader {
         self.image_type.split('\\').any(|part| part == "LOCALIZER")
     }
 
+    /// Is it an RT dose? Its values are scaled by Dose Grid Scaling, and by nothing else (PS3.3 C.8.8.3).
+    pub fn is_dose(&self) -> bool {
+        self.sop_class == "1.2.840.10008.5.1.4.1.1.481.2" || self.modality == "RTDOSE"
+    }
+
     /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
     /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
     pub(super) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
@@ -357,9 +371,14 @@ impl DicomHeader {
             0x0028_0103 => self.pixel_representation = word(),
             0x0028_0120 => self.padding = word(),
             0x0028_0121 => self.padding_limit = word(),
+            0x0028_0122 => self.float_padding = raw_single(value, endian),
+            0x0028_0123 => self.float_padding = raw_double(value, endian),
+            0x0028_0124 => self.float_padding_limit = raw_single(value, endian),
+            0x0028_0125 => self.float_padding_limit = raw_double(value, endian),
             0x0028_1052 => self.intercept = number(value),
             0x0028_1053 => self.slope = number(value),
             0x0028_3000 => self.modality_lut = true,
+            0x3004_000e => self.dose_scaling = number(value),
             _ => {}
         }
     }
@@ -403,7 +422,13 @@ impl DicomHeader {
                 | 0x0028_0011
                 | 0x0028_0030
                 | 0x0028_0100
-                ..=0x0028_0103 | 0x0028_0120 | 0x0028_0121 | 0x0028_1052 | 0x0028_1053 | 0x0028_3000
+                ..=0x0028_0103
+                    | 0x0028_0120
+                    | 0x0028_0121
+                    | 0x0028_1052
+                    | 0x0028_1053
+                    | 0x0028_3000
+                    | 0x3004_000e
         )
     }
 }
@@ -429,9 +454,13 @@ pub(super) fn integer(value: &[u8]) -> Option<i32> {
 
 /// One finite binary double (VR FD).
 pub(super) fn double(value: &[u8], endian: Endian) -> Option<f64> {
+    raw_double(value, endian).filter(|v| v.is_finite())
+}
+
+/// One binary double, whatever it is.
+fn raw_double(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<8>()?;
-    let number = if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) };
-    number.is_finite().then_some(number)
+    Some(if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
 }
 
 /// Three finite binary doubles.
@@ -442,9 +471,13 @@ fn doubles(value: &[u8], endian: Endian) -> Option<[f64; 3]> {
 
 /// One finite binary single (VR FL).
 fn single(value: &[u8], endian: Endian) -> Option<f64> {
+    raw_single(value, endian).filter(|v| v.is_finite())
+}
+
+/// One binary single, whatever it is.
+fn raw_single(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<4>()?;
-    let number = if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) };
-    number.is_finite().then_some(number.into())
+    Some(if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) }.into())
 }
 
 /// Exactly `N` finite decimals separated by backslashes.
@@ -476,7 +509,9 @@ mod tests {
     fn every_kept_tag_is_wanted() {
         let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
         let untouched = header.clone();
-        for tag in (0x0002_0000..0x0030_0000).filter(|tag| !DicomHeader::wants(*tag)) {
+        for tag in
+            (0x0002_0000..0x0030_0000).chain(0x3004_0000..0x3005_0000).filter(|tag| !DicomHeader::wants(*tag))
+        {
             header.keep(tag, b"1\0", Endian::Little);
         }
         assert_eq!(header, untouched);

@@ -21,6 +21,11 @@ pub enum Obstacle {
     /// A transfer syntax that is not known here.
     #[error("pixels in an {0} cannot be read")]
     UnknownSyntax(TransferSyntax),
+    /// Pixels, but no word on what they are.
+    #[error(
+        "there are {0} bytes of pixel data, but no image description: rows, columns and bits allocated are missing"
+    )]
+    NoDescription(u64),
     /// Native syntax, but no length.
     #[error("the pixels have no length, though {0} pixels must have one")]
     NoLength(TransferSyntax),
@@ -151,6 +156,9 @@ impl Image {
     pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
         let syntax = &header.transfer_syntax;
         let Some(pixels) = header.pixels else { return Err(Obstacle::NoPixels(header.kind())) };
+        if header.rows.is_none() && header.columns.is_none() && header.bits_allocated.is_none() {
+            return Err(Obstacle::NoDescription(pixels.available));
+        }
         let codec = match syntax {
             TransferSyntax::Unknown(_) => return Err(Obstacle::UnknownSyntax(syntax.clone())),
             TransferSyntax::Encapsulated(_) => {

@@ -50,7 +50,7 @@ pub(crate) use findings::open_series;
 pub use frames::{FrameGeometry, Origin, visit};
 pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places, Secrets};
 pub use image::{Access, Image, Obstacle};
-pub use pixels::{Padding, PixelLayout};
+pub use pixels::{Padding, PixelLayout, StatedPadding};
 pub use scan::{ScanError, scan};
 pub(crate) use survey::{Recognised, recognise};
 pub use syntax::TransferSyntax;

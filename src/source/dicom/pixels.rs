@@ -1,6 +1,7 @@
 //! How stored values are cut out of the cells of a frame, and what stands for no value
 //! (PS3.3 C.7.6.3; PS3.5 section 8).
 
+use super::header::{DicomHeader, PixelElement};
 use crate::geom::Dims;
 use crate::source::{Endian, ScalarType};
 
@@ -115,7 +116,34 @@ pub struct PixelLayout {
     stored: Stored,
 }
 
-/// Stored values that mean "no pixel", and what stands for them in a volume.
+/// What a header says of stored values that mean "no pixel"; see [`PixelLayout::padding`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum StatedPadding {
+    /// Nothing.
+    #[default]
+    None,
+    /// Bits of Pixel Padding Value and of Pixel Padding Range Limit.
+    Integer(u16, Option<u16>),
+    /// Float or Double Float Pixel Padding Value, which may be NaN, and Range Limit.
+    Float(f64, Option<f64>),
+}
+
+impl StatedPadding {
+    /// What a header says of the kind of pixels that it has.
+    pub fn of(header: &DicomHeader) -> Self {
+        let element = header.pixels.map_or(PixelElement::Integer, |p| p.element);
+        match (element, header.padding, header.float_padding) {
+            (PixelElement::Integer, Some(value), _) => Self::Integer(value, header.padding_limit),
+            (PixelElement::Float | PixelElement::Double, _, Some(value)) => {
+                Self::Float(value, header.float_padding_limit)
+            }
+            _ => Self::None,
+        }
+    }
+}
+
+/// Stored values that mean "no pixel", and what stands for them in a volume; of floating-point pixels as
+/// their [`rank`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Padding {
     low: i64,
@@ -156,7 +184,13 @@ impl PixelLayout {
         let stored = self.stored;
         let width = stored.bytes();
         stored.endian.to_native(width, cells);
-        if stored.is_float() || (stored.is_whole() && padding.is_none()) {
+        if stored.is_float() {
+            if let Some(padding) = padding {
+                replace_floats(stored.scalar, padding, cells);
+            }
+            return;
+        }
+        if stored.is_whole() && padding.is_none() {
             return;
         }
         // Bits above the stored ones once held overlays, and may hold a padding value wider than
@@ -177,22 +211,30 @@ impl PixelLayout {
         }
     }
 
-    /// Padding given by the bits of its value and range limit, replaced by the stored value nearest to
-    /// `background` (physical); none for floating-point pixels.
+    /// Padding as stated, replaced by the stored value nearest to `background` (physical). Floating-point
+    /// pixels are physical as they are.
     pub fn padding(
         &self,
-        (value, limit): (Option<u16>, Option<u16>),
+        stated: StatedPadding,
         background: f64,
         slope: f64,
         intercept: f64,
     ) -> Option<Padding> {
-        if self.stored.is_float() {
-            return None;
-        }
+        let (value, limit) = match stated {
+            StatedPadding::Float(value, limit) if self.stored.is_float() => {
+                let first = rank(value);
+                // NaN is no end of a range.
+                let last = limit.filter(|l| !l.is_nan() && !value.is_nan()).map_or(first, rank);
+                let (low, high) = (first.min(last), first.max(last));
+                return Some(Padding { low, high, replacement: rank(background) });
+            }
+            StatedPadding::Integer(value, limit) if !self.stored.is_float() => (value, limit),
+            _ => return None,
+        };
         let word = |bits: u16| {
             if self.stored.signed { i64::from(bits.cast_signed()) } else { i64::from(bits) }
         };
-        let first = word(value?);
+        let first = word(value);
         let last = limit.map_or(first, word);
         let (low, high) = self.stored.range();
         let stored = ((background - intercept) / slope).round();
@@ -258,6 +300,40 @@ impl Padding {
     }
 }
 
+/// A whole number in the order of floating-point values: both zeros are one, and any NaN is above all.
+fn rank(value: f64) -> i64 {
+    if value.is_nan() {
+        return i64::MAX;
+    }
+    let bits = (value + 0.0).to_bits().cast_signed();
+    if bits < 0 { i64::MIN - bits } else { bits }
+}
+
+/// The value of a rank.
+fn unrank(rank: i64) -> f64 {
+    f64::from_bits(if rank < 0 { i64::MIN - rank } else { rank }.cast_unsigned())
+}
+
+/// Replaces padding among singles or doubles in native byte order.
+fn replace_floats(scalar: ScalarType, padding: Padding, samples: &mut [u8]) {
+    let background = unrank(padding.replacement);
+    if scalar == ScalarType::F64 {
+        for sample in samples.as_chunks_mut::<8>().0 {
+            if padding.holds(rank(f64::from_ne_bytes(*sample))) {
+                *sample = background.to_ne_bytes();
+            }
+        }
+        return;
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "0 and -1000 are singles")]
+    let background = background as f32;
+    for sample in samples.as_chunks_mut::<4>().0 {
+        if padding.holds(rank(f32::from_ne_bytes(*sample).into())) {
+            *sample = background.to_ne_bytes();
+        }
+    }
+}
+
 /// An unsigned word of a file.
 trait Word: bytemuck::Pod {
     fn widen(self) -> u32;
@@ -289,8 +365,8 @@ fn each<W: Word>(samples: &mut [u8], map: impl Fn(u32) -> u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::dicom::header::{DicomHeader, PixelData, PixelElement};
-    use crate::source::dicom::image::Obstacle;
+    use crate::source::dicom::header::PixelData;
+    use crate::source::dicom::image::{Image, Obstacle};
     use crate::source::dicom::syntax::TransferSyntax;
 
     fn header(allocated: u16, stored: u16, high: u16, signed: bool) -> DicomHeader {
@@ -311,8 +387,7 @@ mod tests {
 
     fn decode16(header: &DicomHeader, background: Option<f64>, raw: &[u16]) -> Vec<u16> {
         let layout = PixelLayout::of(header).unwrap();
-        let padding =
-            background.and_then(|b| layout.padding((header.padding, header.padding_limit), b, 1.0, 0.0));
+        let padding = background.and_then(|b| layout.padding(StatedPadding::of(header), b, 1.0, 0.0));
         let mut bytes: Vec<u8> = raw.iter().flat_map(|v| v.to_le_bytes()).collect();
         layout.decode_padded(&mut bytes, padding);
         bytes.chunks_exact(2).map(bytemuck::pod_read_unaligned).collect()
@@ -338,6 +413,44 @@ mod tests {
         let raw = [-1500_i16, -1450, -1399, 5].map(i16::cast_unsigned);
         let expected = [-1000_i16, -1000, -1399, 5].map(i16::cast_unsigned);
         assert_eq!(decode16(&image, Some(-1000.0), &raw), expected);
+    }
+
+    #[test]
+    fn ranks_are_in_the_order_of_values() {
+        let inf = f64::INFINITY;
+        let values = [-inf, f64::MIN, -1000.0, -1e-300, 0.0, 5e-324, 2.5, f64::MAX, inf];
+        assert!(values.is_sorted_by(|a, b| rank(*a) < rank(*b)));
+        assert!(values.iter().all(|v| unrank(rank(*v)) == *v));
+        assert_eq!(rank(-0.0), rank(0.0));
+        assert!(rank(f64::NAN) > rank(inf) && rank(-f64::NAN) == rank(f64::NAN));
+    }
+
+    #[test]
+    fn floating_point_padding_may_be_a_value_a_range_or_nan() {
+        let mut image = header(32, 32, 31, false);
+        image.pixels = image.pixels.map(|p| PixelData { element: PixelElement::Float, ..p });
+        let layout = Image::of(&image).unwrap().layout;
+        let decoded = |stated: StatedPadding, samples: [f32; 5]| -> Vec<f32> {
+            let mut cells: Vec<u8> = samples.iter().flat_map(|v| v.to_le_bytes()).collect();
+            layout.decode_padded(&mut cells, layout.padding(stated, -1000.0, 1.0, 0.0));
+            cells.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
+        };
+        let samples = [-3.4e38, -2000.5, -1999.0, 0.0, 7.5];
+        assert_eq!(decoded(StatedPadding::None, samples), samples);
+        let lowest = f64::from(samples[0]);
+        assert_eq!(
+            decoded(StatedPadding::Float(lowest, None), samples),
+            [-1000.0, -2000.5, -1999.0, 0.0, 7.5]
+        );
+        let range = StatedPadding::Float(-2000.0, Some(lowest));
+        assert_eq!(decoded(range, samples), [-1000.0, -1000.0, -1999.0, 0.0, 7.5]);
+        let holes = [f32::NAN, -f32::NAN, f32::INFINITY, 0.0, 7.5];
+        for limit in [None, Some(f64::NAN), Some(0.0)] {
+            let replaced = decoded(StatedPadding::Float(f64::NAN, limit), holes);
+            assert_eq!(replaced, [-1000.0, -1000.0, f32::INFINITY, 0.0, 7.5]);
+        }
+        // Padding of integers is not that of floating-point pixels.
+        assert_eq!(decoded(StatedPadding::Integer(0, None), samples), samples);
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "small numbers")]

@@ -35,6 +35,8 @@ pub(super) enum Layer {
 pub(super) enum Refusal {
     /// Some positions occur more than once: perhaps several volumes in one series.
     Repeated(String),
+    /// Slices seem to be missing.
+    Gaps(String),
     /// Anything else.
     Other(String),
 }
@@ -54,10 +56,9 @@ pub(super) fn assemble(
     let Some(axes) = group.shared.orientation.filter(|_| placed) else {
         return without_positions(group, &slices, [dx, dy], warnings);
     };
-    let (row, column) = perpendicular(axes).ok_or_else(|| {
+    let (row, column, normal) = directions(axes).ok_or_else(|| {
         Refusal::Other("the image orientation is not two perpendicular unit vectors".into())
     })?;
-    let normal = cross(row, column);
     let mut placed: Vec<(f64, [f64; 3], usize, &Slice)> =
         slices.iter().filter_map(|(i, s)| s.position().map(|p| (dot(p, normal), p, *i, *s))).collect();
     placed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
@@ -107,16 +108,15 @@ pub(super) fn assemble(
 
 /// Positions of the chosen slices along their common normal; `None` without directions or positions.
 pub(super) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> {
-    let (row, column) = perpendicular(group.shared.orientation?)?;
-    let normal = cross(row, column);
+    let (_, _, normal) = directions(group.shared.orientation?)?;
     let slices = chosen.iter().filter_map(|i| group.slices.get(*i));
     slices.map(|s| s.position().map(|p| dot(p, normal))).collect()
 }
 
 /// `axial`, `coronal` or `sagittal`, by the nearest axis of the patient.
 pub(super) fn plane(orientation: [f64; 6]) -> Option<&'static str> {
-    let (row, column) = perpendicular(orientation)?;
-    let [x, y, z] = cross(row, column).map(f64::abs);
+    let (_, _, normal) = directions(orientation)?;
+    let [x, y, z] = normal.map(f64::abs);
     Some(if z >= x && z >= y {
         "axial"
     } else if y >= x {
@@ -214,15 +214,21 @@ fn judge_line(
     }
 }
 
-/// The two directions made unit length, if they are nearly so and perpendicular.
-fn perpendicular(axes: [f64; 6]) -> Option<([f64; 3], [f64; 3])> {
+/// The directions along a row and down a column as stated, and their normal of unit length; `None` if they
+/// are not nearly unit vectors and perpendicular.
+///
+/// Scanners round cosines to a few digits. The equation that places pixels (PS3.3 C.7.6.2.1.1) takes them
+/// as they are, and so does every other reader; corners would be some micrometres off if they were mended.
+fn directions(axes: [f64; 6]) -> Option<([f64; 3], [f64; 3], [f64; 3])> {
     let [a, b, c, d, e, f] = axes;
-    let unit = |v: [f64; 3]| {
-        let length = dot(v, v).sqrt();
-        ((length - 1.0).abs() < 0.01).then(|| v.map(|x| x / length))
-    };
-    let (row, column) = (unit([a, b, c])?, unit([d, e, f])?);
-    (dot(row, column).abs() < 0.01).then_some((row, column))
+    let (row, column) = ([a, b, c], [d, e, f]);
+    let is_unit = |v: [f64; 3]| (dot(v, v).sqrt() - 1.0).abs() < 0.01;
+    if !is_unit(row) || !is_unit(column) || dot(row, column).abs() >= 0.01 {
+        return None;
+    }
+    let normal = cross(row, column);
+    let length = dot(normal, normal).sqrt();
+    Some((row, column, normal.map(|c| c / length)))
 }
 
 pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -243,10 +249,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn directions_must_be_perpendicular_units() {
-        assert!(perpendicular([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]).is_some());
+    fn directions_are_nearly_perpendicular_units_and_kept_as_stated() {
+        let stated = [0.999_97, 0.007_18, 0.0, -0.007_18, 0.999_9, 0.0];
+        let (row, column, normal) = directions(stated).unwrap();
+        assert_eq!((row, column), ([0.999_97, 0.007_18, 0.0], [-0.007_18, 0.999_9, 0.0]));
+        assert_eq!(normal, [0.0, 0.0, 1.0]);
         for bad in [[0.0; 6], [1.0, 0.0, 0.0, 1.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0, 1.0, 0.0]] {
-            assert!(perpendicular(bad).is_none());
+            assert!(directions(bad).is_none());
         }
     }
 }

@@ -2,14 +2,17 @@
 //!
 //! Memory: one header at a time, some 250 bytes per image, the names once.
 
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::encapsulated::{MissingEnd, missing_end};
 use super::frames::{FrameGeometry, Origin, visit};
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::header::{DicomHeader, Secrets};
-use super::image::{Access, Image, Obstacle};
+use super::image::{Access, Image, Obstacle, Storage};
+use super::pixels::StatedPadding;
 use super::scan::{ScanError, scan};
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
@@ -76,13 +79,16 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         );
     }
     let image = image.ok().filter(|_| obstacle.is_none());
+    let note = image.as_ref().and_then(|image| end_note(input, header, image));
     let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
     if plain || image.is_none() {
-        return add_frame(series, file, header, image.as_ref(), &own_geometry(header), obstacle.as_deref());
+        let own = own_geometry(header);
+        add_frame(series, file, header, image.as_ref(), &own, obstacle.as_deref()).warn(note.as_deref());
+        return;
     }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
-        add_frame(series, file, header, image.as_ref(), frame, None);
+        add_frame(series, file, header, image.as_ref(), frame, None).warn(note.as_deref());
         seen += 1;
         seen < frames
     });
@@ -90,6 +96,19 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         let reason = format!("its frames cannot be told apart: {error}");
         add_frame(series, file, header, None, &own_geometry(header), Some(&reason));
     }
+}
+
+/// Warns of compressed pixels whose end is missing. A file that cannot be read says so when it is decoded.
+fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<String> {
+    let Storage::Coded(codec) = image.storage else { return None };
+    let MissingEnd { fragments, lacking } = missing_end(input, &header.pixels?, codec).ok().flatten()?;
+    let mut text = String::from("the end of the pixel data is missing; was the file cut short?");
+    if lacking > 0 {
+        let _ = write!(text, " The last fragment lacks {lacking} bytes");
+    } else if image.frames > 1 && fragments >= image.frames.into() {
+        let _ = write!(text, " All {} frames were found", image.frames);
+    }
+    Some(text)
 }
 
 /// What the file of one frame says of it.
@@ -113,14 +132,15 @@ fn own_geometry(header: &DicomHeader) -> FrameGeometry {
     }
 }
 
-fn add_frame(
-    series: &mut Series,
+/// Adds a frame; returns what its group shares.
+fn add_frame<'s>(
+    series: &'s mut Series,
     file: usize,
     header: &DicomHeader,
     image: Option<&Image>,
     frame: &FrameGeometry,
     obstacle: Option<&str>,
-) {
+) -> &'s mut Shared {
     let kind = kind_of(&frame.frame_type);
     let mut key = StableHash::new().part(header.series_uid.as_bytes());
     let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
@@ -140,8 +160,11 @@ fn add_frame(
         key = key.number(number);
     }
     let key = key.part(photometric.as_bytes()).finish();
-    let rescale = (frame.slope.is_some() || frame.intercept.is_some())
-        .then(|| (frame.slope.unwrap_or(1.0), frame.intercept.unwrap_or(0.0)));
+    let rescale = if header.is_dose() {
+        header.dose_scaling.map(|scaling| (scaling, 0.0))
+    } else {
+        stated_rescale(frame)
+    };
     let rescales = image.is_none_or(Image::rescales);
     let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
     let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
@@ -191,7 +214,7 @@ fn add_frame(
             .map_or((0, 0), |p| (p.offset, p.available)),
         linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
         rescales,
-        padding: (header.padding, header.padding_limit),
+        padding: StatedPadding::of(header),
         keys,
     };
     let shared = Shared {
@@ -214,6 +237,9 @@ fn add_frame(
             group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
         group.shared.warn(image.warning());
     }
+    if header.is_dose() && header.dose_scaling.is_none() && rescales {
+        group.shared.warn(Some("the RT dose states no dose grid scaling; values are as stored, not in Gy"));
+    }
     group.shared.warn(match frame.origin {
         Origin::Stated => None,
         Origin::Grid => Some("positions of frames are taken from the grid frame offset vector"),
@@ -222,6 +248,13 @@ fn add_frame(
         }
     });
     group.slices.push(slice);
+    &mut group.shared
+}
+
+/// Rescale slope and intercept; one that is missing beside the other changes nothing.
+fn stated_rescale(frame: &FrameGeometry) -> Option<(f64, f64)> {
+    (frame.slope.is_some() || frame.intercept.is_some())
+        .then(|| (frame.slope.unwrap_or(1.0), frame.intercept.unwrap_or(0.0)))
 }
 
 fn native_of(image: &Image) -> bool {

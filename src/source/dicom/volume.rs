@@ -35,7 +35,8 @@ const NEIGHBOUR_BYTES: usize = 64 << 10;
 /// Samples are the stored values (masked to Bits Stored, sign-extended) with one rescale for all; if
 /// slices differ in rescale, they are physical values as `F32`. MONOCHROME1 numbers are kept. Pixels
 /// that equal the Pixel Padding Value (or lie in the padding range) become the stored value nearest to
-/// -1000 HU in CT and to 0 elsewhere, as far as Bits Stored reach: background, but no outlier.
+/// -1000 HU in CT and to 0 elsewhere, as far as Bits Stored reach: background, but no outlier. So do
+/// floating-point pixels that equal theirs, which may be NaN.
 ///
 /// Slices that are missing, and are to be filled, are made when they are read: linear between their two
 /// neighbours in what is delivered, integers rounded half away from zero.
@@ -135,7 +136,7 @@ impl DicomVolume {
                 return Err("its images do not have one type of samples".into());
             }
             let padding = own.padding(slice.padding, background, slope, intercept);
-            let padding = padding.filter(|p| p.matters() && slice.rescales);
+            let padding = padding.filter(|p| p.matters() && (slice.rescales || own.stored().is_float()));
             let at = paddings.iter().position(|p| *p == padding).unwrap_or_else(|| {
                 paddings.push(padding);
                 paddings.len() - 1
