@@ -59,8 +59,14 @@ def stored_frames(ds):
     if "FloatPixelData" in ds or "DoubleFloatPixelData" in ds:
         array = ds.pixel_array
         return array.reshape(-1, ds.Rows, ds.Columns)
-    if ds.get("SamplesPerPixel", 1) != 1:
-        raise ValueError("colour")
+    palette = ds.get("PhotometricInterpretation") == "PALETTE COLOR"
+    if palette or ds.get("SamplesPerPixel", 1) != 1:
+        colours = pydicom.pixels.apply_color_lut(ds.pixel_array, ds) if palette else ds.pixel_array
+        if ds.get("PhotometricInterpretation") not in ("PALETTE COLOR", "RGB"):
+            raise ValueError("colour")
+        # Luminance of ITU-R BT.601, rounded half up.
+        weighted = (colours[..., :3].astype(np.int64) * [299, 587, 114]).sum(axis=-1)
+        return ((weighted + 500) // 1000).reshape(-1, ds.Rows, ds.Columns)
     bits, used = ds.BitsAllocated, ds.BitsStored
     native = ds.file_meta.TransferSyntaxUID in NATIVE and bits in (16, 32)
     if native:  # as they lie in the file: pydicom has views of its own on unused bits

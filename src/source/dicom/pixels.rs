@@ -319,8 +319,8 @@ fn replace_floats(scalar: ScalarType, padding: Padding, samples: &mut [u8]) {
     let background = unrank(padding.replacement);
     if scalar == ScalarType::F64 {
         for sample in samples.as_chunks_mut::<8>().0 {
-            if padding.holds(rank(f64::from_ne_bytes(*sample))) {
-                *sample = background.to_ne_bytes();
+            if padding.holds(rank(bytemuck::cast(*sample))) {
+                *sample = bytemuck::cast(background);
             }
         }
         return;
@@ -328,8 +328,8 @@ fn replace_floats(scalar: ScalarType, padding: Padding, samples: &mut [u8]) {
     #[expect(clippy::cast_possible_truncation, reason = "0 and -1000 are singles")]
     let background = background as f32;
     for sample in samples.as_chunks_mut::<4>().0 {
-        if padding.holds(rank(f32::from_ne_bytes(*sample).into())) {
-            *sample = background.to_ne_bytes();
+        if padding.holds(rank(bytemuck::cast::<_, f32>(*sample).into())) {
+            *sample = bytemuck::cast(background);
         }
     }
 }
