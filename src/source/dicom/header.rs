@@ -423,8 +423,7 @@ impl DicomHeader {
                 | 0x0028_0030
                 | 0x0028_0100
                 ..=0x0028_0103
-                    | 0x0028_0120
-                    | 0x0028_0121
+                    | 0x0028_0120..=0x0028_0125
                     | 0x0028_1052
                     | 0x0028_1053
                     | 0x0028_3000
@@ -512,7 +511,9 @@ mod tests {
         for tag in
             (0x0002_0000..0x0030_0000).chain(0x3004_0000..0x3005_0000).filter(|tag| !DicomHeader::wants(*tag))
         {
+            // Long enough for a binary double, and a text that is a number.
             header.keep(tag, b"1\0", Endian::Little);
+            header.keep(tag, b"1.000000", Endian::Little);
         }
         assert_eq!(header, untouched);
         header.keep(0x0028_0010, &[2, 0], Endian::Big);
