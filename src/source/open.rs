@@ -276,6 +276,10 @@ impl VolumeSource for Noted {
         &self.info
     }
 
+    fn modality(&self) -> Option<&str> {
+        self.source.modality()
+    }
+
     fn preparation(&self) -> Preparation {
         self.source.preparation()
     }
@@ -314,6 +318,42 @@ impl VolumeSource for Noted {
 mod tests {
     use super::*;
     use crate::error::ExitKind;
+
+    #[test]
+    fn a_volume_with_more_to_be_said_of_it_stays_what_it_is() {
+        struct Scan(VolumeInfo);
+        impl VolumeSource for Scan {
+            fn info(&self) -> &VolumeInfo {
+                &self.0
+            }
+            fn modality(&self) -> Option<&str> {
+                Some("CT")
+            }
+            fn read_rows(
+                &self,
+                _: u32,
+                _: Range<u32>,
+                _: Range<u32>,
+                _: &mut [u8],
+            ) -> Result<(), SourceError> {
+                Ok(())
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.raw");
+        std::fs::write(&path, [1; 8]).unwrap();
+        let raw = super::super::RawOptions {
+            dims: crate::geom::Dims::new(2, 2, 2).unwrap(),
+            scalar: super::super::ScalarType::U8,
+            endian: super::super::Endian::Little,
+            spacing_mm: [1.0; 3],
+            skip: 0,
+            orientation: crate::geom::Orientation::parse("LPS").unwrap(),
+        };
+        let info = RawVolume::open(&[path], &raw).unwrap().info().clone();
+        let noted = Noted { source: Box::new(Scan(info.clone())), info };
+        assert_eq!(noted.modality(), Some("CT"));
+    }
 
     #[test]
     fn files_that_are_no_volume_are_named_for_what_they_are() {
