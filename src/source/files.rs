@@ -6,13 +6,23 @@ use std::io;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rustix::process::{Resource, getrlimit};
 
 use super::natural::natural_cmp;
 
-/// Most files that one volume keeps open; the rest is opened for each read.
-const MAX_OPEN: u64 = 1024;
+/// Most files that the volumes of a process keep open together; the rest is opened for each read.
+const MAX_OPEN: usize = 1024;
+
+/// Files that are kept open now: several volumes are read at a time, and share the descriptors.
+static KEPT: AtomicUsize = AtomicUsize::new(0);
+
+/// Takes one of at most `most` places for a file that stays open.
+fn keep_one(most: usize) -> bool {
+    let more = |kept: usize| (kept < most).then_some(kept + 1);
+    KEPT.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).is_ok()
+}
 
 /// Paths under one base folder: all names in one byte string and one end offset per file.
 ///
@@ -50,6 +60,11 @@ impl FileList {
         self.base.join(self.name(index))
     }
 
+    /// Every path, one at a time.
+    pub(crate) fn for_each(&self, each: &mut dyn FnMut(&Path)) {
+        (0..self.len()).for_each(|index| each(&self.path(index)));
+    }
+
     /// Indices in natural order of the names.
     pub(crate) fn natural_order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.len()).collect();
@@ -72,7 +87,8 @@ impl FileList {
     }
 }
 
-/// A [`FileList`] whose first files stay open once read, as far as the descriptor limit allows.
+/// A [`FileList`] whose first files stay open once read, as far as the descriptor limit allows: together
+/// the volumes of a process keep a quarter of it.
 ///
 /// Keeping the *first* ones open needs no lock and no eviction; every slice is read equally often, so
 /// any choice of the same size saves as much. A file past the limit costs one open and close per read.
@@ -84,10 +100,14 @@ pub(crate) struct FileSet {
 
 impl FileSet {
     pub(crate) fn new(list: FileList) -> Self {
-        // A quarter of the soft limit: scratch files, output and other jobs need descriptors too.
-        let allowed = getrlimit(Resource::Nofile).current.map_or(MAX_OPEN, |n| (n / 4).min(MAX_OPEN));
-        let keep = list.len().min(usize::try_from(allowed).unwrap_or(0));
+        let keep = list.len().min(Self::most());
         Self { list, open: (0..keep).map(|_| OnceLock::new()).collect() }
+    }
+
+    /// A quarter of the soft limit: scratch files and output need descriptors, too.
+    fn most() -> usize {
+        let limit = getrlimit(Resource::Nofile).current.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+        limit.map_or(MAX_OPEN, |n| (n / 4).min(MAX_OPEN))
     }
 
     pub(crate) fn list(&self) -> &FileList {
@@ -102,9 +122,25 @@ impl FileSet {
         if let Some(file) = cell.get() {
             return read(file);
         }
-        // Two threads may open the same file at once; the second descriptor is closed again.
         let file = File::open(self.list.path(index))?;
-        read(cell.get_or_init(|| file))
+        if !keep_one(Self::most()) {
+            return read(&file);
+        }
+        // Two threads may open the same file at once; the second descriptor is closed again.
+        match cell.set(file) {
+            Ok(()) => {}
+            Err(_second) => {
+                KEPT.fetch_sub(1, Ordering::Relaxed);
+            }
+        }
+        cell.get().map_or_else(|| Err(io::ErrorKind::NotFound.into()), read)
+    }
+}
+
+impl Drop for FileSet {
+    fn drop(&mut self) {
+        let kept = self.open.iter().filter(|cell| cell.get().is_some()).count();
+        KEPT.fetch_sub(kept, Ordering::Relaxed);
     }
 }
 

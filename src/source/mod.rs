@@ -141,6 +141,11 @@ pub trait VolumeSource: Send + Sync {
         None
     }
 
+    /// Names every file that samples are read from, as far as the source knows; the catalogue asks what a
+    /// format has opened, so that a change of samples beside their header is noticed. Sources made of other
+    /// sources need not pass it on.
+    fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
+
     /// What [`VolumeSource::prepare`] will take.
     fn preparation(&self) -> Preparation {
         Preparation::default()

@@ -166,8 +166,8 @@ impl Unroll for Pictures {
         DECODER_BYTES + CHUNK_BYTES as u64 + 4 * self.row_bytes
     }
 
-    fn path(&self) -> PathBuf {
-        self.files.list().path(0)
+    fn files(&self) -> &FileList {
+        self.files.list()
     }
 
     fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError> {

@@ -120,6 +120,10 @@ impl VolumeSource for RawVolume {
         &self.info
     }
 
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.placed.files.list().for_each(each);
+    }
+
     fn read_rows(
         &self,
         z: u32,

@@ -3,7 +3,6 @@
 use std::fs::File;
 use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section, sentence_of};
@@ -211,8 +210,8 @@ impl Unroll for Linear {
         }
     }
 
-    fn path(&self) -> PathBuf {
-        self.files.list().path(0)
+    fn files(&self) -> &FileList {
+        self.files.list()
     }
 
     fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError> {

@@ -18,7 +18,7 @@ mod text;
 use std::fmt;
 use std::io;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use inflate::INPUT_BYTES;
 pub(super) use inflate::{Section, section};
@@ -27,6 +27,7 @@ pub(super) use open::{Skip, Stored, regular};
 pub(super) use placed::{Placed, Places};
 pub(super) use samples::Samples;
 
+use super::files::FileList;
 use super::raw::check_request;
 use super::spool::Spool;
 use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
@@ -37,8 +38,13 @@ pub(super) trait Unroll: Send + Sync {
     /// Bytes of memory that it holds while it works, at least.
     fn memory_bytes(&self) -> u64;
 
+    /// The files that are read.
+    fn files(&self) -> &FileList;
+
     /// The file to name where no single one is at fault.
-    fn path(&self) -> PathBuf;
+    fn path(&self) -> PathBuf {
+        self.files().path(0)
+    }
 
     /// Writes every sample of the volume into `target`; gives back sentences for the user.
     fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError>;
@@ -103,6 +109,13 @@ impl fmt::Debug for StoredVolume {
 impl VolumeSource for StoredVolume {
     fn info(&self) -> &VolumeInfo {
         &self.info
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        match &self.data {
+            Data::Placed(placed) => placed.files.list().for_each(each),
+            Data::Sequential { recipe, .. } => recipe.files().for_each(each),
+        }
     }
 
     fn preparation(&self) -> Preparation {

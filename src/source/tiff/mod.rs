@@ -15,7 +15,7 @@ mod raster;
 
 use std::fs::File;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use super::files::{FileList, FileSet};
@@ -301,8 +301,8 @@ impl Unroll for Pages {
         self.memory_bytes
     }
 
-    fn path(&self) -> PathBuf {
-        self.files.list().path(0)
+    fn files(&self) -> &FileList {
+        self.files.list()
     }
 
     fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError> {
