@@ -160,6 +160,95 @@ fn every_volume_is_converted_or_explained_and_nothing_is_done_twice() {
 }
 
 #[test]
+fn samples_that_change_beside_their_header_are_converted_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    fs::create_dir_all(top.join("slices")).unwrap();
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nspacings: 1 1 1\nencoding: raw\n\
+                  data file: a.raw\n\n";
+    fs::write(top.join("a.nhdr"), header).unwrap();
+    fs::write(top.join("slices.json"), r#"{"dims": [4, 4, 2], "dtype": "u8"}"#).unwrap();
+    let write = |name: &str, inside: u8, n: usize| {
+        let samples: Vec<u8> = (0..n).map(|i| if i % 16 < 8 { inside } else { 0 }).collect();
+        fs::write(top.join(name), samples).unwrap();
+    };
+    write("a.raw", 200, 64);
+    write("slices/1.raw", 200, 16);
+    write("slices/2.raw", 200, 16);
+    let run = || counts(&batch(&top, &out, &["--iso", "100"]).1);
+    assert_eq!((run(), run()), ([2, 0, 0], [0, 2, 0]));
+    write("a.raw", 201, 64);
+    assert_eq!(run(), [1, 1, 0]);
+    write("slices/2.raw", 201, 16);
+    assert_eq!(run(), [1, 1, 0]);
+}
+
+#[test]
+fn names_that_are_no_utf8_are_names_of_their_own() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    fs::create_dir(&top).unwrap();
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nspacings: 1 1 1\nencoding: raw\n\n";
+    let samples = (0..64).map(|i| if i % 16 < 8 { 200 } else { 0 });
+    let bytes: Vec<u8> = header.bytes().chain(samples).collect();
+    for name in [&b"M\xfcller.nrrd"[..], b"M\xf6ller.nrrd", b"<b>\"&\n.nrrd"] {
+        fs::write(top.join(std::ffi::OsStr::from_bytes(name)), &bytes).unwrap();
+    }
+    let (_, report) = batch(&top, &out, &["--iso", "100"]);
+    assert_eq!(counts(&report), [3, 0, 0], "{report}");
+    let page = fs::read_to_string(out.join("index.html")).unwrap();
+    assert!(!page.contains("<b>\""), "{page}");
+}
+
+#[test]
+fn long_series_that_are_opened_by_several_jobs_stay_within_the_cap() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    for series in 1..=4 {
+        let inside = top.join(series.to_string());
+        fs::create_dir_all(&inside).unwrap();
+        for n in 0..3000_u32 {
+            let image = Image {
+                series: &format!("1.2.3.{series}"),
+                instance: n + 1,
+                position: [0.0, 0.0, f64::from(n)],
+                values: &[1500, 20, 1500, 20],
+                ..Image::default()
+            };
+            fs::write(inside.join(format!("{n}.dcm")), image.bytes()).unwrap();
+        }
+    }
+    let run = |cap: &str| batch(&top, &out, &["--iso", "100", "--jobs", "4", "--memory", cap]).1;
+    // The smallest cap that works, as refusals tell it, and a little for what differs from run to run.
+    let refused = run("2MiB");
+    let least = refused["items"].as_array().unwrap().iter().map(|item| {
+        let (_, rest) = item["reason"].as_str().unwrap().split_once("works is --memory ").unwrap();
+        rest.strip_suffix("KiB").unwrap().parse::<u64>().unwrap()
+    });
+    let cap = least.max().unwrap() + 512;
+    let report = run(&format!("{cap}KiB"));
+    assert_eq!(counts(&report), [4, 0, 0], "{report}");
+    let peak = report["peak_rss_bytes"].as_u64().unwrap();
+    println!("{cap} KiB allowed, peak {peak}");
+    assert!(peak <= cap << 10, "{cap} KiB allowed, peak {peak}");
+}
+
+#[test]
+fn jobs_share_the_file_descriptors() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    for n in 1..=6 {
+        write_ball(&top.join(n.to_string()), &format!("1.2.3.{n}"), 8.0);
+    }
+    // Six volumes of 20 files in 48 descriptors: each could keep 12 open, and not all of them can.
+    let command = "ulimit -n 48; exec \"$0\" batch \"$1\" --out \"$2\" --jobs 6 --iso 100 --json";
+    let run = Command::new("sh").args(["-c", command]).arg(binary()).arg(&top).arg(&out).output().unwrap();
+    let report: Value = serde_json::from_slice(&run.stdout).unwrap_or_else(|e| panic!("{e}: {run:?}"));
+    assert_eq!(counts(&report), [6, 0, 0], "{report}");
+}
+
+#[test]
 fn results_inside_the_searched_folder_are_not_inputs() {
     let folder = tempfile::tempdir().unwrap();
     write_ball(&folder.path().join("one"), "1.2.3.1", 8.0);
@@ -176,7 +265,13 @@ fn no_patient_name_is_in_names_reports_or_models_unless_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let (top, out) = (folder.path().join("in"), folder.path().join("out"));
     studies(&top);
-    batch(&top, &out, &[]);
+    // A file that is no volume, and lies in the patient's folder; names that an earlier run was told to keep.
+    fs::write(top.join("Nobody_R/note.txt"), "nothing").unwrap();
+    let (_, kept) = batch(&top, &out, &["--keep-names"]);
+    assert!(kept.to_string().contains("Nobody_R"), "{kept}");
+    let (_, report) = batch(&top, &out, &[]);
+    assert_eq!(counts(&report), [0, 3, 1], "{report}");
+    assert_eq!(report["left_out"][0]["first"], "[name]_R/note.txt", "{report}");
     for name in names(&out) {
         let bytes = fs::read(out.join(&name)).unwrap();
         for secret in ["nobody", "real"] {
@@ -188,6 +283,7 @@ fn no_patient_name_is_in_names_reports_or_models_unless_asked_for() {
     }
     let scan = oct(&["scan", &text(&top)]);
     assert!(!scan.stdout.to_lowercase().contains("nobody"), "{scan:?}");
+    assert!(scan.stdout.contains("[name]_R/note.txt"), "{scan:?}");
     let kept = oct(&["scan", &text(&top), "--keep-names"]);
     assert!(kept.stdout.contains("Nobody_R"), "{kept:?}");
 }

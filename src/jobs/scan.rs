@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::budget::peak_rss_bytes;
 use crate::error::Error;
-use crate::source::{Catalogue, Finding, OpenOptions};
+use crate::source::{Catalogue, Finding, LeftOut, OpenOptions};
 
 /// Paths as they are reported: relative to what was searched, patient names masked.
 pub(super) struct Masked<'a> {
@@ -24,6 +24,13 @@ impl<'a> Masked<'a> {
 
     /// A path for a report.
     pub(super) fn path(&self, path: &Path, secrets: &[String]) -> String {
+        let text = self.relative(path).display().to_string();
+        let text = if text.is_empty() { ".".into() } else { text };
+        self.masked(text.trim_end_matches('/').to_owned(), secrets)
+    }
+
+    /// A path relative to what was searched, as it is.
+    pub(super) fn relative(&self, path: &Path) -> PathBuf {
         let inside = self.inputs.iter().find_map(|input| {
             let rest = path.strip_prefix(input).ok()?;
             // The name of a single searched folder says nothing; that of one of several does.
@@ -33,9 +40,7 @@ impl<'a> Masked<'a> {
                 .filter(|_| self.inputs.len() > 1 || rest.as_os_str().is_empty());
             Some(own.map_or_else(|| rest.to_path_buf(), |own| own.join(rest)))
         });
-        let text = inside.as_deref().unwrap_or(path).display().to_string();
-        let text = if text.is_empty() { ".".into() } else { text };
-        self.masked(text.trim_end_matches('/').to_owned(), secrets)
+        inside.unwrap_or_else(|| path.to_path_buf())
     }
 
     /// A sentence for a report: sentences begin with a path, whose searched folder is cut off too.
@@ -57,6 +62,29 @@ impl<'a> Masked<'a> {
     }
 }
 
+/// Files that are no volume, for a report: reason, how many, the first.
+///
+/// They belong to no series, but lie in the same folders: what the series tell of patients is masked in them too.
+pub(super) struct LeftOuts(Vec<(String, u64, String)>);
+
+impl LeftOuts {
+    pub(super) fn new(masked: &Masked<'_>, catalogue: &Catalogue) -> Self {
+        let line = |l: &LeftOut| (l.reason.clone(), l.count, masked.path(&l.first, &[]));
+        Self(catalogue.left_out().iter().map(line).collect())
+    }
+
+    /// Takes note of a patient's names.
+    pub(super) fn hide(&mut self, masked: &Masked<'_>, secrets: &[String]) {
+        for (_, _, first) in &mut self.0 {
+            *first = masked.masked(std::mem::take(first), secrets);
+        }
+    }
+
+    pub(super) fn into_lines(self) -> Vec<(String, u64, String)> {
+        self.0
+    }
+}
+
 /// `text` with every occurrence of `secret` masked, in whatever case it is written.
 fn without(text: &str, secret: &str) -> String {
     if secret.is_empty() {
@@ -64,19 +92,32 @@ fn without(text: &str, secret: &str) -> String {
     }
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
-    while !rest.is_empty() {
-        let same = rest.get(..secret.len()).is_some_and(|head| head.eq_ignore_ascii_case(secret));
-        let step = if same {
-            out.push_str(MASK);
-            secret.len()
-        } else {
-            let c = rest.chars().next().map_or(1, char::len_utf8);
-            out.push_str(rest.get(..c).unwrap_or_default());
-            c
+    while let Some(first) = rest.chars().next() {
+        let step = match length_of(rest, secret) {
+            Some(length) => {
+                out.push_str(MASK);
+                length
+            }
+            None => {
+                out.push(first);
+                first.len_utf8()
+            }
         };
         rest = rest.get(step..).unwrap_or_default();
     }
     out
+}
+
+/// Bytes of `secret` at the beginning of `text`, if it stands there in some case.
+fn length_of(text: &str, secret: &str) -> Option<usize> {
+    let mut chars = text.chars();
+    for wanted in secret.chars() {
+        let found = chars.next()?;
+        if found != wanted && !found.to_lowercase().eq(wanted.to_lowercase()) {
+            return None;
+        }
+    }
+    Some(text.len() - chars.as_str().len())
 }
 
 /// One volume that was found.
@@ -127,10 +168,12 @@ pub fn scan(
     let catalogue = Catalogue::survey(inputs, how, &std::env::temp_dir())?;
     let masked = Masked::new(keep_names, inputs);
     let mut report = ScanReport { usable: 0, refused: 0, left_out: Vec::new() };
+    let mut left_outs = LeftOuts::new(&masked, &catalogue);
     let mut number = 0;
     for at in 0..catalogue.len() {
         for finding in catalogue.open(at) {
             number += 1;
+            left_outs.hide(&masked, &finding.secrets);
             let listed = list(&masked, number, &finding);
             match listed.facts {
                 Ok(_) => report.usable += 1,
@@ -139,11 +182,7 @@ pub fn scan(
             each(&listed)?;
         }
     }
-    report.left_out = catalogue
-        .left_out()
-        .iter()
-        .map(|l| (l.reason.clone(), l.count, masked.path(&l.first, &[])))
-        .collect();
+    report.left_out = left_outs.into_lines();
     Ok(report)
 }
 
@@ -254,6 +293,7 @@ mod tests {
             masked.text("/data/in/annA/1.dcm: bad Müller".into(), &secrets),
             "[name]/1.dcm: bad [name]"
         );
+        assert_eq!(masked.path(Path::new("/data/in/MÜLLER.nii"), &secrets), "[name].nii");
         assert_eq!(masked.text("/data/in: nothing".into(), &secrets), "in: nothing");
         assert_eq!(masked.text("/data/inner/x: no".into(), &secrets), "/data/inner/x: no");
         let kept = Masked::new(true, &inputs);

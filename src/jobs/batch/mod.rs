@@ -24,6 +24,7 @@ pub use report::{BatchReport, Counts};
 
 use std::fs;
 use std::io;
+use std::os::unix::ffi::OsStrExt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -32,7 +33,7 @@ use std::time::Instant;
 
 use super::build::build_reshaped_source;
 use super::picture::thumbnail_file;
-use super::scan::Masked;
+use super::scan::{LeftOuts, Masked};
 use crate::atomic::sweep;
 use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes, peak_rss_bytes};
 use crate::build::{BuildError, BuildOptions};
@@ -45,7 +46,7 @@ use record::{Journal, Record, record_path};
 
 /// Resident memory of the process beside its jobs is counted as at least this.
 const BASE_AT_LEAST: u64 = 4 << 20;
-/// What opening an input and watching a job take, for each job.
+/// What opening a small input and watching a job take, for each job.
 const JOB_OVERHEAD: u64 = 256 << 10;
 /// What a thumbnail takes beside the pages of its model: the picture, its hits and the workers' stacks.
 const THUMBNAIL_BYTES: u64 = 1 << 20;
@@ -114,7 +115,11 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
 
     let jobs = request.jobs.clamp(1, catalogue.len().max(1));
     let limit = request.build.memory.bytes();
-    let base = current_rss_bytes().max(BASE_AT_LEAST) + PROCESS_GROWTH + JOB_OVERHEAD * jobs as u64;
+    let base = current_rss_bytes().max(BASE_AT_LEAST)
+        + PROCESS_GROWTH
+        + JOB_OVERHEAD * jobs as u64
+        + opening_bytes(&catalogue, jobs);
+    let masked = Masked::new(request.keep_names, &request.inputs);
     let run = Run {
         request,
         catalogue: &catalogue,
@@ -125,9 +130,11 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         threads: (request.build.threads / jobs).max(1),
         options: options_fingerprint(request),
         journal: Journal::create(&scratch).map_err(out_error)?,
+        opening: Mutex::default(),
         names: Mutex::default(),
         broken: Mutex::default(),
         counts: [const { AtomicU64::new(0) }; 3],
+        left_outs: Mutex::new(LeftOuts::new(&masked, &catalogue)),
     };
     let next = AtomicUsize::new(0);
     std::thread::scope(|scope| {
@@ -149,14 +156,9 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         return Err(error);
     }
     let [converted, skipped, failed] = run.counts.map(AtomicU64::into_inner);
-    let masked = Masked::new(request.keep_names, &request.inputs);
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
-        left_out: catalogue
-            .left_out()
-            .iter()
-            .map(|l| (l.reason.clone(), l.count, masked.path(&l.first, &[])))
-            .collect(),
+        left_out: run.left_outs.into_inner().unwrap_or_else(PoisonError::into_inner).into_lines(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
         jobs,
@@ -164,6 +166,19 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     };
     report.write(&request.out, &run.journal).map_err(out_error)?;
     Ok(report)
+}
+
+/// What the items take beside their builds: the largest one while it is opened, and what stays of the largest
+/// ones while they are worked on.
+fn opening_bytes(catalogue: &Catalogue, jobs: usize) -> u64 {
+    let mut largest = vec![0; jobs];
+    for bytes in (0..catalogue.len()).map(|at| catalogue.opening_bytes(at)) {
+        if let Some(least) = largest.last_mut().filter(|least| bytes > **least) {
+            *least = bytes;
+            largest.sort_unstable_by(|a, b| b.cmp(a));
+        }
+    }
+    largest.first().copied().unwrap_or(0) + largest.iter().sum::<u64>() / 3
 }
 
 /// All that the workers of one batch share.
@@ -179,11 +194,14 @@ struct Run<'a> {
     threads: usize,
     options: u64,
     journal: Journal,
+    /// Taken while an item is opened that needs memory worth mentioning: one at a time.
+    opening: Mutex<()>,
     /// Hashes of the names that this run has used.
     names: Mutex<std::collections::BTreeSet<u64>>,
     /// What ends the whole batch: the output folder fails.
     broken: Mutex<Option<Error>>,
     counts: [AtomicU64; 3],
+    left_outs: Mutex<LeftOuts>,
 }
 
 impl Run<'_> {
@@ -193,7 +211,11 @@ impl Run<'_> {
 
     /// Every volume of one item of the catalogue.
     fn convert_item(&self, slot: usize, at: usize) {
-        for (part, finding) in self.catalogue.open(at).into_iter().enumerate() {
+        let large = self.catalogue.opening_bytes(at) > JOB_OVERHEAD / 2;
+        let turn = large.then(|| self.opening.lock().unwrap_or_else(PoisonError::into_inner));
+        let findings = self.catalogue.open(at);
+        drop(turn);
+        for (part, finding) in findings.into_iter().enumerate() {
             let item = self.convert(slot, finding);
             let count = match item.status {
                 Status::Converted => 0,
@@ -218,9 +240,10 @@ impl Run<'_> {
     fn convert(&self, slot: usize, finding: Finding) -> Item {
         let masked = Masked::new(self.request.keep_names, &self.request.inputs);
         let input = masked.path(&finding.path, &finding.secrets);
+        self.left_outs.lock().unwrap_or_else(PoisonError::into_inner).hide(&masked, &finding.secrets);
         let mut item = Item {
             status: Status::Failed,
-            name: name_of(&finding, &input),
+            name: name_of(&finding, &masked.relative(&finding.path)),
             input,
             format: finding.format.to_owned(),
             part: finding.part.clone().unwrap_or_default(),
@@ -256,7 +279,7 @@ impl Run<'_> {
             && (done.options, done.inputs) == (self.options, inputs)
             && done.is_whole(&self.request.out)
         {
-            return Item { status: Status::Skipped, ..done.item };
+            return self.skipped(done, item, &mask);
         }
         let progress = self.watcher.begin(slot, &item.name);
         // A defect in one volume's way must not take the others along.
@@ -284,6 +307,23 @@ impl Run<'_> {
                 }
             }
             Err(e) => item.reason = Some(mask_reason(e.to_string(), &item.input)),
+        }
+        item
+    }
+
+    /// What is reported of a volume that was built before: where it lies now, with names masked as this run
+    /// asks for, whatever the earlier one did.
+    fn skipped(&self, done: Record, item: Item, mask: &dyn Fn(String) -> String) -> Item {
+        let item = Item {
+            status: Status::Skipped,
+            warnings: done.item.warnings.iter().map(|w| mask(w.clone())).collect(),
+            model: done.item.model.clone(),
+            ..item
+        };
+        let known = Item { status: done.item.status, ..item.clone() };
+        if known != done.item {
+            // A record that still tells a name is replaced; if that fails, the model is as good as before.
+            let _ = Record { item: known, ..done }.write(&self.request.out);
         }
         item
     }
@@ -358,14 +398,16 @@ impl Run<'_> {
 
 /// Name of a volume's files: the same in every run, whatever else lies beside it. DICOM names carry a hash of
 /// the series; others get one of their path, as `scan.nii.gz` lies in many folders.
-fn name_of(finding: &Finding, input: &str) -> String {
+fn name_of(finding: &Finding, input: &Path) -> String {
     let part = finding.part.as_deref().unwrap_or_default();
     let stem: String = finding.stem.chars().map(|c| if is_plain(c) { c } else { '_' }).take(80).collect();
     let stem = if stem.starts_with('.') { format!("_{stem}") } else { stem };
     if finding.format == "dicom" {
         return stem;
     }
-    format!("{stem}-{:08x}", fnv(format!("{input}\n{part}").as_bytes()) & 0xffff_ffff)
+    // Of the bytes of the path: two names that are no UTF-8 may look the same in a report.
+    let key = [input.as_os_str().as_bytes(), b"\n", part.as_bytes()].concat();
+    format!("{stem}-{:08x}", fnv(&key) & 0xffff_ffff)
 }
 
 /// Characters that any file system and any shell takes as they are.

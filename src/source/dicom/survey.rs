@@ -281,11 +281,15 @@ const MAX_SECRETS: usize = 16;
 /// Shortest word that is masked; shorter ones occur everywhere.
 const SHORTEST_SECRET: usize = 3;
 
+/// Shortest one in other letters than those of English: names of two ideographs are common.
+const SHORTEST_OTHER_SECRET: usize = 2;
+
 /// Words of a name or number that tell who the patient is.
 pub(super) fn words(secrets: &Secrets, known: &mut Vec<String>) {
     for text in secrets.texts() {
         for word in text.split(|c: char| !c.is_alphanumeric()) {
-            if word.chars().count() >= SHORTEST_SECRET
+            let shortest = if word.is_ascii() { SHORTEST_SECRET } else { SHORTEST_OTHER_SECRET };
+            if word.chars().count() >= shortest
                 && known.len() < MAX_SECRETS
                 && !known.iter().any(|k| k == word)
             {
