@@ -64,6 +64,11 @@ impl VolumeSource for Reversed {
         if self.spool.is_some() {
             return Ok(());
         }
+        let (needed_bytes, allowed_bytes) = (self.preparation().memory_bytes, workspace.memory_bytes);
+        if needed_bytes > allowed_bytes {
+            let path = self.info.description.name.clone().into();
+            return Err(SourceError::Memory { path, needed_bytes, allowed_bytes });
+        }
         let spool = Spool::create(workspace.scratch, self.info.dims, self.info.scalar)?;
         workspace.progress.stage("unroll", spool.bytes());
         let [columns, rows, slices] = self.inner.info().dims.to_array();
@@ -149,6 +154,10 @@ mod tests {
                 let mut source = npy::open(&path, &OpenOptions::default()).unwrap().remove(0);
                 let most = (1 << 21) + 4096;
                 assert!(source.preparation().memory_bytes <= most, "{}", source.preparation().memory_bytes);
+                if fortran == "True" {
+                    let little = Workspace { memory_bytes: 16, ..workspace };
+                    assert!(matches!(source.prepare(&little), Err(SourceError::Memory { .. })));
+                }
                 source.prepare(&workspace).unwrap();
                 files.push(source);
             }

@@ -46,10 +46,9 @@ pub(super) fn is_named_so(path: &Path) -> bool {
 /// values are wrong.
 pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
     let mut text = String::new();
+    // Opening a pipe could wait forever.
+    fs::metadata(path).ok().filter(|meta| meta.is_file() && meta.len() <= MAX_BYTES)?;
     let file = File::open(path).ok()?;
-    if file.metadata().ok()?.len() > MAX_BYTES {
-        return None;
-    }
     file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
     let value: Value = if path.extension().is_some_and(|e| e == "toml") {
         flat_toml(&text)
@@ -220,6 +219,15 @@ pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
 mod tests {
     use super::*;
     use crate::source::Endian;
+
+    #[test]
+    fn a_pipe_is_no_side_car() {
+        use rustix::fs::{CWD, FileType, Mode, mknodat};
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("a.json");
+        mknodat(CWD, &pipe, FileType::Fifo, Mode::from_raw_mode(0o600), 0).unwrap();
+        assert!(read(&pipe).is_none() && !describes(&folder.path().join("a.raw")));
+    }
 
     #[test]
     fn both_languages_and_both_forms_say_the_same() {
