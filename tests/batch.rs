@@ -184,7 +184,7 @@ fn samples_that_change_beside_their_header_are_converted_again() {
 }
 
 #[test]
-fn names_that_are_no_utf8_are_names_of_their_own() {
+fn names_that_look_the_same_are_names_of_their_own() {
     use std::os::unix::ffi::OsStrExt;
     let folder = tempfile::tempdir().unwrap();
     let (top, out) = (folder.path().join("in"), folder.path().join("out"));
@@ -197,6 +197,15 @@ fn names_that_are_no_utf8_are_names_of_their_own() {
     }
     let (_, report) = batch(&top, &out, &["--iso", "100"]);
     assert_eq!(counts(&report), [3, 0, 0], "{report}");
+    // Two searched folders of one name, with a file of one name in each.
+    let both = ["x/data", "y/data"].map(|name| folder.path().join(name));
+    for data in &both {
+        fs::create_dir_all(data).unwrap();
+        fs::write(data.join("a.nrrd"), &bytes).unwrap();
+    }
+    let second = folder.path().join("second");
+    let (_, report) = batch(&both[0], &second, &["--iso", "100", &text(&both[1])]);
+    assert_eq!(counts(&report), [2, 0, 0], "{report}");
     let page = fs::read_to_string(out.join("index.html")).unwrap();
     assert!(!page.contains("<b>\""), "{page}");
 }

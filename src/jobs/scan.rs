@@ -34,20 +34,28 @@ impl<'a> Masked<'a> {
         let inside = self.inputs.iter().find_map(|input| {
             let rest = path.strip_prefix(input).ok()?;
             // The name of a single searched folder says nothing; that of one of several does.
-            let own = input
-                .file_name()
-                .map(PathBuf::from)
-                .filter(|_| self.inputs.len() > 1 || rest.as_os_str().is_empty());
+            let own = self.name_of(input).filter(|_| self.inputs.len() > 1 || rest.as_os_str().is_empty());
             Some(own.map_or_else(|| rest.to_path_buf(), |own| own.join(rest)))
         });
         inside.unwrap_or_else(|| path.to_path_buf())
+    }
+
+    /// The end of a searched path, as long as it takes to tell it from the others.
+    fn name_of(&self, input: &Path) -> Option<PathBuf> {
+        input.file_name()?;
+        let alike =
+            |other: &Path, n: usize| other.components().rev().take(n).eq(input.components().rev().take(n));
+        let alone = |n: &usize| !self.inputs.iter().any(|other| other.as_path() != input && alike(other, *n));
+        let all = input.components().count();
+        let n = (1..all).find(alone).unwrap_or(all);
+        Some(input.components().skip(all - n).collect())
     }
 
     /// A sentence for a report: sentences begin with a path, whose searched folder is cut off too.
     pub(super) fn text(&self, text: String, secrets: &[String]) -> String {
         let inside = self.inputs.iter().find_map(|input| {
             let rest = text.strip_prefix(input.to_str()?)?;
-            let own = input.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            let own = self.name_of(input).map(|name| name.display().to_string()).unwrap_or_default();
             match rest.strip_prefix('/') {
                 Some(rest) if self.inputs.len() == 1 => Some(rest.to_owned()),
                 _ if rest.starts_with([':', '/']) && !own.is_empty() => Some(own + rest),
@@ -296,6 +304,12 @@ mod tests {
         assert_eq!(masked.path(Path::new("/data/in/MÜLLER.nii"), &secrets), "[name].nii");
         assert_eq!(masked.text("/data/in: nothing".into(), &secrets), "in: nothing");
         assert_eq!(masked.text("/data/inner/x: no".into(), &secrets), "/data/inner/x: no");
+        let inputs = ["/x/data", "/y/data", "/y/more"].map(PathBuf::from);
+        let several = Masked::new(false, &inputs);
+        assert_eq!(several.path(Path::new("/x/data/a.nii"), &[]), "x/data/a.nii");
+        assert_eq!(several.path(Path::new("/y/more/a.nii"), &[]), "more/a.nii");
+        assert_eq!(several.text("/y/data/a.nii: no".into(), &[]), "y/data/a.nii: no");
+        let inputs = [PathBuf::from("/data/in")];
         let kept = Masked::new(true, &inputs);
         assert_eq!(kept.path(Path::new("/data/in/Anna"), &secrets), "Anna");
         assert_eq!(kept.path(Path::new("/else/Anna"), &secrets), "/else/Anna");
