@@ -68,8 +68,9 @@ impl fmt::Display for SizeArgument {
     }
 }
 
-/// Code and data of a process that are not resident yet when a plan is made.
-pub const PROCESS_GROWTH: u64 = 1 << 20;
+/// Code and data of a process that are not resident yet when a plan is made; more of it where it is not
+/// optimised.
+pub const PROCESS_GROWTH: u64 = if cfg!(debug_assertions) { 1 << 20 } else { 512 << 10 };
 
 /// What bounds the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

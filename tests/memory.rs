@@ -56,6 +56,12 @@ fn measured(input: &Path, output: &Path, extra: &[&str]) -> (Value, Option<u64>)
     (serde_json::from_slice(&done.stdout).unwrap(), peak)
 }
 
+/// The cap that the smallest machines set, in MiB: 8, and for the test's own unoptimised binary, whose code
+/// alone is larger by 2 MiB, 10.
+fn small_cap() -> u64 {
+    if cfg!(debug_assertions) && std::env::var_os("OCT_BINARY").is_none() { 10 } else { 8 }
+}
+
 /// Builds within `cap_mib` and holds every figure to it; returns what was left, in bytes.
 fn held_to(input: &Path, output: &Path, cap_mib: u64, extra: &[&str]) -> u64 {
     let cap = format!("{cap_mib}MiB");
@@ -163,17 +169,17 @@ fn packed_volumes_stay_within_the_cap() {
     fs::write(at("v.nii.gz"), formats::gzip(&whole)).unwrap();
     drop(whole);
     for threads in ["1", "2"] {
-        held_to(&at("v.nii.gz"), &at("m.oct"), 8, &[&extra[..], &["--threads", threads]].concat());
+        held_to(&at("v.nii.gz"), &at("m.oct"), small_cap(), &[&extra[..], &["--threads", threads]].concat());
     }
     fs::write(at("v.nrrd"), formats::nrrd(&object, "bzip2", false, "")).unwrap();
-    held_to(&at("v.nrrd"), &at("m.oct"), 8, &extra);
+    held_to(&at("v.nrrd"), &at("m.oct"), small_cap(), &extra);
     for compression in [1, 5, 8] {
         let how = Tiff { compression, ..Tiff::default() };
         fs::write(at("v.tif"), how.write(&object)).unwrap();
-        held_to(&at("v.tif"), &at("m.oct"), 8, &extra);
+        held_to(&at("v.tif"), &at("m.oct"), small_cap(), &extra);
     }
     formats::pngs(&object, &at("png"));
-    held_to(&at("png"), &at("m.oct"), 8, &extra);
+    held_to(&at("png"), &at("m.oct"), small_cap(), &extra);
 }
 
 #[test]
@@ -204,7 +210,7 @@ fn a_dicom_series_stays_within_the_cap() {
     }
     for threads in ["1", "2", "5"] {
         let extra = [&BOTH[..], &["--iso", "1000", "--threads", threads]].concat();
-        held_to(&series, &folder.path().join("m.oct"), 8, &extra);
+        held_to(&series, &folder.path().join("m.oct"), small_cap(), &extra);
     }
-    held_to(&series, &folder.path().join("m.oct"), 8, &["--threads", "2"]);
+    held_to(&series, &folder.path().join("m.oct"), small_cap(), &["--threads", "2"]);
 }

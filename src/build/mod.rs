@@ -232,7 +232,7 @@ impl<'a> Job<'a> {
     /// What is resident beside the job. Code that was loaded since it began is part of the growth that the
     /// plan allows for, and not counted twice: a cap that was accepted at first is not refused later for it.
     fn base_bytes(&self) -> u64 {
-        let loaded = file_rss_bytes().saturating_sub(self.code_bytes).min(PROCESS_GROWTH / 2);
+        let loaded = file_rss_bytes().saturating_sub(self.code_bytes).min(512 << 10);
         current_rss_bytes().saturating_sub(loaded)
     }
 

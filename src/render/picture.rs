@@ -197,6 +197,14 @@ impl<V: NodeView> Kernel for TileKernel<'_, '_, V> {
     }
 }
 
+/// Bytes that [`paint`] takes for a picture of this size with smooth edges, beside the model: the picture,
+/// a band of hits, edges if a quarter of it is silhouette; and a stack for each thread.
+pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
+    let pixels = u64::from(width) * u64::from(height);
+    let band = pixels.next_multiple_of(TILE_PIXELS as u64).min(BAND_PIXELS as u64 + 4096 * u64::from(width));
+    4 * pixels + band * size_of::<Seen>() as u64 + 2 * pixels + ((threads as u64) << 17)
+}
+
 /// Paints a model as a camera sees it.
 ///
 /// Memory: the image, 4 MiB for hits, and with smooth edges 8 bytes a pixel of the silhouette.
