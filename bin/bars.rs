@@ -116,10 +116,13 @@ impl Watcher for BatchBars {
         }
         let line = match (item.status, &item.model, &item.reason) {
             (Status::Failed, _, Some(reason)) => format!("failed   {}: {reason}", item.input),
-            (Status::Skipped, ..) => format!("skipped  {} (done before)", item.name),
+            (Status::Skipped, ..) => format!("skipped  {} -> {} (done before)", item.input, item.name),
             (_, Some(m), _) => {
                 let [x, y, z] = m.dims;
-                format!("done     {} {x}x{y}x{z}, {} skin voxels, {:.2} s", m.file, m.skin_voxels, m.wall_s)
+                format!(
+                    "done     {} -> {} {x}x{y}x{z}, {} skin voxels, {:.2} s",
+                    item.input, m.file, m.skin_voxels, m.wall_s
+                )
             }
             _ => return,
         };

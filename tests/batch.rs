@@ -283,7 +283,7 @@ fn no_patient_name_is_in_names_reports_or_models_unless_asked_for() {
     assert_eq!(report["left_out"][0]["first"], "[name]_R/note.txt", "{report}");
     for name in names(&out) {
         let bytes = fs::read(out.join(&name)).unwrap();
-        for secret in ["nobody", "real"] {
+        for secret in ["nobody", "nobody^real"] {
             assert!(!name.to_lowercase().contains(secret), "{name}");
             let text = String::from_utf8_lossy(&bytes).to_lowercase();
             // Bytes of a packed picture or of voxels may spell anything short.
@@ -326,9 +326,27 @@ fn a_folder_without_volumes_is_refused_and_a_missing_one_too() {
     oct(&["batch", &text(&top.join("x")), "--out", &text(&out)]).refused(3, &["x"]);
     oct(&["scan", &text(&top.join("x"))]).refused(3, &["x"]);
     write_ball(&top, "1.2.3.1", 8.0);
-    let (code, report) = batch(&top, &out, &["--memory", "3MiB"]);
-    assert_eq!(code, 8);
-    assert!(report["items"][0]["reason"].as_str().unwrap().contains("smallest that works"), "{report}");
+    oct(&["batch", &text(&top), "--out", &text(&out), "--memory", "3MiB"])
+        .refused(4, &["smallest that works"]);
+    // A picture that does not fit is left out, and made when there is room.
+    let big = ["--thumbnails", "2000", "--quiet"];
+    let (code, report) = batch(&top, &out, &[&big[..], &["--memory", "16MiB"]].concat());
+    assert_eq!((code, counts(&report)), (0, [1, 0, 0]), "{report}");
+    assert!(report["items"][0]["warnings"][0].as_str().unwrap().contains("thumbnail"), "{report}");
+    assert!(report["peak_rss_bytes"].as_u64().unwrap() <= 16 << 20, "{report}");
+    let (_, report) = batch(&top, &out, &[&big[..], &["--memory", "512MiB"]].concat());
+    assert!(counts(&report) == [1, 0, 0] && report["items"][0]["model"]["thumbnail"].is_string(), "{report}");
+    // What a changed input gave before does not stay as if it were its result.
+    for entry in fs::read_dir(&top).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|end| end == "dcm") {
+            let file = fs::File::options().write(true).open(&path).unwrap();
+            file.set_len(fs::metadata(&path).unwrap().len() / 2).unwrap();
+        }
+    }
+    let (code, report) = batch(&top, &out, &[]);
+    assert_eq!((code, counts(&report)), (8, [0, 0, 1]), "{report}");
+    assert_eq!(names(&out), ["index.html", "report.csv", "report.json"]);
 }
 
 /// A small generator with a fixed seed, so that a failure can be repeated.

@@ -57,7 +57,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
-use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes, file_rss_bytes, peak_rss_bytes};
+use crate::budget::{MemoryCap, current_rss_bytes, file_rss_bytes, peak_rss_bytes};
 use crate::format::{Metadata, Selection, SourceMeta};
 use crate::source::{ScalarType, VolumeInfo, VolumeSource};
 use choose::{Chooser, describe};

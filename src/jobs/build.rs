@@ -193,7 +193,7 @@ fn prepare(
 }
 
 /// The sentences in order, each once.
-fn without_repeats(warnings: &[String]) -> Vec<String> {
+pub(super) fn without_repeats(warnings: &[String]) -> Vec<String> {
     let mut kept: Vec<String> = Vec::new();
     for warning in warnings {
         if !kept.contains(warning) {

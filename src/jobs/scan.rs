@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::build::without_repeats;
 use crate::budget::peak_rss_bytes;
 use crate::error::Error;
 use crate::source::{Catalogue, Finding, LeftOut, OpenOptions};
@@ -36,6 +37,14 @@ impl<'a> Masked<'a> {
             // The name of a single searched folder says nothing; that of one of several does.
             let own = self.name_of(input).filter(|_| self.inputs.len() > 1 || rest.as_os_str().is_empty());
             Some(own.map_or_else(|| rest.to_path_buf(), |own| own.join(rest)))
+        });
+        inside.unwrap_or_else(|| path.to_path_buf())
+    }
+
+    /// A path that tells a file from all others, whatever else is searched: never for a report.
+    pub(super) fn identity(&self, path: &Path) -> PathBuf {
+        let inside = self.inputs.iter().find_map(|input| {
+            Some(self.name_of(input).unwrap_or_default().join(path.strip_prefix(input).ok()?))
         });
         inside.unwrap_or_else(|| path.to_path_buf())
     }
@@ -212,7 +221,7 @@ fn list(masked: &Masked<'_>, number: usize, finding: &Finding) -> Listed {
                     spacing_mm: info.spacing_mm,
                     dtype: info.scalar.name(),
                     scratch_bytes: source.preparation().scratch_bytes,
-                    warnings: info.warnings.iter().map(|w| mask(w.clone())).collect(),
+                    warnings: without_repeats(&info.warnings).into_iter().map(mask).collect(),
                 })
             }
         },
@@ -267,7 +276,8 @@ impl Listed {
     /// A few lines for people.
     pub fn text(&self) -> String {
         let part = if self.part.is_empty() { String::new() } else { format!(", {}", self.part) };
-        let head = format!("{} ({}{part}, {} file(s))", self.input, self.format, self.files.0);
+        let head =
+            format!("{:>3}. {} ({}{part}, {} file(s))", self.number, self.input, self.format, self.files.0);
         match &self.facts {
             Ok(f) => {
                 let [x, y, z] = f.dims;

@@ -31,25 +31,28 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use serde_json::{Value, json};
+
 use super::build::build_reshaped_source;
 use super::picture::thumbnail_file;
 use super::scan::{LeftOuts, Masked};
 use crate::atomic::sweep;
-use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes, peak_rss_bytes};
-use crate::build::{BuildError, BuildOptions};
+use crate::budget::{MemoryCap, PROCESS_GROWTH, SizeArgument, current_rss_bytes, peak_rss_bytes};
+use crate::build::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::clean::CleanOptions;
 use crate::error::Error;
 use crate::progress::Progress;
+use crate::render::picture::paint_bytes;
 use crate::source::{Catalogue, Finding, OpenOptions, SourceError, VolumeSource};
 use ledger::Ledger;
-use record::{Journal, Record, record_path};
+use record::{Journal, Record};
 
 /// Resident memory of the process beside its jobs is counted as at least this.
-const BASE_AT_LEAST: u64 = 4 << 20;
+const BASE_AT_LEAST: u64 = 5632 << 10;
 /// What opening a small input and watching a job take, for each job.
-const JOB_OVERHEAD: u64 = 256 << 10;
-/// What a thumbnail takes beside the pages of its model: the picture, its hits and the workers' stacks.
-const THUMBNAIL_BYTES: u64 = 1 << 20;
+const JOB_OVERHEAD: u64 = 384 << 10;
+/// Least memory that a job is of use with.
+const LEAST_SHARE: u64 = 1536 << 10;
 /// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
 const THUMBNAIL_PAGES: u64 = 5 << 20;
 
@@ -113,12 +116,19 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         return Err(SourceError::NoVolume { path, reason }.into());
     }
 
-    let jobs = request.jobs.clamp(1, catalogue.len().max(1));
     let limit = request.build.memory.bytes();
-    let base = current_rss_bytes().max(BASE_AT_LEAST)
-        + PROCESS_GROWTH
-        + JOB_OVERHEAD * jobs as u64
-        + opening_bytes(&catalogue, jobs);
+    let resident = current_rss_bytes().max(BASE_AT_LEAST) + PROCESS_GROWTH;
+    let base_of = |jobs: usize| resident + JOB_OVERHEAD * jobs as u64 + opening_bytes(&catalogue, jobs);
+    let fits = |jobs: &usize| base_of(*jobs) + LEAST_SHARE * *jobs as u64 <= limit;
+    // Fewer jobs where the memory is not enough for all.
+    let Some(jobs) = (1..=request.jobs.clamp(1, catalogue.len())).rev().find(fits) else {
+        return Err(Error::Build(BuildError::BudgetTooSmall {
+            name: request.out.display().to_string(),
+            limit_bytes: limit,
+            minimum_bytes: (base_of(1) + LEAST_SHARE).next_multiple_of(1 << 16),
+        }));
+    };
+    let base = base_of(jobs);
     let masked = Masked::new(request.keep_names, &request.inputs);
     let run = Run {
         request,
@@ -163,6 +173,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         peak_rss_bytes: peak_rss_bytes(),
         jobs,
         wall_s: started.elapsed().as_secs_f64(),
+        options: options_told(request),
     };
     report.write(&request.out, &run.journal).map_err(out_error)?;
     Ok(report)
@@ -192,7 +203,7 @@ struct Run<'a> {
     /// Memory of a job that needs no more.
     share: u64,
     threads: usize,
-    options: u64,
+    options: String,
     journal: Journal,
     /// Taken while an item is opened that needs memory worth mentioning: one at a time.
     opening: Mutex<()>,
@@ -213,26 +224,35 @@ impl Run<'_> {
     fn convert_item(&self, slot: usize, at: usize) {
         let large = self.catalogue.opening_bytes(at) > JOB_OVERHEAD / 2;
         let turn = large.then(|| self.opening.lock().unwrap_or_else(PoisonError::into_inner));
-        let findings = self.catalogue.open(at);
+        let findings = catch_unwind(AssertUnwindSafe(|| self.catalogue.open(at)));
         drop(turn);
+        let Ok(findings) = findings else {
+            self.report((at, 0), slot, &Item::of_defect(at));
+            return;
+        };
         for (part, finding) in findings.into_iter().enumerate() {
             let item = self.convert(slot, finding);
-            let count = match item.status {
-                Status::Converted => 0,
-                Status::Skipped => 1,
-                Status::Failed => 2,
-            };
-            if let Some(count) = self.counts.get(count) {
-                count.fetch_add(1, Ordering::Relaxed);
-            }
-            self.watcher.end(slot, &item);
-            if let Err(cause) = self.journal.add((at, part), &item) {
-                let path = self.request.out.clone();
-                self.broken
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .get_or_insert(Error::Output { path, cause });
-            }
+            self.report((at, part), slot, &item);
+        }
+    }
+
+    /// Counts, shows and notes what became of a volume.
+    fn report(&self, order: (usize, usize), slot: usize, item: &Item) {
+        let count = match item.status {
+            Status::Converted => 0,
+            Status::Skipped => 1,
+            Status::Failed => 2,
+        };
+        if let Some(count) = self.counts.get(count) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+        self.watcher.end(slot, item);
+        if let Err(cause) = self.journal.add(order, item) {
+            let path = self.request.out.clone();
+            self.broken
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .get_or_insert(Error::Output { path, cause });
         }
     }
 
@@ -243,7 +263,7 @@ impl Run<'_> {
         self.left_outs.lock().unwrap_or_else(PoisonError::into_inner).hide(&masked, &finding.secrets);
         let mut item = Item {
             status: Status::Failed,
-            name: name_of(&finding, &masked.relative(&finding.path)),
+            name: name_of(&finding, &masked.identity(&finding.path)),
             input,
             format: finding.format.to_owned(),
             part: finding.part.clone().unwrap_or_default(),
@@ -265,6 +285,8 @@ impl Run<'_> {
             Ok(source) => source,
             Err(e) => {
                 item.reason = Some(mask_reason(e.to_string(), &item.input));
+                // What an earlier state of the input gave would lie there as if it were this one's.
+                Record::clear(&self.request.out, &item.name);
                 return item;
             }
         };
@@ -273,11 +295,12 @@ impl Run<'_> {
             return item;
         }
         item.warnings = source.info().warnings.iter().map(|w| mask(w.clone())).collect();
-        let inputs = finding.files.fingerprint;
+        let inputs = format!("{:016x}", finding.files.fingerprint);
         if let Some(done) = Record::read(&self.request.out, &item.name)
             && done.version == env!("CARGO_PKG_VERSION")
-            && (done.options, done.inputs) == (self.options, inputs)
+            && (&done.options, &done.inputs) == (&self.options, &inputs)
             && done.is_whole(&self.request.out)
+            && !self.lacks_thumbnail(&done)
         {
             return self.skipped(done, item, &mask);
         }
@@ -296,7 +319,7 @@ impl Run<'_> {
                 item.model = Some(facts);
                 let record = Record {
                     version: env!("CARGO_PKG_VERSION").into(),
-                    options: self.options,
+                    options: self.options.clone(),
                     inputs,
                     thumbnail_bytes,
                     item: item.clone(),
@@ -306,9 +329,25 @@ impl Run<'_> {
                     item.reason = Some(format!("its record cannot be written ({cause})"));
                 }
             }
-            Err(e) => item.reason = Some(mask_reason(e.to_string(), &item.input)),
+            Err(e) => {
+                item.reason = Some(mask_reason(e.to_string(), &item.input));
+                Record::clear(&self.request.out, &item.name);
+            }
         }
         item
+    }
+
+    /// Memory of a thumbnail of a model of so many bytes: the picture, and the pages of the model.
+    fn thumbnail_bytes(&self, model_bytes: u64) -> u64 {
+        let side = self.request.thumbnails;
+        paint_bytes(side, side, self.threads) + model_bytes.min(THUMBNAIL_PAGES)
+    }
+
+    /// Was there no memory for a thumbnail when the model was built, and is there now?
+    fn lacks_thumbnail(&self, done: &Record) -> bool {
+        let lacks =
+            |m: &ModelFacts| m.thumbnail.is_none() && self.thumbnail_bytes(m.bytes) <= self.ledger.total();
+        self.request.thumbnails > 0 && done.item.model.as_ref().is_some_and(lacks)
     }
 
     /// What is reported of a volume that was built before: where it lies now, with names masked as this run
@@ -339,7 +378,7 @@ impl Run<'_> {
         let out = &self.request.out;
         let model = out.join(format!("{name}.oct"));
         // A record tells of a whole model; until then there is none.
-        let _ = fs::remove_file(record_path(out, name));
+        Record::clear(out, name);
         let template = BuildOptions {
             threads: self.threads,
             scratch: Some(self.scratch()),
@@ -362,15 +401,20 @@ impl Run<'_> {
             build_reshaped_source(source, String::new(), cleaning, &options, &model, progress, started)?;
         let memory_bytes = grant.bytes();
         drop(grant);
+        let mut warnings = built.warnings;
         let mut thumbnail = None;
         let mut thumbnail_bytes = 0;
         if self.request.thumbnails > 0 {
-            let file = format!("{name}.png");
-            let pages = built.report.file_bytes.min(THUMBNAIL_PAGES);
-            let _grant = self.ledger.take((pages + THUMBNAIL_BYTES).min(self.ledger.total()));
-            thumbnail_file(&model, &out.join(&file), self.request.thumbnails, self.threads)?;
-            thumbnail_bytes = fs::metadata(out.join(&file)).map_or(0, |meta| meta.len());
-            thumbnail = Some(file);
+            let needed = self.thumbnail_bytes(built.report.file_bytes);
+            if let Some(_grant) = self.ledger.take(needed) {
+                let file = format!("{name}.png");
+                thumbnail_file(&model, &out.join(&file), self.request.thumbnails, self.threads)?;
+                thumbnail_bytes = fs::metadata(out.join(&file)).map_or(0, |meta| meta.len());
+                thumbnail = Some(file);
+            } else {
+                let enough = SizeArgument((self.base + needed).next_multiple_of(1 << 16));
+                warnings.push(format!("there is no memory for its thumbnail; --memory {enough} is enough"));
+            }
         }
         let m = &built.info.frame.metadata;
         let r = &built.report;
@@ -388,7 +432,7 @@ impl Run<'_> {
             memory_bytes,
             scratch_bytes: prepared + r.scratch_bytes,
         };
-        Ok((facts, thumbnail_bytes, built.warnings))
+        Ok((facts, thumbnail_bytes, warnings))
     }
 
     fn scratch(&self) -> PathBuf {
@@ -416,7 +460,7 @@ fn is_plain(c: char) -> bool {
 }
 
 /// One number for everything in the request that the bytes of results depend on.
-fn options_fingerprint(request: &BatchRequest) -> u64 {
+fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
     let text = format!(
         "{:?} {:?} {} {} {} {} {:?} {:?}",
@@ -429,7 +473,26 @@ fn options_fingerprint(request: &BatchRequest) -> u64 {
         request.how,
         request.clean
     );
-    fnv(text.as_bytes())
+    format!("{:016x}", fnv(text.as_bytes()))
+}
+
+/// The same for people.
+fn options_told(request: &BatchRequest) -> Value {
+    let b = &request.build;
+    json!({
+        "threshold": match b.threshold {
+            Threshold::Iso(lo) => json!({ "iso": lo }),
+            Threshold::Range(lo, hi) => json!({ "range": [lo, hi] }),
+            Threshold::Otsu => json!("otsu"),
+            Threshold::Chosen(selection) => json!({ "range": [selection.lo, selection.hi] }),
+        },
+        "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
+        "normals": b.normals,
+        "values": b.values,
+        "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
+        "cleaning": request.clean.operations(),
+        "thumbnails": request.thumbnails,
+    })
 }
 
 /// FNV-1a, 64 bits: stable over versions and machines; for telling things apart, not for safety.

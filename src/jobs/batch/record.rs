@@ -49,6 +49,24 @@ pub struct Item {
     pub model: Option<ModelFacts>,
 }
 
+impl Item {
+    /// What is reported where opening an item of the catalogue met a defect of the program.
+    pub(super) fn of_defect(at: usize) -> Self {
+        Self {
+            status: Status::Failed,
+            name: String::new(),
+            input: format!("entry {} of the search", at + 1),
+            format: String::new(),
+            part: String::new(),
+            files: 0,
+            input_bytes: 0,
+            reason: Some("an internal error stopped the reading of its headers; please report it".into()),
+            warnings: Vec::new(),
+            model: None,
+        }
+    }
+}
+
 /// What is reported of a finished model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelFacts {
@@ -83,9 +101,9 @@ pub struct ModelFacts {
 pub(super) struct Record {
     /// Version of the program.
     pub(super) version: String,
-    /// Options and input files in one number each.
-    pub(super) options: u64,
-    pub(super) inputs: u64,
+    /// Options and input files in one number each, in hexadecimal: JSON's own numbers end at 2^53.
+    pub(super) options: String,
+    pub(super) inputs: String,
     /// Bytes of the thumbnail.
     pub(super) thumbnail_bytes: u64,
     pub(super) item: Item,
@@ -104,6 +122,17 @@ impl Record {
     pub(super) fn read(out: &Path, name: &str) -> Option<Self> {
         let file = File::open(record_path(out, name)).ok()?;
         serde_json::from_reader(BufReader::new(file.take(MOST_RECORD_BYTES))).ok()
+    }
+
+    /// Removes the files that a record tells of, and the record first of all; without a record, nothing.
+    pub(super) fn clear(out: &Path, name: &str) {
+        let Some(old) = Self::read(out, name) else { return };
+        let _ = fs::remove_file(record_path(out, name));
+        let files = old.item.model.map(|m| [Some(m.file), m.thumbnail]).into_iter().flatten().flatten();
+        // A record is a file like any other: names that lead elsewhere are not followed.
+        for file in files.filter(|file| file.starts_with(name) && !file.contains('/')) {
+            let _ = fs::remove_file(out.join(file));
+        }
     }
 
     pub(super) fn write(&self, out: &Path) -> io::Result<()> {
@@ -198,11 +227,16 @@ pub(super) mod tests {
     #[test]
     fn a_record_comes_back_and_notices_missing_files() {
         let out = tempfile::tempdir().unwrap();
-        let record =
-            Record { version: "1".into(), options: u64::MAX, inputs: 3, thumbnail_bytes: 0, item: item("a") };
+        let record = Record {
+            version: "1".into(),
+            options: "f".into(),
+            inputs: "3".into(),
+            thumbnail_bytes: 0,
+            item: item("a"),
+        };
         record.write(out.path()).unwrap();
         let read = Record::read(out.path(), "a").unwrap();
-        assert_eq!((read.options, read.inputs, &read.item), (u64::MAX, 3, &record.item));
+        assert_eq!((&*read.options, &*read.inputs, &read.item), ("f", "3", &record.item));
         assert!(!read.is_whole(out.path()));
         fs::write(out.path().join("a.oct"), [0; 5]).unwrap();
         assert!(read.is_whole(out.path()));

@@ -34,6 +34,8 @@ pub struct BatchReport {
     pub jobs: usize,
     /// Seconds in all.
     pub wall_s: f64,
+    /// What was asked for, as far as results depend on it.
+    pub options: Value,
 }
 
 const CSV_HEAD: &str = "status,name,input,part,format,nx,ny,nz,spacing_x_mm,spacing_y_mm,spacing_z_mm,dtype,range_low,range_high,\
@@ -78,13 +80,20 @@ impl BatchReport {
             "peak_rss_bytes": self.peak_rss_bytes,
             "jobs": self.jobs,
             "wall_s": self.wall_s,
+            "program": concat!("infobyte ", env!("CARGO_PKG_VERSION")),
+            "options": self.options,
         })
     }
 }
 
 /// One line of the table; texts are quoted as RFC 4180 says.
 fn csv_line(item: &Item) -> String {
-    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\"").replace(['\n', '\r'], " "));
+    // A cell that begins like a formula would be evaluated by spreadsheets.
+    let quoted = |text: &str| {
+        let formula = text.starts_with(['=', '+', '-', '@', '\t']);
+        let text = text.replace('"', "\"\"").replace(['\n', '\r'], " ");
+        format!("\"{}{text}\"", if formula { "'" } else { "" })
+    };
     let mut cells = vec![
         status(item.status).to_owned(),
         quoted(&item.name),
