@@ -17,7 +17,7 @@ mod data;
 #[path = "support/dicom.rs"]
 mod dicom;
 
-use command::{binary, names, oct, text};
+use command::{binary, names, oct, smallest_budget, text};
 use dicom::Image;
 
 const SIDE: u16 = 32;
@@ -228,19 +228,18 @@ fn long_series_that_are_opened_by_several_jobs_stay_within_the_cap() {
             fs::write(inside.join(format!("{n}.dcm")), image.bytes()).unwrap();
         }
     }
-    let run = |cap: &str| batch(&top, &out, &["--iso", "100", "--jobs", "4", "--memory", cap]).1;
-    // The smallest cap that works, as refusals tell it, and a little for what differs from run to run.
-    let refused = run("2MiB");
-    let least = refused["items"].as_array().unwrap().iter().map(|item| {
-        let (_, rest) = item["reason"].as_str().unwrap().split_once("works is --memory ").unwrap();
-        rest.strip_suffix("KiB").unwrap().parse::<u64>().unwrap()
-    });
-    let cap = least.max().unwrap() + 512;
-    let report = run(&format!("{cap}KiB"));
-    assert_eq!(counts(&report), [4, 0, 0], "{report}");
-    let peak = report["peak_rss_bytes"].as_u64().unwrap();
-    println!("{cap} KiB allowed, peak {peak}");
-    assert!(peak <= cap << 10, "{cap} KiB allowed, peak {peak}");
+    let refused = oct(&["batch", &text(&top), "--out", &text(&out), "--memory", "2MiB"]);
+    refused.refused(4, &["smallest that works"]);
+    let least = smallest_budget(&refused.stderr);
+    // With the least memory one job at a time, with more of it several.
+    for (cap, jobs) in [(least, 1), ("20MiB", 2)] {
+        let allowed = infobyte::budget::parse_size(cap).unwrap();
+        let _ = fs::remove_dir_all(&out);
+        let report = batch(&top, &out, &["--iso", "100", "--jobs", "4", "--memory", cap]).1;
+        assert_eq!(counts(&report), [4, 0, 0], "{report}");
+        let (peak, used) = (report["peak_rss_bytes"].as_u64().unwrap(), report["jobs"].as_u64().unwrap());
+        assert!(peak <= allowed && used >= jobs, "{cap} allowed, peak {peak}, {used} jobs");
+    }
 }
 
 #[test]

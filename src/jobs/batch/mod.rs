@@ -51,6 +51,8 @@ use record::{Journal, Record};
 const BASE_AT_LEAST: u64 = 5632 << 10;
 /// What opening a small input and watching a job take, for each job.
 const JOB_OVERHEAD: u64 = 384 << 10;
+/// What is resident at the start differs by this much between runs.
+const BASE_SPREAD: u64 = 384 << 10;
 /// Least memory that a job is of use with.
 const LEAST_SHARE: u64 = 1536 << 10;
 /// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
@@ -125,7 +127,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         return Err(Error::Build(BuildError::BudgetTooSmall {
             name: request.out.display().to_string(),
             limit_bytes: limit,
-            minimum_bytes: (base_of(1) + LEAST_SHARE).next_multiple_of(1 << 16),
+            minimum_bytes: (base_of(1) + LEAST_SHARE + BASE_SPREAD).next_multiple_of(1 << 16),
         }));
     };
     let base = base_of(jobs);
