@@ -50,7 +50,7 @@ use record::{Journal, Record};
 /// Resident memory of the process beside its jobs is counted as at least this.
 const BASE_AT_LEAST: u64 = 5632 << 10;
 /// What opening a small input and watching a job take, for each job.
-const JOB_OVERHEAD: u64 = 384 << 10;
+const JOB_OVERHEAD: u64 = 704 << 10;
 /// What is resident at the start differs by this much between runs.
 const BASE_SPREAD: u64 = 384 << 10;
 /// Least memory that a job is of use with.
