@@ -351,18 +351,41 @@ impl Catalogue {
 
     /// Items in natural order of their first paths, kinds of left-out files by their number.
     fn sort(&mut self) -> Result<(), SourceError> {
-        let mut failed = None;
         let (log, inputs) = (&self.log, &self.inputs);
-        self.items.sort_by(|a, b| {
-            let order = log.get(a.first).and_then(|a| Ok(precedes(inputs, &a, &log.get(b.first)?)));
-            order.unwrap_or_else(|e| {
-                failed.get_or_insert(e);
-                std::cmp::Ordering::Equal
-            })
-        });
+        sort_or_stop(&mut self.items, |a, b| Ok(precedes(inputs, &log.get(a.first)?, &log.get(b.first)?)))?;
         self.left_out.sort_by(|a, b| b.count.cmp(&a.count).then(a.reason.cmp(&b.reason)));
-        failed.map_or(Ok(()), Err)
+        Ok(())
     }
+}
+
+/// Sorts by an order that has to be read and may fail; equal ones keep their places. (That of the standard
+/// library needs an answer to every comparison, and may panic on answers that contradict each other.)
+fn sort_or_stop<T: Copy, E>(
+    items: &mut Vec<T>,
+    compare: impl Fn(&T, &T) -> Result<std::cmp::Ordering, E>,
+) -> Result<(), E> {
+    let mut merged = Vec::with_capacity(items.len());
+    let mut run = 1;
+    while run < items.len() {
+        merged.clear();
+        for pair in items.chunks(2 * run) {
+            let (mut a, mut b) = pair.split_at(run.min(pair.len()));
+            while let ([first, after @ ..], [second, behind @ ..]) = (a, b) {
+                if compare(second, first)?.is_lt() {
+                    merged.push(*second);
+                    b = behind;
+                } else {
+                    merged.push(*first);
+                    a = after;
+                }
+            }
+            merged.extend_from_slice(a);
+            merged.extend_from_slice(b);
+        }
+        std::mem::swap(items, &mut merged);
+        run *= 2;
+    }
+    Ok(())
 }
 
 /// Where a record's file is.
@@ -446,4 +469,28 @@ pub(super) fn safe_name(name: &str) -> String {
         .collect();
     let plain = plain.trim_start_matches(['.', '-']);
     if plain.is_empty() { "volume".into() } else { plain.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sorting_keeps_equal_ones_in_place_and_stops_at_the_first_failure() {
+        for count in [0, 1, 2, 3, 64, 1000_u32] {
+            let mut items: Vec<(u32, u32)> =
+                (0..count).map(|i| (i.wrapping_mul(2_654_435_761) % 37, i)).collect();
+            let mut expected = items.clone();
+            expected.sort_by_key(|item| item.0);
+            sort_or_stop(&mut items, |a, b| Ok::<_, ()>(a.0.cmp(&b.0))).unwrap();
+            assert_eq!(items, expected);
+        }
+        let asked = std::cell::Cell::new(0);
+        let failing = |a: &i32, b: &i32| {
+            asked.set(asked.get() + 1);
+            if asked.get() == 3 { Err("disk") } else { Ok(a.cmp(b)) }
+        };
+        assert_eq!(sort_or_stop(&mut vec![5, 4, 3, 2, 1, 0], failing), Err("disk"));
+        assert_eq!(asked.get(), 3);
+    }
 }
