@@ -5,15 +5,18 @@
 //! per item. An item is opened when it is its turn, so that a disk full of studies needs no more memory
 //! than its largest series: some 400 bytes for each of its images while it is opened, a third of that after.
 
+use std::collections::HashSet;
 use std::fmt;
 use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use super::beside::{Beside, masked};
 use super::dicom::{Recognised, open_series, recognise};
 use super::files::FileList;
 use super::formats::{FORMATS, STACKS};
 use super::log::{Log, Record};
+use super::open::Noted;
 use super::stable_hash::StableHash;
 use super::surveyor::{Surveyor, leave_out};
 use super::walk::{changed, walk, without_repeats};
@@ -53,7 +56,8 @@ pub struct Finding {
     /// input wherever it lies. Not yet unique.
     ///
     /// For DICOM: modality, series number, eight hex digits of a hash of the Series Instance UID, and the
-    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name.
+    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name;
+    /// where DICOM images lie in the same folder, `x` stands there for the words of [`Finding::secrets`].
     pub stem: String,
     /// Kind of source: `dicom`, `nrrd`, `raw`, ...
     pub format: &'static str,
@@ -66,7 +70,8 @@ pub struct Finding {
     /// What the input files are, to see whether they changed.
     pub files: InputFiles,
     /// Words of the Patient's Name and Patient ID of three and more characters, so that a report can mask
-    /// them where they occur in paths. Not for printing.
+    /// them where they occur in paths; for files of other kinds those of the images in the same folder. Not
+    /// for printing.
     pub secrets: Vec<String>,
     /// The volume, not prepared yet.
     pub volume: Result<Box<dyn VolumeSource>, SourceError>,
@@ -125,6 +130,7 @@ pub struct Catalogue {
     items: Vec<Item>,
     log: Log,
     left_out: Vec<LeftOut>,
+    beside: Beside,
     options: OpenOptions,
 }
 
@@ -183,10 +189,11 @@ impl Catalogue {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, &mut surveyor)?;
-        let (items, log, left_out) = surveyor.finish();
-        let mut found = Self { inputs, items, log, left_out, options: options.clone() };
+        let (items, log, left_out, beside) = surveyor.finish();
+        let mut found = Self { inputs, items, log, left_out, beside, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
+        found.keep_words()?;
         found.items.shrink_to_fit();
         found.log.shrink();
         Ok(found)
@@ -205,7 +212,7 @@ impl Catalogue {
     /// The volumes of item `index`, refused ones included; none for an index out of range.
     pub fn open(&self, index: usize) -> Vec<Finding> {
         let Some(item) = self.items.get(index) else { return Vec::new() };
-        self.open_item(item).unwrap_or_else(|(path, error)| {
+        let mut findings = self.open_item(item).unwrap_or_else(|(path, error)| {
             vec![Finding {
                 stem: stem_of(&path),
                 format: "unknown",
@@ -217,7 +224,30 @@ impl Catalogue {
                 volume: Err(error),
                 path,
             }]
-        })
+        });
+        // Images tell for themselves whom they show.
+        if item.what != What::Series {
+            // A disk that fails here has failed for the names of files, too, which is in the finding.
+            let words = self.words_beside(item).unwrap_or_default();
+            if !words.is_empty() {
+                findings = findings.into_iter().map(|finding| hide(finding, &words)).collect();
+            }
+        }
+        findings
+    }
+
+    fn words_beside(&self, item: &Item) -> Result<Vec<String>, SourceError> {
+        self.beside.words(&folder_of(&self.inputs, &self.log.get(item.first)?), &self.log)
+    }
+
+    /// Keeps the words of those folders only that hold more than series.
+    fn keep_words(&mut self) -> Result<(), SourceError> {
+        let mut folders = HashSet::new();
+        for item in self.items.iter().filter(|item| item.what != What::Series) {
+            folders.insert(Beside::key(&folder_of(&self.inputs, &self.log.get(item.first)?)));
+        }
+        self.beside.keep(&folders);
+        Ok(())
     }
 
     /// Memory that opening item `index` takes for a moment, about; a third of it stays while its volumes are
@@ -386,6 +416,21 @@ fn sort_or_stop<T: Copy, E>(
         run *= 2;
     }
     Ok(())
+}
+
+/// Masks words in the names that a finding and the metadata of its volume suggest.
+fn hide(finding: Finding, words: &[String]) -> Finding {
+    let volume = finding.volume.map(|source| {
+        let mut info = source.info().clone();
+        info.description.name = masked(&info.description.name, words);
+        Box::new(Noted { source, info }) as Box<dyn VolumeSource>
+    });
+    Finding { stem: masked(&finding.stem, words), secrets: words.to_vec(), volume, ..finding }
+}
+
+/// The folder of a record's file.
+fn folder_of(inputs: &[PathBuf], record: &Record) -> PathBuf {
+    full_path(inputs, record).parent().map(Path::to_path_buf).unwrap_or_default()
 }
 
 /// Where a record's file is.

@@ -266,9 +266,10 @@ pub(super) fn known(head: &[u8]) -> Option<&'static str> {
 }
 
 /// A volume with more to be said of it.
-struct Noted {
-    source: Box<dyn VolumeSource>,
-    info: VolumeInfo,
+pub(super) struct Noted {
+    pub(super) source: Box<dyn VolumeSource>,
+    /// What is said of it.
+    pub(super) info: VolumeInfo,
 }
 
 impl VolumeSource for Noted {
@@ -278,6 +279,10 @@ impl VolumeSource for Noted {
 
     fn modality(&self) -> Option<&str> {
         self.source.modality()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.source.for_each_file(each);
     }
 
     fn preparation(&self) -> Preparation {
