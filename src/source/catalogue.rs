@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use super::beside::{Beside, masked};
 use super::dicom::{Recognised, open_series, recognise};
 use super::files::FileList;
-use super::formats::{FORMATS, STACKS};
+use super::formats::{FORMATS, STACKS, Slices};
 use super::log::{Log, Record};
 use super::open::Noted;
 use super::stable_hash::StableHash;
@@ -265,8 +265,8 @@ impl Catalogue {
         let first = self.log.get(item.first).map_err(|e| (PathBuf::new(), e))?;
         let path = full_path(&self.inputs, &first);
         let failed = |e| (path.clone(), e);
-        let mut files = InputFiles::default();
-        let one = |mut files: InputFiles| {
+        let one = || {
+            let mut files = InputFiles::default();
             files.add(&path, first.size, first.changed);
             files
         };
@@ -295,36 +295,45 @@ impl Catalogue {
                     Ok(Recognised::Damaged(reason)) => SourceError::Unusable { path: path.clone(), reason },
                     Ok(_) => changed_meanwhile(&path),
                 };
-                findings(&path, "dicom", one(files), Err(error))
+                findings(&path, "dicom", one(), Err(error))
             }
             What::Format(at) => match FORMATS.get(usize::from(at)) {
                 Some(format) => {
                     let opened = (format.open)(&path, &self.options);
-                    let files = with_samples(one(files), opened.as_deref().unwrap_or_default());
+                    let files = with_samples(one(), opened.as_deref().unwrap_or_default());
                     findings(&path, format.name, files, opened)
                 }
                 None => Vec::new(),
             },
             What::Stack(at) => {
                 let (list, facts) = self.list(item).map_err(failed)?;
-                for (i, (size, changed)) in facts.iter().enumerate() {
-                    files.add(list.name(i), *size, *changed);
-                }
                 let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-                match STACKS.get(usize::from(at)) {
-                    Some(format) => findings(&folder, format.name, files, (format.open)(list, &self.options)),
-                    None => Vec::new(),
+                let names = list.select(0..list.len());
+                let Some(format) = STACKS.get(usize::from(at)) else { return Ok(Vec::new()) };
+                let mut found = Vec::new();
+                for Slices { files: used, volume } in (format.open)(list, &self.options) {
+                    let mut files = InputFiles::default();
+                    for at in &used {
+                        let (size, changed) = facts.get(*at).copied().unwrap_or_default();
+                        files.add(names.name(*at), size, changed);
+                    }
+                    let path = match used.as_slice() {
+                        [only] => names.path(*only),
+                        _ => folder.clone(),
+                    };
+                    found.extend(findings(&path, format.name, files, volume.map(|v| vec![v])));
                 }
+                found
             }
             What::Sidecar => {
                 let opened = sidecar::open(&path).map(|v| vec![v]);
-                let files = with_samples(one(files), opened.as_deref().unwrap_or_default());
+                let files = with_samples(one(), opened.as_deref().unwrap_or_default());
                 findings(&path, "raw", files, opened)
             }
             What::Raw => match &self.options.raw {
                 Some(raw) => {
                     let volume = RawVolume::open(std::slice::from_ref(&path), raw);
-                    findings(&path, "raw", one(files), volume.map(|v| vec![Box::new(v) as _]))
+                    findings(&path, "raw", one(), volume.map(|v| vec![Box::new(v) as _]))
                 }
                 None => Vec::new(),
             },
@@ -367,8 +376,11 @@ impl Catalogue {
         for item in &self.items {
             if matches!(item.what, What::Stack(_)) && item.files == 1 {
                 let record = self.log.get(item.first)?;
-                if !record.path.as_os_str().is_empty() {
-                    let path = full_path(&self.inputs, &record);
+                let path = full_path(&self.inputs, &record);
+                let is_whole = |at: u8| STACKS.get(usize::from(at)).is_some_and(|f| (f.is_whole)(&path));
+                if !record.path.as_os_str().is_empty()
+                    && !matches!(item.what, What::Stack(at) if is_whole(at))
+                {
                     leave_out(&mut self.left_out, "single picture, no stack".into(), path);
                     continue;
                 }
