@@ -146,7 +146,15 @@ impl<'a> Surveyor<'a> {
             return left_out(what);
         }
         if sidecar::is_named_so(path) && sidecar::read(path).is_some() {
+            if sidecar::is_outdone(path) {
+                return left_out("another side-car describes the same data");
+            }
             return Ok(Class::Item(What::Sidecar, None));
+        }
+        if sidecar::is_named_so(path)
+            && let Some(reason) = sidecar::unparsed(path)
+        {
+            return left_out(&reason);
         }
         if sidecar::describes(path) || is_detached_data(path) {
             return Ok(Class::Part);
