@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use infobyte::format::SectionKind;
 use infobyte::load::Model;
 use infobyte::progress::Silent;
-use infobyte::source::{OpenOptions, ScalarType, SourceError, VolumeSource, Workspace, open};
+use infobyte::source::{
+    Catalogue, Finding, OpenOptions, ScalarType, SourceError, VolumeSource, Workspace, open,
+};
 
 #[path = "support/command.rs"]
 mod command;
@@ -274,6 +276,80 @@ fn stacks_of_tiff_and_png_files_are_in_natural_order() {
     fs::copy(&pngs(&smaller, &folder.path().join("other"))[0], odd).unwrap();
     let refused = ready(&[folder.path().join("png-u8")], folder.path()).err().unwrap().to_string();
     assert!(refused.contains("s3.png") && refused.contains("9x9"), "{refused}");
+}
+
+#[test]
+fn files_with_several_pages_are_volumes_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let object = Object::new(DIMS, ScalarType::U16, [1.0; 3]);
+    let whole = Tiff::default().write(&object);
+    let slices: Vec<Vec<u8>> = object
+        .bytes
+        .chunks(object.slice_bytes())
+        .map(|slice| {
+            let one = Object { dims: [DIMS[0], DIMS[1], 1], bytes: slice.to_vec(), ..object.clone() };
+            Tiff::default().write(&one)
+        })
+        .collect();
+    let found = |name: &str| {
+        let inputs = [folder.path().join(name)];
+        let catalogue = Catalogue::survey(&inputs, &OpenOptions::default(), folder.path()).unwrap();
+        (0..catalogue.len()).flat_map(|i| catalogue.open(i)).collect::<Vec<Finding>>()
+    };
+    let names = |found: &[Finding]| {
+        let name = |f: &Finding| {
+            let end = f.path.file_name().unwrap().to_string_lossy().into_owned();
+            (end, f.stem.clone(), f.files.count, f.part.is_none(), f.volume.is_ok())
+        };
+        found.iter().map(name).collect::<Vec<_>>()
+    };
+    let is = |path: &str, stem: &str, files: u64, good: bool| {
+        (path.to_owned(), stem.to_owned(), files, true, good)
+    };
+
+    // One is cut short, one is damaged in its first directory, one is of colours.
+    let several = folder.path().join("several");
+    file(&several, "a.tif", &whole);
+    file(&several, "b.tif", &whole[..whole.len() / 2]);
+    file(&several, "c.tif", &whole);
+    file(&several, "d.tif", b"II*\0\xff\xff\xff\x7f");
+    file(&several, "e.tif", &Tiff { photometric: 2, ..Tiff::default() }.write(&object));
+    let all = found("several");
+    let expected = [("a", true), ("b", false), ("c", true), ("d", false), ("e", false)];
+    let expected = expected.map(|(stem, good)| is(&format!("{stem}.tif"), stem, 1, good));
+    assert_eq!(names(&all), expected);
+    for (finding, name) in all.iter().zip(["a", "b", "c", "d", "e"]) {
+        if let Err(error) = &finding.volume {
+            assert!(error.to_string().contains(&format!("{name}.tif")), "{error}");
+        }
+    }
+    assert_ne!(all[0].files.fingerprint, all[2].files.fingerprint);
+    same(&[several.join("c.tif")], &object, true, "one of several");
+
+    // Alone in its folder it is no lost slice.
+    file(&folder.path().join("alone"), "only.tif", &whole);
+    file(&folder.path().join("slice"), "only.tif", &slices[0]);
+    assert_eq!(names(&found("alone")), [is("only.tif", "only", 1, true)]);
+    assert!(found("slice").is_empty());
+
+    // Slices beside a volume make theirs; a damaged slice refuses these alone, by its name.
+    let mixed = folder.path().join("mixed");
+    for (z, slice) in slices.iter().enumerate() {
+        file(&mixed, &format!("s{z:02}.tif"), slice);
+    }
+    file(&mixed, "volume.tif", &whole);
+    let count = slices.len() as u64;
+    assert_eq!(
+        names(&found("mixed")),
+        [is("mixed", "mixed", count, true), is("volume.tif", "volume", 1, true)]
+    );
+    for damaged in [&slices[1][..slices[1].len() / 2], b"II*\0\xff\xff\xff\x7f"] {
+        file(&mixed, "s01.tif", damaged);
+        let all = found("mixed");
+        assert_eq!(names(&all), [is("mixed", "mixed", count, false), is("volume.tif", "volume", 1, true)]);
+        let error = all[0].volume.as_ref().err().unwrap().to_string();
+        assert!(error.contains("s01.tif"), "{error}");
+    }
 }
 
 #[test]

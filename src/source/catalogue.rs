@@ -5,15 +5,18 @@
 //! per item. An item is opened when it is its turn, so that a disk full of studies needs no more memory
 //! than its largest series: some 400 bytes for each of its images while it is opened, a third of that after.
 
+use std::collections::HashSet;
 use std::fmt;
 use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use super::beside::{Beside, masked};
 use super::dicom::{Recognised, open_series, recognise};
 use super::files::FileList;
-use super::formats::{FORMATS, STACKS};
+use super::formats::{FORMATS, STACKS, Slices};
 use super::log::{Log, Record};
+use super::open::Noted;
 use super::stable_hash::StableHash;
 use super::surveyor::{Surveyor, leave_out};
 use super::walk::{changed, walk, without_repeats};
@@ -53,7 +56,8 @@ pub struct Finding {
     /// input wherever it lies. Not yet unique.
     ///
     /// For DICOM: modality, series number, eight hex digits of a hash of the Series Instance UID, and the
-    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name.
+    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name;
+    /// where DICOM images lie in the same folder, `x` stands there for the words of [`Finding::secrets`].
     pub stem: String,
     /// Kind of source: `dicom`, `nrrd`, `raw`, ...
     pub format: &'static str,
@@ -66,7 +70,8 @@ pub struct Finding {
     /// What the input files are, to see whether they changed.
     pub files: InputFiles,
     /// Words of the Patient's Name and Patient ID of three and more characters, so that a report can mask
-    /// them where they occur in paths. Not for printing.
+    /// them where they occur in paths; for files of other kinds those of the images in the same folder. Not
+    /// for printing.
     pub secrets: Vec<String>,
     /// The volume, not prepared yet.
     pub volume: Result<Box<dyn VolumeSource>, SourceError>,
@@ -125,6 +130,7 @@ pub struct Catalogue {
     items: Vec<Item>,
     log: Log,
     left_out: Vec<LeftOut>,
+    beside: Beside,
     options: OpenOptions,
 }
 
@@ -183,10 +189,11 @@ impl Catalogue {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, &mut surveyor)?;
-        let (items, log, left_out) = surveyor.finish();
-        let mut found = Self { inputs, items, log, left_out, options: options.clone() };
+        let (items, log, left_out, beside) = surveyor.finish();
+        let mut found = Self { inputs, items, log, left_out, beside, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
+        found.keep_words()?;
         found.items.shrink_to_fit();
         found.log.shrink();
         Ok(found)
@@ -205,7 +212,7 @@ impl Catalogue {
     /// The volumes of item `index`, refused ones included; none for an index out of range.
     pub fn open(&self, index: usize) -> Vec<Finding> {
         let Some(item) = self.items.get(index) else { return Vec::new() };
-        self.open_item(item).unwrap_or_else(|(path, error)| {
+        let mut findings = self.open_item(item).unwrap_or_else(|(path, error)| {
             vec![Finding {
                 stem: stem_of(&path),
                 format: "unknown",
@@ -217,7 +224,30 @@ impl Catalogue {
                 volume: Err(error),
                 path,
             }]
-        })
+        });
+        // Images tell for themselves whom they show.
+        if item.what != What::Series {
+            // A disk that fails here has failed for the names of files, too, which is in the finding.
+            let words = self.words_beside(item).unwrap_or_default();
+            if !words.is_empty() {
+                findings = findings.into_iter().map(|finding| hide(finding, &words)).collect();
+            }
+        }
+        findings
+    }
+
+    fn words_beside(&self, item: &Item) -> Result<Vec<String>, SourceError> {
+        self.beside.words(&folder_of(&self.inputs, &self.log.get(item.first)?), &self.log)
+    }
+
+    /// Keeps the words of those folders only that hold more than series.
+    fn keep_words(&mut self) -> Result<(), SourceError> {
+        let mut folders = HashSet::new();
+        for item in self.items.iter().filter(|item| item.what != What::Series) {
+            folders.insert(Beside::key(&folder_of(&self.inputs, &self.log.get(item.first)?)));
+        }
+        self.beside.keep(&folders);
+        Ok(())
     }
 
     /// Memory that opening item `index` takes for a moment, about; a third of it stays while its volumes are
@@ -235,8 +265,8 @@ impl Catalogue {
         let first = self.log.get(item.first).map_err(|e| (PathBuf::new(), e))?;
         let path = full_path(&self.inputs, &first);
         let failed = |e| (path.clone(), e);
-        let mut files = InputFiles::default();
-        let one = |mut files: InputFiles| {
+        let one = || {
+            let mut files = InputFiles::default();
             files.add(&path, first.size, first.changed);
             files
         };
@@ -265,36 +295,45 @@ impl Catalogue {
                     Ok(Recognised::Damaged(reason)) => SourceError::Unusable { path: path.clone(), reason },
                     Ok(_) => changed_meanwhile(&path),
                 };
-                findings(&path, "dicom", one(files), Err(error))
+                findings(&path, "dicom", one(), Err(error))
             }
             What::Format(at) => match FORMATS.get(usize::from(at)) {
                 Some(format) => {
                     let opened = (format.open)(&path, &self.options);
-                    let files = with_samples(one(files), opened.as_deref().unwrap_or_default());
+                    let files = with_samples(one(), opened.as_deref().unwrap_or_default());
                     findings(&path, format.name, files, opened)
                 }
                 None => Vec::new(),
             },
             What::Stack(at) => {
                 let (list, facts) = self.list(item).map_err(failed)?;
-                for (i, (size, changed)) in facts.iter().enumerate() {
-                    files.add(list.name(i), *size, *changed);
-                }
                 let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
-                match STACKS.get(usize::from(at)) {
-                    Some(format) => findings(&folder, format.name, files, (format.open)(list, &self.options)),
-                    None => Vec::new(),
+                let names = list.select(0..list.len());
+                let Some(format) = STACKS.get(usize::from(at)) else { return Ok(Vec::new()) };
+                let mut found = Vec::new();
+                for Slices { files: used, volume } in (format.open)(list, &self.options) {
+                    let mut files = InputFiles::default();
+                    for at in &used {
+                        let (size, changed) = facts.get(*at).copied().unwrap_or_default();
+                        files.add(names.name(*at), size, changed);
+                    }
+                    let path = match used.as_slice() {
+                        [only] => names.path(*only),
+                        _ => folder.clone(),
+                    };
+                    found.extend(findings(&path, format.name, files, volume.map(|v| vec![v])));
                 }
+                found
             }
             What::Sidecar => {
                 let opened = sidecar::open(&path).map(|v| vec![v]);
-                let files = with_samples(one(files), opened.as_deref().unwrap_or_default());
+                let files = with_samples(one(), opened.as_deref().unwrap_or_default());
                 findings(&path, "raw", files, opened)
             }
             What::Raw => match &self.options.raw {
                 Some(raw) => {
                     let volume = RawVolume::open(std::slice::from_ref(&path), raw);
-                    findings(&path, "raw", one(files), volume.map(|v| vec![Box::new(v) as _]))
+                    findings(&path, "raw", one(), volume.map(|v| vec![Box::new(v) as _]))
                 }
                 None => Vec::new(),
             },
@@ -337,8 +376,11 @@ impl Catalogue {
         for item in &self.items {
             if matches!(item.what, What::Stack(_)) && item.files == 1 {
                 let record = self.log.get(item.first)?;
-                if !record.path.as_os_str().is_empty() {
-                    let path = full_path(&self.inputs, &record);
+                let path = full_path(&self.inputs, &record);
+                let is_whole = |at: u8| STACKS.get(usize::from(at)).is_some_and(|f| (f.is_whole)(&path));
+                if !record.path.as_os_str().is_empty()
+                    && !matches!(item.what, What::Stack(at) if is_whole(at))
+                {
                     leave_out(&mut self.left_out, "single picture, no stack".into(), path);
                     continue;
                 }
@@ -351,18 +393,56 @@ impl Catalogue {
 
     /// Items in natural order of their first paths, kinds of left-out files by their number.
     fn sort(&mut self) -> Result<(), SourceError> {
-        let mut failed = None;
         let (log, inputs) = (&self.log, &self.inputs);
-        self.items.sort_by(|a, b| {
-            let order = log.get(a.first).and_then(|a| Ok(precedes(inputs, &a, &log.get(b.first)?)));
-            order.unwrap_or_else(|e| {
-                failed.get_or_insert(e);
-                std::cmp::Ordering::Equal
-            })
-        });
+        sort_or_stop(&mut self.items, |a, b| Ok(precedes(inputs, &log.get(a.first)?, &log.get(b.first)?)))?;
         self.left_out.sort_by(|a, b| b.count.cmp(&a.count).then(a.reason.cmp(&b.reason)));
-        failed.map_or(Ok(()), Err)
+        Ok(())
     }
+}
+
+/// Sorts by an order that has to be read and may fail; equal ones keep their places. (That of the standard
+/// library needs an answer to every comparison, and may panic on answers that contradict each other.)
+fn sort_or_stop<T: Copy, E>(
+    items: &mut Vec<T>,
+    compare: impl Fn(&T, &T) -> Result<std::cmp::Ordering, E>,
+) -> Result<(), E> {
+    let mut merged = Vec::with_capacity(items.len());
+    let mut run = 1;
+    while run < items.len() {
+        merged.clear();
+        for pair in items.chunks(2 * run) {
+            let (mut a, mut b) = pair.split_at(run.min(pair.len()));
+            while let ([first, after @ ..], [second, behind @ ..]) = (a, b) {
+                if compare(second, first)?.is_lt() {
+                    merged.push(*second);
+                    b = behind;
+                } else {
+                    merged.push(*first);
+                    a = after;
+                }
+            }
+            merged.extend_from_slice(a);
+            merged.extend_from_slice(b);
+        }
+        std::mem::swap(items, &mut merged);
+        run *= 2;
+    }
+    Ok(())
+}
+
+/// Masks words in the names that a finding and the metadata of its volume suggest.
+fn hide(finding: Finding, words: &[String]) -> Finding {
+    let volume = finding.volume.map(|source| {
+        let mut info = source.info().clone();
+        info.description.name = masked(&info.description.name, words);
+        Box::new(Noted { source, info }) as Box<dyn VolumeSource>
+    });
+    Finding { stem: masked(&finding.stem, words), secrets: words.to_vec(), volume, ..finding }
+}
+
+/// The folder of a record's file.
+fn folder_of(inputs: &[PathBuf], record: &Record) -> PathBuf {
+    full_path(inputs, record).parent().map(Path::to_path_buf).unwrap_or_default()
 }
 
 /// Where a record's file is.
@@ -446,4 +526,28 @@ pub(super) fn safe_name(name: &str) -> String {
         .collect();
     let plain = plain.trim_start_matches(['.', '-']);
     if plain.is_empty() { "volume".into() } else { plain.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sorting_keeps_equal_ones_in_place_and_stops_at_the_first_failure() {
+        for count in [0, 1, 2, 3, 64, 1000_u32] {
+            let mut items: Vec<(u32, u32)> =
+                (0..count).map(|i| (i.wrapping_mul(2_654_435_761) % 37, i)).collect();
+            let mut expected = items.clone();
+            expected.sort_by_key(|item| item.0);
+            sort_or_stop(&mut items, |a, b| Ok::<_, ()>(a.0.cmp(&b.0))).unwrap();
+            assert_eq!(items, expected);
+        }
+        let asked = std::cell::Cell::new(0);
+        let failing = |a: &i32, b: &i32| {
+            asked.set(asked.get() + 1);
+            if asked.get() == 3 { Err("disk") } else { Ok(a.cmp(b)) }
+        };
+        assert_eq!(sort_or_stop(&mut vec![5, 4, 3, 2, 1, 0], failing), Err("disk"));
+        assert_eq!(asked.get(), 3);
+    }
 }

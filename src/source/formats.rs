@@ -33,8 +33,18 @@ pub(crate) struct StackFormat {
     pub(crate) name: &'static str,
     /// Is the file, which begins with these bytes, a slice of this kind?
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
+    /// Does the file hold several slices, so that it is a volume without others beside it?
+    pub(crate) is_whole: fn(path: &Path) -> bool,
     /// Opens all such files of one folder; at least one, in natural order.
-    pub(crate) open: fn(slices: FileList, options: &OpenOptions) -> Opened,
+    pub(crate) open: fn(slices: FileList, options: &OpenOptions) -> Vec<Slices>,
+}
+
+/// A volume of some of the files of a folder, or why these make none.
+pub(crate) struct Slices {
+    /// Which of the files.
+    pub(crate) files: Vec<usize>,
+    /// The volume.
+    pub(crate) volume: Result<Box<dyn VolumeSource>, SourceError>,
 }
 
 /// Formats of whole volumes.
@@ -47,6 +57,6 @@ pub(crate) const FORMATS: &[Format] = &[
 
 /// Formats of single slices.
 pub(crate) const STACKS: &[StackFormat] = &[
-    StackFormat { name: "tiff", recognise: tiff::recognise, open: tiff::open },
-    StackFormat { name: "png", recognise: png_stack::recognise, open: png_stack::open },
+    StackFormat { name: "tiff", recognise: tiff::recognise, is_whole: tiff::is_whole, open: tiff::open },
+    StackFormat { name: "png", recognise: png_stack::recognise, is_whole: |_| false, open: png_stack::open },
 ];

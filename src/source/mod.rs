@@ -3,6 +3,7 @@
 //! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
 //! its budget allows and never sees a path. Sources are shared by the builder's threads.
 
+mod beside;
 mod blend;
 mod catalogue;
 mod crop;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::catalogue::{Catalogue, Finding, OpenOptions};
 use super::dicom::{Recognised, recognise};
 use super::formats::HEAD_BYTES;
-use super::{Preparation, RawVolume, SourceError, VolumeInfo, VolumeSource, Workspace, nifti};
+use super::{Preparation, RawVolume, SourceError, VolumeInfo, VolumeSource, Workspace, nifti, sidecar};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -40,7 +40,8 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
 /// Folders are searched five levels deep. Of several volumes the largest is taken, unless
 /// [`OpenOptions::volume`] chooses one; the others are listed in a warning. A single slice is a volume,
 /// but only if nothing has several. More names of files than fit into some 64 KiB wait in a nameless
-/// file in `scratch`.
+/// file in `scratch`. A single file or folder that is nothing by itself may be described by a side-car
+/// beside it.
 ///
 /// # Errors
 /// A [`SourceError`] that names the input and says what was found and what to add: nothing that is a
@@ -64,6 +65,20 @@ pub fn open_in(
     let inputs = header.as_ref().map_or(inputs, std::slice::from_ref);
     let found = Catalogue::survey_to_depth(inputs, options, scratch, DEPTH)?;
     if found.is_empty() {
+        // Nothing by itself, but described beside it.
+        if let [data] = inputs
+            && (data.is_dir() || found.left_out().is_empty())
+            && let Some(description) = sidecar::of(data)
+        {
+            let volume = sidecar::open(&description)?;
+            return match options.volume {
+                None | Some(1) => Ok(volume),
+                Some(wanted) => Err(SourceError::Usage {
+                    path: data.clone(),
+                    reason: format!("there is no volume {wanted}: it is a single one"),
+                }),
+            };
+        }
         return Err(nothing(inputs, &found, first));
     }
     let mut choice = Choice { wanted: options.volume, ..Choice::default() };
@@ -247,7 +262,7 @@ fn refuse_file(path: &Path) -> SourceError {
     if ["stl", "obj", "off", "ply", "gltf", "glb"].iter().any(|e| promises(e)) {
         return unusable("is a mesh by its name; only volumes are read so far".into());
     }
-    let reason = "is of no kind that is known; for headerless voxels add --dims NXxNYxNZ and --dtype".into();
+    let reason = "is of no kind that is known; for headerless voxels add --dims NXxNYxNZ and --dtype, or put a side-car with dims and dtype beside it, as NAME.json".into();
     SourceError::Usage { path: path.to_path_buf(), reason }
 }
 
@@ -266,9 +281,10 @@ pub(super) fn known(head: &[u8]) -> Option<&'static str> {
 }
 
 /// A volume with more to be said of it.
-struct Noted {
-    source: Box<dyn VolumeSource>,
-    info: VolumeInfo,
+pub(super) struct Noted {
+    pub(super) source: Box<dyn VolumeSource>,
+    /// What is said of it.
+    pub(super) info: VolumeInfo,
 }
 
 impl VolumeSource for Noted {
@@ -278,6 +294,10 @@ impl VolumeSource for Noted {
 
     fn modality(&self) -> Option<&str> {
         self.source.modality()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.source.for_each_file(each);
     }
 
     fn preparation(&self) -> Preparation {
@@ -353,6 +373,27 @@ mod tests {
         let info = RawVolume::open(&[path], &raw).unwrap().info().clone();
         let noted = Noted { source: Box::new(Scan(info.clone())), info };
         assert_eq!(noted.modality(), Some("CT"));
+    }
+
+    #[test]
+    fn the_side_car_beside_a_single_file_is_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("a.raw");
+        std::fs::write(&data, [1; 8]).unwrap();
+        let opened = || open(std::slice::from_ref(&data), &OpenOptions::default());
+        let text = opened().err().unwrap().to_string();
+        assert!(text.contains("add --dims") && text.contains("side-car"), "{text}");
+        let describe = |text: &str| std::fs::write(folder.path().join("a.json"), text).unwrap();
+        describe(r#"{"dims": [1, 2, 4], "dtype": "u8", "spacing_mm": [1, 2, 3]}"#);
+        let volume = opened().unwrap();
+        assert_eq!((volume.info().dims.to_array(), volume.info().spacing_mm), ([1, 2, 4], [1.0, 2.0, 3.0]));
+        // One that is wrong is what the user has to hear of.
+        describe(r#"{"dims": [1, 2, 4], "dtype": "u7"}"#);
+        let text = opened().err().unwrap().to_string();
+        assert!(text.contains("a.json") && text.contains("dtype"), "{text}");
+        // It describes something else.
+        describe(r#"{"dims": [1, 2, 4], "dtype": "u8", "file": "b.raw"}"#);
+        assert!(opened().err().unwrap().to_string().contains("add --dims"));
     }
 
     #[test]

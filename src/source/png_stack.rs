@@ -12,6 +12,7 @@ use std::sync::Arc;
 use png::{ColorType, DecodingError, Limits, Transformations};
 
 use super::files::{FileList, FileSet};
+use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::raw::base_name;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
@@ -40,7 +41,11 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 }
 
 /// Opens pictures as the slices of one volume.
-pub(super) fn open(list: FileList, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(list: FileList, _: &OpenOptions) -> Vec<Slices> {
+    vec![Slices { files: (0..list.len()).collect(), volume: stack(list) }]
+}
+
+fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
     let mut first: Option<Head> = None;
     let mut file_bytes = 0_u64;
     for index in 0..list.len() {
@@ -59,7 +64,7 @@ pub(super) fn open(list: FileList, _: &OpenOptions) -> Result<Vec<Box<dyn Volume
         }
     }
     let path = list.path(0);
-    let Some(head) = first else { return Ok(Vec::new()) };
+    let head = first.ok_or_else(|| unusable(&path, "holds no picture"))?;
     let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
     let dims = Dims::new(head.size[0], head.size[1], count)
         .ok_or_else(|| unusable(&path, format!("{head} in {count} slices are out of range")))?;
@@ -90,7 +95,7 @@ pub(super) fn open(list: FileList, _: &OpenOptions) -> Result<Vec<Box<dyn Volume
         warnings,
     };
     let recipe = Pictures { files: Arc::new(FileSet::new(list)), row_bytes: u64::from(head.size[0]) * 2 };
-    Ok(vec![Box::new(StoredVolume::sequential(info, Box::new(recipe)))])
+    Ok(Box::new(StoredVolume::sequential(info, Box::new(recipe))))
 }
 
 /// What the first chunk says.

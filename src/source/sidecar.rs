@@ -7,12 +7,13 @@
 //! |---|---|---|
 //! | `dims` | `[256, 256, 113]` or `"256x256x113"`, x fastest | it is no side-car |
 //! | `dtype` | `"u8"`, `"i16le"`, `"i16be"`, `"f32"`, ... | it is no side-car |
-//! | `spacing` | `[0.5, 0.5, 1.2]` or `"0.5x0.5x1.2"`, mm | 1 mm |
+//! | `spacing`, `spacing_mm` | `[0.5, 0.5, 1.2]` or `"0.5x0.5x1.2"`, mm | 1 mm |
 //! | `skip` | bytes at the head of every file | 0 |
 //! | `orientation` | three letters such as `"LPS"` | `LPS` |
 //! | `file` | name of the data, in the same folder | the file or folder of the same stem |
 //!
-//! Other keys are left alone. Of TOML, keys before the first table are read, with strings, numbers and lists
+//! Other keys are named in a warning, in case one is misspelt. Of several side-cars of the same data the one
+//! with the longer name counts, then JSON before TOML. Of TOML, keys before the first table are read, with strings, numbers and lists
 //! as values; that needs no parser of the whole language, whose code would count as memory.
 
 use std::ffi::OsStr;
@@ -22,6 +23,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
+use super::open::Noted;
 use super::{RawOptions, RawVolume, ScalarType, SourceError, VolumeSource};
 use crate::geom::{Dims, Orientation};
 
@@ -35,7 +37,15 @@ pub(super) struct Sidecar {
     pub(super) options: RawOptions,
     /// Name of the data in the same folder, where it is stated.
     pub(super) file: Option<String>,
+    /// Keys that mean nothing here, as many as are named.
+    unknown: Vec<String>,
 }
+
+/// Keys that mean something.
+const KEYS: [&str; 7] = ["dims", "dtype", "spacing", "spacing_mm", "skip", "orientation", "file"];
+
+/// Unknown keys that are named, and the letters of each.
+const NAMED: (usize, usize) = (4, 40);
 
 /// Does a name end like a side-car's?
 pub(super) fn is_named_so(path: &Path) -> bool {
@@ -45,11 +55,7 @@ pub(super) fn is_named_so(path: &Path) -> bool {
 /// Reads a side-car; `None` for a file that is none (no `dims` and `dtype`), the reason for one whose
 /// values are wrong.
 pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
-    let mut text = String::new();
-    // Opening a pipe could wait forever.
-    fs::metadata(path).ok().filter(|meta| meta.is_file() && meta.len() <= MAX_BYTES)?;
-    let file = File::open(path).ok()?;
-    file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
+    let text = text_of(path)?;
     let value: Value = if path.extension().is_some_and(|e| e == "toml") {
         flat_toml(&text)
     } else {
@@ -58,6 +64,36 @@ pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
     let (dims, dtype) = (value.get("dims")?, value.get("dtype")?);
     let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
     Some(parse(&value, dims, dtype).map_err(unusable))
+}
+
+fn text_of(path: &Path) -> Option<String> {
+    let mut text = String::new();
+    // Opening a pipe could wait forever.
+    fs::metadata(path).ok().filter(|meta| meta.is_file() && meta.len() <= MAX_BYTES)?;
+    let file = File::open(path).ok()?;
+    file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
+    Some(text)
+}
+
+/// What is wrong with a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies beside data
+/// of its stem, but cannot be parsed. It does not name the file: that may bear the name of a patient.
+pub(super) fn unparsed(path: &Path) -> Option<String> {
+    let text = text_of(path).filter(|text| text.contains("dims") || text.contains("dtype"))?;
+    let what = if path.extension().is_some_and(|e| e == "toml") {
+        let keys = flat_toml(&text);
+        let started = |key: &&&str| {
+            let mut lines = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
+            let is =
+                |line: &str| line.split_once('=').is_some_and(|(k, _)| k.trim().trim_matches('"') == **key);
+            lines.any(is)
+        };
+        let lost = ["dims", "dtype"].iter().filter(|key| keys.get(**key).is_none()).find(started)?;
+        format!("the value of {lost} is neither a string nor a number nor a list of these")
+    } else {
+        serde_json::from_str::<Value>(&text).err()?.to_string()
+    };
+    data_of(path)?;
+    Some(format!("side-car of raw data that cannot be parsed: {what}"))
 }
 
 /// The keys of a TOML text before its first table. Values that are not strings, numbers or lists of these are
@@ -113,11 +149,16 @@ fn parse(value: &Value, dims: &Value, dtype: &Value) -> Result<Sidecar, String> 
         .as_str()
         .and_then(ScalarType::parse)
         .ok_or("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be")?;
-    let spacing_mm = match value.get("spacing") {
-        Some(spacing) => three(spacing)
-            .filter(|s| s.iter().all(|v| *v > 0.0))
-            .ok_or("its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]")?,
-        None => [1.0; 3],
+    let spacing_mm = match (value.get("spacing"), value.get("spacing_mm")) {
+        (Some(one), Some(other)) if three(one) != three(other) => {
+            return Err("its spacing and its spacing_mm differ; keep one of them".into());
+        }
+        (Some(spacing), _) | (None, Some(spacing)) => {
+            three(spacing)
+                .filter(|s| s.iter().all(|v| *v > 0.0))
+                .ok_or("its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]")?
+        }
+        (None, None) => [1.0; 3],
     };
     let skip = match value.get("skip") {
         Some(skip) => skip.as_u64().ok_or("its skip is not a number of bytes")?,
@@ -133,7 +174,12 @@ fn parse(value: &Value, dims: &Value, dtype: &Value) -> Result<Sidecar, String> 
         }
         None => None,
     };
-    Ok(Sidecar { options: RawOptions { dims, scalar, endian, spacing_mm, skip, orientation }, file })
+    let keys = value.as_object().into_iter().flat_map(serde_json::Map::keys);
+    let unknown = keys.filter(|key| !KEYS.contains(&key.as_str())).take(NAMED.0);
+    let unknown =
+        unknown.map(|key| key.chars().take(NAMED.1).flat_map(char::escape_debug).collect()).collect();
+    let options = RawOptions { dims, scalar, endian, spacing_mm, skip, orientation };
+    Ok(Sidecar { options, file, unknown })
 }
 
 /// Three finite numbers, as a list or joined by `x`.
@@ -152,23 +198,42 @@ fn is_plain(name: &str) -> bool {
     matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
 }
 
-/// Side-cars that could describe a file or folder, by their names.
-pub(super) fn candidates(data: &Path) -> impl Iterator<Item = PathBuf> + '_ {
-    ["json", "toml"].into_iter().flat_map(move |ending| {
+/// Side-cars that could describe a file or folder, by their names; the first that does counts.
+fn candidates(data: &Path) -> impl Iterator<Item = PathBuf> + '_ {
+    let longer = |ending: &str| {
         let mut longer = data.as_os_str().to_owned();
         longer.push(".");
         longer.push(ending);
-        [data.with_extension(ending), PathBuf::from(longer)]
+        PathBuf::from(longer)
+    };
+    let longer = ["json", "toml"].map(longer);
+    longer.into_iter().chain(["json", "toml"].into_iter().map(|ending| data.with_extension(ending)))
+}
+
+/// The side-car of a file or folder.
+pub(super) fn of(data: &Path) -> Option<PathBuf> {
+    candidates(data).find(|sidecar| match read(sidecar) {
+        Some(Ok(found)) => found.file.is_none_or(|name| data.file_name() == Some(OsStr::new(&name))),
+        Some(Err(_)) => true,
+        None => false,
+    })
+}
+
+/// Does another side-car of the same data count instead of this one?
+pub(super) fn is_outdone(path: &Path) -> bool {
+    let data = match read(path) {
+        Some(Ok(Sidecar { file: Some(name), .. })) => Some(path.with_file_name(name)),
+        _ => data_of(path),
+    };
+    // One of another name that states its data does not replace that beside the data: both are meant.
+    data.is_some_and(|data| {
+        candidates(&data).any(|candidate| candidate == path) && of(&data).is_some_and(|first| first != path)
     })
 }
 
 /// Is a file or folder the data of a side-car beside it?
 pub(super) fn describes(data: &Path) -> bool {
-    candidates(data).any(|sidecar| match read(&sidecar) {
-        Some(Ok(found)) => found.file.is_none_or(|name| data.file_name() == Some(OsStr::new(&name))),
-        Some(Err(_)) => true,
-        None => false,
-    })
+    of(data).is_some()
 }
 
 /// Opens the volume that a side-car describes.
@@ -184,8 +249,48 @@ pub(super) fn open(path: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
             unusable("describes a raw volume, but no file of the same stem is beside it; name it with the key file")
         })?,
     };
-    let volume = RawVolume::open(&[data], &sidecar.options)?;
-    Ok(Box::new(volume))
+    let options = &sidecar.options;
+    let volume = RawVolume::open(&[data], options).map_err(|error| in_terms_of_keys(path, options, error))?;
+    if sidecar.unknown.is_empty() {
+        return Ok(Box::new(volume));
+    }
+    let mut info = volume.info().clone();
+    info.warnings.push(format!(
+        "the side-car has keys that are not known: {}; known are {}",
+        sidecar.unknown.join(", "),
+        KEYS.join(", ")
+    ));
+    Ok(Box::new(Noted { source: Box::new(volume), info }))
+}
+
+/// A refusal of raw data that speaks of the side-car instead of options of the command line.
+fn in_terms_of_keys(path: &Path, options: &RawOptions, error: SourceError) -> SourceError {
+    let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
+    let name = |data: &Path| data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    match error {
+        SourceError::SizeMismatch { path: data, expected, got, what } => {
+            let voxels = expected.saturating_sub(options.skip) / (options.scalar.bytes() as u64).max(1);
+            let sizes = |size: u64| voxels.checked_mul(size).and_then(|n| n.checked_add(options.skip));
+            let slice = u64::from(options.dims.nx()) * u64::from(options.dims.ny());
+            let key = if [1, 2, 4, 8].into_iter().any(|size| sizes(size) == Some(got)) {
+                "dtype"
+            } else if got.checked_sub(expected).is_some_and(|more| more < slice) {
+                "skip"
+            } else {
+                "dims"
+            };
+            let data = name(&data);
+            unusable(format!(
+                "describes {data} as {what}, which takes {expected} bytes, but it has {got}; correct the key {key}, or copy {data} again"
+            ))
+        }
+        SourceError::Unusable { path: data, reason } | SourceError::Usage { path: data, reason }
+            if reason.contains("--") =>
+        {
+            unusable(format!("describes {}, but {}", name(&data), reason.replace("--", "the key ")))
+        }
+        other => other,
+    }
 }
 
 /// The file or folder of the same stem; of several the first by name.
@@ -218,7 +323,7 @@ pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::Endian;
+    use crate::source::{Catalogue, Endian, Finding, OpenOptions};
 
     #[test]
     fn a_pipe_is_no_side_car() {
@@ -239,10 +344,10 @@ mod tests {
         };
         let json = r#"{"dims": [2, 3, 4], "dtype": "i16be", "spacing": "0.5x0.5x2", "skip": 7, "orientation": "RAI",
                       "note": [1]}"#;
-        let toml =
-            "dims = \"2x3x4\"\ndtype = \"i16be\"\nspacing = [0.5, 0.5, 2]\nskip = 7\norientation = \"RAI\"\n";
+        let toml = "dims = \"2x3x4\"\ndtype = \"i16be\"\nspacing = [0.5, 0.5, 2]\nskip = 7\norientation = \"RAI\"\nnote = [1]\n";
         let (a, b) = (of("a.json", json).unwrap().unwrap(), of("a.toml", toml).unwrap().unwrap());
         assert_eq!(a, b);
+        assert_eq!(a.unknown, ["note"]);
         assert_eq!(
             (a.options.dims.to_array(), a.options.endian, a.options.skip),
             ([2, 3, 4], Endian::Big, 7)
@@ -276,6 +381,80 @@ mod tests {
         let started = std::time::Instant::now();
         assert_eq!(flat_toml(&format!("a = \"{}", "#".repeat(1 << 20))), serde_json::json!({}));
         assert!(started.elapsed() < std::time::Duration::from_secs(2));
+    }
+
+    #[test]
+    fn spacing_has_two_names_and_unknown_keys_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a.raw"), [1; 8]).unwrap();
+        let opened = |more: &str| {
+            let text = format!(r#"{{"dims": [2, 2, 2], "dtype": "u8"{more}}}"#);
+            fs::write(at("a.json"), text).unwrap();
+            open(&at("a.json")).map(|v| v.info().clone())
+        };
+        let info = opened(r#", "spacing_mm": [1, 2, 3]"#).unwrap();
+        assert_eq!((info.spacing_mm, info.warnings.len()), ([1.0, 2.0, 3.0], 0));
+        let twice = opened(r#", "spacing_mm": [1, 2, 3], "spacing": "1x2x3""#).unwrap();
+        assert_eq!(twice.spacing_mm, [1.0, 2.0, 3.0]);
+        let differ = opened(r#", "spacing_mm": [1, 2, 3], "spacing": [1, 1, 1]"#).unwrap_err().to_string();
+        assert!(differ.contains("spacing_mm differ"), "{differ}");
+        let misspelt = opened(r#", "spaceing": [1, 2, 3], "no\nte": 1"#).unwrap();
+        let [warning] = misspelt.warnings.as_slice() else { panic!("{:?}", misspelt.warnings) };
+        for words in ["spaceing", "no\\nte", "spacing_mm", "orientation"] {
+            assert!(warning.contains(words), "{warning}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_size_names_the_side_car_and_the_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a.json"), r#"{"dims": [2, 2, 3], "dtype": "u16", "skip": 5}"#).unwrap();
+        for (bytes, key) in [(12 + 5, "dtype"), (24 + 5 + 3, "skip"), (100, "dims"), (7, "dims")] {
+            fs::write(at("a.raw"), vec![1; bytes]).unwrap();
+            let text = open(&at("a.json")).err().unwrap().to_string();
+            let good = text.contains("a.json") && text.contains("a.raw") && !text.contains("--");
+            assert!(good && text.contains(&format!("correct the key {key},")), "{text}");
+        }
+        fs::create_dir(at("s")).unwrap();
+        fs::write(at("s/1"), [1; 4]).unwrap();
+        fs::write(at("s.json"), r#"{"dims": [2, 2, 2], "dtype": "u8"}"#).unwrap();
+        let text = open(&at("s.json")).err().unwrap().to_string();
+        assert!(text.contains("s.json") && text.contains("the key dims") && !text.contains("--"), "{text}");
+    }
+
+    #[test]
+    fn of_two_side_cars_the_longer_name_counts_and_broken_ones_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let text = r#"{"dims": [2, 2, 2], "dtype": "u8"}"#;
+        for name in ["a.raw", "b.raw", "c.raw"] {
+            fs::write(at(name), [1; 8]).unwrap();
+        }
+        for name in ["a.json", "a.raw.json"] {
+            fs::write(at(name), text).unwrap();
+        }
+        fs::write(at("b.json"), r#"{"dims": [2, 2, 2] "dtype": "u8"}"#).unwrap();
+        fs::write(at("c.toml"), "dims = [2, 2\ndtype = 'u8'\n").unwrap();
+        // Neither has anything to do with volumes.
+        fs::write(at("d.json"), r#"{"dims": "#).unwrap();
+        fs::write(at("notes.json"), "{").unwrap();
+        let options = OpenOptions::default();
+        let found = Catalogue::survey(&[folder.path().to_path_buf()], &options, folder.path()).unwrap();
+        let findings: Vec<Finding> = (0..found.len()).flat_map(|i| found.open(i)).collect();
+        let [only] = findings.as_slice() else { panic!("{findings:?}") };
+        assert!(only.path.ends_with("a.raw.json") && only.volume.is_ok(), "{only:?}");
+        for (name, words) in [
+            ("a.json", "another side-car"),
+            ("b.json", "cannot be parsed: expected"),
+            ("c.toml", "cannot be parsed: the value of dims"),
+        ] {
+            let left = found.left_out().iter().find(|l| l.first.ends_with(name));
+            assert!(left.is_some_and(|l| l.reason.contains(words)), "{name}: {:?}", found.left_out());
+        }
+        let others: Vec<_> = found.left_out().iter().filter(|l| l.reason == "not a volume").collect();
+        assert_eq!(others.iter().map(|l| l.count).sum::<u64>(), 4, "b.raw, c.raw, d.json, notes.json");
     }
 
     #[test]

@@ -8,6 +8,7 @@ use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use super::beside::Beside;
 use super::catalogue::{Item, LeftOut, OpenOptions, What, full_path, precedes};
 use super::dicom::{Recognised, recognise};
 use super::formats::{FORMATS, HEAD_BYTES, STACKS};
@@ -52,6 +53,7 @@ pub(super) struct Surveyor<'a> {
     items: Vec<Item>,
     log: Log,
     left_out: Vec<LeftOut>,
+    beside: Beside,
     /// Items that take more than one file, by what they are and a hash of their key.
     index: HashMap<(What, u64), u32>,
 }
@@ -74,13 +76,14 @@ impl<'a> Surveyor<'a> {
             items: Vec::new(),
             log: Log::new(scratch),
             left_out: Vec::new(),
+            beside: Beside::default(),
             index: HashMap::new(),
         }
     }
 
     /// What was found, in the order in which it was met.
-    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>) {
-        (self.items, self.log, self.left_out)
+    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>, Beside) {
+        (self.items, self.log, self.left_out, self.beside)
     }
 
     fn path(&self, input: u32, path: &Path) -> PathBuf {
@@ -88,7 +91,7 @@ impl<'a> Surveyor<'a> {
         full_path(self.inputs, &record)
     }
 
-    fn classify(&self, path: &Path, meta: &Metadata, named: bool) -> Result<Class, SourceError> {
+    fn classify(&mut self, path: &Path, meta: &Metadata, named: bool) -> Result<Class, SourceError> {
         let left_out = |reason: &str| Ok(Class::LeftOut(reason.into()));
         if meta.len() == 0 {
             return left_out("empty file");
@@ -105,8 +108,10 @@ impl<'a> Surveyor<'a> {
             Err(cause) => return Ok(Class::LeftOut(format!("cannot be read ({})", cause.kind()))),
         };
         match recognise(&file) {
-            Recognised::Image { series } => {
-                let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
+            Recognised::Image { series, secrets } => {
+                let folder = path.parent().unwrap_or(Path::new(""));
+                self.beside.note(folder, secrets, &mut self.log)?;
+                let folder = folder.as_os_str().as_bytes();
                 // Images that name no series belong to those beside them.
                 let key = if series.is_empty() {
                     StableHash::new().part(b"folder").part(folder)
@@ -141,7 +146,15 @@ impl<'a> Surveyor<'a> {
             return left_out(what);
         }
         if sidecar::is_named_so(path) && sidecar::read(path).is_some() {
+            if sidecar::is_outdone(path) {
+                return left_out("another side-car describes the same data");
+            }
             return Ok(Class::Item(What::Sidecar, None));
+        }
+        if sidecar::is_named_so(path)
+            && let Some(reason) = sidecar::unparsed(path)
+        {
+            return left_out(&reason);
         }
         if sidecar::describes(path) || is_detached_data(path) {
             return Ok(Class::Part);

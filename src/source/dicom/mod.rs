@@ -52,7 +52,7 @@ pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places, Secrets
 pub use image::{Access, Image, Obstacle};
 pub use pixels::{Padding, PixelLayout, StatedPadding};
 pub use scan::{ScanError, scan};
-pub(crate) use survey::{Recognised, recognise};
+pub(crate) use survey::{Recognised, recognise, words};
 pub use syntax::TransferSyntax;
 pub use unroll::{FrameSink, unroll};
 pub use volume::DicomVolume;

@@ -24,6 +24,8 @@ pub(crate) enum Recognised {
     Image {
         /// Series Instance UID.
         series: String,
+        /// Whom it shows.
+        secrets: Secrets,
     },
     /// A report, a plan, a directory, ...; in words.
     NoImage(String),
@@ -40,7 +42,7 @@ pub(crate) fn recognise(file: &File) -> Recognised {
     match scan(file) {
         // An image that ends before its pixels is still an image; it is refused when it is opened.
         Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
-            Recognised::Image { series: header.series_uid }
+            Recognised::Image { series: header.series_uid, secrets: header.secrets }
         }
         Ok(header) => Recognised::NoImage(Obstacle::NoPixels(header.kind()).to_string()),
         Err(ScanError::Io(cause)) => Recognised::Unreadable(cause),
@@ -285,7 +287,7 @@ const SHORTEST_SECRET: usize = 3;
 const SHORTEST_OTHER_SECRET: usize = 2;
 
 /// Words of a name or number that tell who the patient is.
-pub(super) fn words(secrets: &Secrets, known: &mut Vec<String>) {
+pub(crate) fn words(secrets: &Secrets, known: &mut Vec<String>) {
     for text in secrets.texts() {
         for word in text.split(|c: char| !c.is_alphanumeric()) {
             let shortest = if word.is_ascii() { SHORTEST_SECRET } else { SHORTEST_OTHER_SECRET };

@@ -19,6 +19,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::files::{FileList, FileSet};
+use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::raw::base_name;
 use super::stored::{Placed, Places, Samples, StoredVolume, Target, Unroll};
@@ -47,40 +48,106 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| head.starts_with(*magic))
 }
 
-/// Opens pictures: one file with pages is a volume, files with one page each make one together, and of
-/// several files with pages each is a volume.
-pub(super) fn open(list: FileList, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
-    let name = if list.len() == 1 {
-        base_name(&list.path(0))
-    } else {
-        let folder = list.path(0).parent().map(Path::to_path_buf).unwrap_or_default();
-        base_name(if folder.as_os_str().is_empty() { Path::new(".") } else { &folder })
-    };
+/// Does a file have several pages, as far as that can be told?
+pub(super) fn is_whole(path: &Path) -> bool {
+    let mut pages = Stack::default();
+    match pages.add(path, 0) {
+        Ok(()) => pages.pages.len() > 1,
+        Err(_) => several_pages(path) == Some(true),
+    }
+}
+
+/// Opens pictures: files with one page each make a volume together, and each with several pages is a volume
+/// of its own, whatever becomes of the others.
+pub(super) fn open(list: FileList, _: &OpenOptions) -> Vec<Slices> {
+    let mut whole = Vec::new();
     let mut stack = Stack::default();
-    let mut single = Vec::new();
+    let mut files = Vec::new();
+    let mut refused: Option<SourceError> = None;
+    // Too damaged to tell whether they have several pages.
+    let mut unclear = Vec::new();
     for index in 0..list.len() {
         let path = list.path(index);
+        let own = |volume| Slices { files: vec![index], volume };
         let mut pages = Stack::default();
-        pages.add(&path, 0).map_err(|cause| unreadable(&path, cause))?;
-        if list.len() > 1 && pages.pages.len() > 1 {
-            let one = list.select(std::iter::once(index));
-            single.push(pages.volume(one, base_name(&path))?);
+        let added = pages.add(&path, 0).map_err(|cause| unreadable(&path, cause));
+        let several = if added.is_ok() { Some(pages.pages.len() > 1) } else { several_pages(&path) };
+        match (added, several) {
+            (Ok(()), Some(true)) => {
+                let one = list.select(std::iter::once(index));
+                whole.push(own(pages.volume(one, base_name(&path))));
+            }
+            (Ok(()), _) => {
+                let number = u32::try_from(files.len()).unwrap_or(u32::MAX);
+                pages.pages.iter_mut().for_each(|page| page.file = number);
+                files.push(index);
+                if let Err(reason) = stack.append(pages) {
+                    refused.get_or_insert(unusable(&path, reason));
+                }
+            }
+            (Err(error), Some(true)) => whole.push(own(Err(error))),
+            (Err(error), Some(false)) => {
+                files.push(index);
+                refused.get_or_insert(error);
+            }
+            (Err(error), None) => unclear.push((index, error)),
+        }
+    }
+    // They are what most of the others are: a slice must not be missed, nor a volume take others along.
+    for (index, error) in unclear {
+        if whole.len() > files.len() {
+            whole.push(Slices { files: vec![index], volume: Err(error) });
         } else {
-            let index = u32::try_from(index).unwrap_or(u32::MAX);
-            pages.pages.iter_mut().for_each(|page| page.file = index);
-            stack.append(pages).map_err(|reason| unusable(&path, reason))?;
+            files.push(index);
+            refused.get_or_insert(error);
         }
     }
-    if !stack.pages.is_empty() {
-        let used: Vec<usize> = stack.pages.iter().map(|p| p.file as usize).collect();
-        // Files of several pages were taken out; what is left is counted anew.
-        let chosen = if list.len() > 1 { list.select(used.into_iter()) } else { list };
-        if chosen.len() > 1 {
-            stack.pages.iter_mut().zip(0..).for_each(|(page, file)| page.file = file);
-        }
-        single.insert(0, stack.volume(chosen, name)?);
+    whole.sort_by_key(|volume| volume.files.first().copied());
+    files.sort_unstable();
+    if files.is_empty() {
+        return whole;
     }
-    Ok(single)
+    let volume = match refused {
+        Some(error) => Err(error),
+        None => {
+            let chosen = list.select(files.iter().copied());
+            let path = chosen.path(0);
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let name = base_name(if chosen.len() == 1 { &path } else { folder });
+            stack.volume(chosen, name)
+        }
+    };
+    whole.insert(0, Slices { files, volume });
+    whole
+}
+
+/// Has a file that cannot be used several pages? `None` if that cannot be told, either.
+fn several_pages(path: &Path) -> Option<bool> {
+    super::stored::regular(path).ok()?;
+    let opened = File::open(path).ok()?;
+    let (tiff, mut offset) = Tiff::open(&opened).ok()?;
+    let mut pages = 0;
+    for _ in 0..MAX_PAGES {
+        if offset == 0 {
+            break;
+        }
+        let directory = match tiff.directory(offset) {
+            Ok(directory) => directory,
+            // One page is there, and it speaks of another.
+            Err(_) if pages > 0 => return Some(true),
+            Err(_) => return None,
+        };
+        offset = directory.next;
+        // What cannot be read of a page does not make it a thumbnail.
+        if tiff.value(&directory, SUBFILE_TYPE, 0).unwrap_or(0) & 1 == 1 {
+            continue;
+        }
+        pages += 1;
+        if pages > 1 || read_notes(&tiff, &directory).is_ok_and(|notes| notes.images > 1) {
+            return Some(true);
+        }
+    }
+    (pages == 1).then_some(false)
 }
 
 /// What all slices of a volume share.
