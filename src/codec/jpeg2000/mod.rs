@@ -17,10 +17,10 @@
 //!
 //! Time: every packet consumes a byte at least; visits of code-blocks that consume nothing are counted;
 //! every other loop is over samples that the receiver accepted or over bytes that were read. Bit planes of
-//! a code-block are limited to [`MAX_PLANES`].
+//! a code-block are limited to 30.
 //!
 //! Not decoded: components of different size, precision or sign; packed packet headers (PPM, PPT); more
-//! than [`MAX_PLANES`] bit planes; palettes; code-blocks mixing both block coders; Part 2 extensions.
+//! than 30 bit planes; palettes; code-blocks mixing both block coders; Part 2 extensions.
 
 use std::io::Read;
 

@@ -143,7 +143,7 @@ impl StatedPadding {
 }
 
 /// Stored values that mean "no pixel", and what stands for them in a volume; of floating-point pixels as
-/// their [`rank`].
+/// their rank in the order of all such values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Padding {
     low: i64,
