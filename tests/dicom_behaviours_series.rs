@@ -495,6 +495,6 @@ fn raw_files_are_volumes_by_their_side_cars() {
     let stems: Vec<(&str, bool)> = findings.iter().map(|f| (f.stem.as_str(), f.volume.is_ok())).collect();
     assert_eq!(stems, [("head", true), ("short", false), ("slices", true)]);
     assert_eq!(findings[0].volume.as_ref().unwrap().info().spacing_mm, [1.0, 1.0, 3.0]);
-    assert!(findings[1].volume.as_ref().unwrap_err().to_string().contains("7 bytes"));
+    assert!(findings[1].volume.as_ref().unwrap_err().to_string().contains("takes 8 bytes, but it has 7"));
     assert_eq!((found.left_out().len(), found.left_out()[0].count), (1, 1));
 }
