@@ -101,7 +101,7 @@ fn stored_codes(
     volume: &Held,
     iso: f64,
     threads: usize,
-    memory_bytes: u64,
+    memory: MemoryCap,
 ) -> Result<(Codes, BuildReport), BuildError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.oct");
@@ -111,7 +111,7 @@ fn stored_codes(
         normals: true,
         values: false,
         lod: false,
-        memory: MemoryCap::Process(memory_bytes),
+        memory,
         threads,
         scratch: None,
     };
@@ -157,7 +157,7 @@ struct Errors {
 /// Angles between stored and true normals, in degrees; `truth` gives any outward vector, or `None`
 /// for a voxel that is left out. Every one of them must be below 90: neither zero nor inward.
 fn angles(volume: &Held, iso: f64, truth: impl Fn([u32; 3]) -> Option<[f64; 3]>) -> Vec<f64> {
-    let (codes, _) = stored_codes(volume, iso, 2, 1 << 30).unwrap();
+    let (codes, _) = stored_codes(volume, iso, 2, MemoryCap::Process(1 << 30)).unwrap();
     let angles: Vec<f64> = codes
         .into_iter()
         .filter_map(|(at, code)| {
@@ -444,13 +444,13 @@ fn codes_do_not_depend_on_threads_or_memory() {
         (2000.0 + 500.0 * (height - z) + 50.0 * gaussian_noise(at)).round().clamp(0.0, 4095.0) as u16
     });
     let codes = |threads, memory| stored_codes(&volume, 2000.0, threads, memory);
-    let (expected, wide) = codes(1, 1 << 30).unwrap();
+    let (expected, wide) = codes(1, MemoryCap::Process(1 << 30)).unwrap();
     assert!(expected.len() > 160_000);
-    let (parallel, report) = codes(3, 1 << 30).unwrap();
+    let (parallel, report) = codes(3, MemoryCap::Process(1 << 30)).unwrap();
     assert_eq!(report.threads, 3);
     assert!(parallel == expected, "three threads give other normals");
-    // The smallest budget that suffices, whatever this process holds already.
-    let (small, narrow) = (1..2048_u64).find_map(|half_mib| codes(1, half_mib << 19).ok()).unwrap();
+    // The smallest budget of the build alone that suffices: what else this process holds is no matter.
+    let (small, narrow) = (1..2048_u64).find_map(|step| codes(1, MemoryCap::Share(step << 17)).ok()).unwrap();
     assert!(narrow.tile < wide.tile, "the budget was meant to narrow the columns: {}", narrow.tile);
     assert!(small == expected, "a smaller budget gives other normals");
 }
