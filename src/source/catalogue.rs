@@ -29,7 +29,7 @@ pub struct OpenOptions {
     pub raw: Option<RawOptions>,
     /// What to do where slices of a series are missing.
     pub gaps: GapPolicy,
-    /// Which of several volumes [`super::open`] takes, counted from 1 over all volumes of a [`Catalogue`]
+    /// Which of several volumes [`fn@super::open`] takes, counted from 1 over all volumes of a [`Catalogue`]
     /// in its order, refused ones included; the largest if none is chosen.
     pub volume: Option<usize>,
     /// A folder (canonical) that is not searched: that of the results.

@@ -95,7 +95,7 @@ pub enum Access {
         /// Distance of frames.
         frame_bytes: u64,
     },
-    /// Frames have to be decoded from front to back: see [`super::unroll`].
+    /// Frames have to be decoded from front to back: see [`fn@super::unroll`].
     Unrolled,
 }
 
