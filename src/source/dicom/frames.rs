@@ -257,8 +257,8 @@ fn is_group(tag: Tag) -> bool {
 }
 
 impl FrameGeometry {
-    /// What the file says of all frames.
-    fn of_file(header: &DicomHeader) -> Self {
+    /// What the file says of all frames, or of its only one.
+    pub(super) fn of_file(header: &DicomHeader) -> Self {
         Self {
             position: header.position,
             orientation: header.orientation,

@@ -84,7 +84,7 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     let note = image.as_ref().and_then(|image| end_note(input, header, image));
     let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
     if plain || image.is_none() {
-        let own = own_geometry(header);
+        let own = FrameGeometry::of_file(header);
         add_frame(series, file, header, image.as_ref(), &own, obstacle.as_deref()).warn(note.as_deref());
         return;
     }
@@ -96,7 +96,7 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     });
     if let Err(error) = visited {
         let reason = format!("its frames cannot be told apart: {error}");
-        add_frame(series, file, header, None, &own_geometry(header), Some(&reason));
+        add_frame(series, file, header, None, &FrameGeometry::of_file(header), Some(&reason));
     }
 }
 
@@ -111,27 +111,6 @@ fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<String>
         let _ = write!(text, " All {} frames were found", image.frames);
     }
     Some(text)
-}
-
-/// What the file of one frame says of it.
-fn own_geometry(header: &DicomHeader) -> FrameGeometry {
-    FrameGeometry {
-        position: header.position,
-        orientation: header.orientation,
-        pixel_spacing: header.pixel_spacing,
-        slice_thickness: header.slice_thickness,
-        spacing_between: header.spacing_between,
-        slope: header.slope,
-        intercept: header.intercept,
-        frame_type: header.image_type.clone(),
-        complex_component: header.complex_component.clone(),
-        temporal_position: header.temporal_position,
-        acquisition: header.acquisition,
-        echo_time: header.echo_time,
-        b_value: header.b_value,
-        trigger_time: header.trigger_time,
-        ..FrameGeometry::default()
-    }
 }
 
 /// Adds a frame; returns what its group shares.
