@@ -25,7 +25,7 @@ use args::{Cli, Command, Switch};
 use bars::{Bars, BatchBars};
 
 fn main() -> ExitCode {
-    infobyte::allocator::give_memory_back();
+    infobyte::resident::map_large_buffers();
     // With a handler in place, writing past a file-size limit is an error that can be told, not the end of
     // the process. Without one (it cannot be set twice), the system's way stays.
     let _ = signal_hook::flag::register(

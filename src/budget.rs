@@ -68,9 +68,13 @@ impl fmt::Display for SizeArgument {
     }
 }
 
-/// Code and data of a process that are not resident yet when a plan is made; more of it where it is not
-/// optimised.
-pub const PROCESS_GROWTH: u64 = if cfg!(debug_assertions) { 1 << 20 } else { 512 << 10 };
+/// Code and constants of the program, and of the libraries it uses, that one stage of a job has resident at
+/// most, if the stages before it gave theirs back; larger where they are not optimised. Measured over every
+/// reader, cleaning and range, with room for where the system happens to place them.
+pub const CODE_BYTES: u64 = if cfg!(debug_assertions) { 4 << 20 } else { 2560 << 10 };
+/// By how much [`MemoryCap::held`] may differ between two runs of the same job; added where the smallest cap
+/// is stated, so that it does work.
+pub const HELD_SPREAD: u64 = 128 << 10;
 
 /// What bounds the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,10 +93,15 @@ impl MemoryCap {
         }
     }
 
-    /// Bytes that count against the bound before the job allocates anything.
+    /// Bytes that count against the bound beside what the job allocates from now on: in a process, all that
+    /// is allocated now, and code. What code is resident at the moment says little, as more is mapped while a
+    /// job runs, and differs with every start; so the most that it comes to is counted.
     pub fn held(self) -> u64 {
         match self {
-            Self::Process(_) => current_rss_bytes() + PROCESS_GROWTH,
+            Self::Process(_) => {
+                let code = file_rss_bytes();
+                current_rss_bytes().saturating_sub(code) + code.max(CODE_BYTES)
+            }
             Self::Share(_) => 0,
         }
     }

@@ -10,11 +10,11 @@
 //!
 //! | module | what it owns |
 //! |---|---|
-//! | [`allocator`] | the C library's allocator told to give memory back |
 //! | [`geom`] | dims, Morton codes, affine transforms |
 //! | [`atomic`] | output files that appear whole or not at all |
 //! | [`budget`] | sizes in bytes, and what the system accounts to the process |
 //! | [`progress`] | how a long job tells how far it is |
+//! | [`resident`] | memory and code that are done with, given back to the system |
 //! | [`scratch`] | nameless files for what does not fit into memory |
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
 //! | [`codec`] | compressed images, one frame at a time, row by row |
@@ -25,7 +25,6 @@
 //! | [`render`] | camera, the one traversal kernel, shading, images |
 //! | [`jobs`] | what the commands do, one function each |
 
-pub mod allocator;
 pub mod atomic;
 pub mod budget;
 pub mod build;
@@ -39,6 +38,7 @@ pub mod jobs;
 pub mod load;
 pub mod progress;
 pub mod render;
+pub mod resident;
 pub mod scratch;
 pub mod source;
 

@@ -47,7 +47,7 @@ pub use gradient::ESTIMATOR;
 pub use skin::Connectivity;
 
 pub(crate) use occupancy::{RangeTest, for_each_block, range_test, worker_bytes as occupancy_worker_bytes};
-pub(crate) use plan::{BASE_SPREAD, above_small_process, fixed_bytes};
+pub(crate) use plan::fixed_bytes;
 
 pub use crate::progress::{Progress, Silent};
 
@@ -57,7 +57,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
-use crate::budget::{MemoryCap, current_rss_bytes, file_rss_bytes, peak_rss_bytes};
+use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::format::{Metadata, Selection, SourceMeta};
 use crate::source::{ScalarType, VolumeInfo, VolumeSource};
 use choose::{Chooser, describe};
@@ -192,7 +192,7 @@ pub fn build(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
-    let job = Job { source, options, output, progress, code_bytes: file_rss_bytes() };
+    let job = Job { source, options, output, progress };
     // What can be refused at once is refused before the volume is read.
     job.check_budget()?;
     let files = job.open_files()?;
@@ -208,13 +208,15 @@ pub fn build(
     }
 }
 
+/// By how much the peak differs between two runs that open the same input: code that is touched then is mapped
+/// with its neighbours, which depend on where the program lies in memory.
+const OPENING_SPREAD: u64 = 384 << 10;
+
 struct Job<'a> {
     source: &'a dyn VolumeSource,
     options: &'a BuildOptions,
     output: &'a Path,
     progress: &'a dyn Progress,
-    /// Resident pages of files when the job began.
-    code_bytes: u64,
 }
 
 /// The files that a build writes.
@@ -226,14 +228,7 @@ struct Files {
 impl<'a> Job<'a> {
     /// A job that is only planned.
     fn to_plan(source: &'a dyn VolumeSource, options: &'a BuildOptions) -> Self {
-        Self { source, options, output: Path::new(""), progress: &Silent, code_bytes: file_rss_bytes() }
-    }
-
-    /// What is resident beside the job. Code that was loaded since it began is part of the growth that the
-    /// plan allows for, and not counted twice: a cap that was accepted at first is not refused later for it.
-    fn base_bytes(&self) -> u64 {
-        let loaded = file_rss_bytes().saturating_sub(self.code_bytes).min(512 << 10);
-        current_rss_bytes().saturating_sub(loaded)
+        Self { source, options, output: Path::new(""), progress: &Silent }
     }
 
     fn open_files(&self) -> Result<Files, BuildError> {
@@ -357,16 +352,17 @@ impl<'a> Job<'a> {
             normals: self.options.normals,
             swapped_value_bytes: if self.options.values { value::swapped_bytes(info.scalar) } else { 0 },
             threads: self.options.threads,
-            limit_bytes,
-            base_bytes: alone.then(|| self.base_bytes()),
+            memory: self.options.memory,
+            fixed_bytes: plan::fixed_bytes(self.options.memory),
             source_bytes: self.source.resident_bytes(),
         });
         // The cap is on the peak: what the process has held before, to open the input, counts too.
         let peak = if alone { peak_rss_bytes() } else { 0 };
+        let told = if peak > 0 { peak + OPENING_SPREAD } else { 0 };
         let minimum = match plan {
             Ok(plan) if peak <= limit_bytes => return Ok(plan),
-            Ok(_) => peak,
-            Err(minimum) => minimum.max(peak),
+            Ok(_) => told,
+            Err(minimum) => minimum.max(told),
         };
         let name = info.description.name.clone();
         Err(BuildError::BudgetTooSmall {

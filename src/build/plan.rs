@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::column::Column;
 use super::gradient::{OVERREAD, REACH, SLICE_VOXELS};
 use super::swap::{ENTRY_BYTES, EXTENT_BYTES};
-use crate::budget::{MemoryCap, PROCESS_GROWTH, current_rss_bytes};
+use crate::budget::{HELD_SPREAD, MemoryCap};
 use crate::geom::Dims;
 
 /// Edge of a brick, the unit of swapping: a column is one brick high.
@@ -27,21 +27,10 @@ pub(super) const WORKER_OVERHEAD: u64 = 192 << 10;
 /// What a build holds beside its workers, and what the allocator wastes, in a process of its host.
 const SHARE_OVERHEAD: u64 = 256 << 10;
 
-/// What is resident at the start is counted as at least this: it differs by some 300 KiB between runs (the
-/// kernel maps pages of the program around those that are touched), and the smallest budget should not.
-const BASE_AT_LEAST: u64 = 3584 << 10;
-/// That difference, for programs that start above it (unoptimised ones, or hosts of the library).
-pub(crate) const BASE_SPREAD: u64 = 384 << 10;
-
-/// By how much the process is larger than an optimised program is when it starts.
-pub(crate) fn above_small_process() -> u64 {
-    current_rss_bytes().saturating_sub(BASE_AT_LEAST)
-}
-
 /// What counts against a cap before any buffer of weight.
 pub(crate) fn fixed_bytes(memory: MemoryCap) -> u64 {
     match memory {
-        MemoryCap::Process(_) => current_rss_bytes().max(BASE_AT_LEAST) + PROCESS_GROWTH,
+        MemoryCap::Process(_) => memory.held(),
         MemoryCap::Share(_) => SHARE_OVERHEAD,
     }
 }
@@ -77,9 +66,9 @@ pub(super) struct PlanRequest {
     pub(super) normals: bool,
     pub(super) swapped_value_bytes: usize,
     pub(super) threads: usize,
-    pub(super) limit_bytes: u64,
-    /// Resident already, before any buffer of the build; `None` if the limit is on the build alone.
-    pub(super) base_bytes: Option<u64>,
+    pub(super) memory: MemoryCap,
+    /// What counts against it before any buffer of the build.
+    pub(super) fixed_bytes: u64,
     /// What the source may hold per reading thread.
     pub(super) source_bytes: u64,
 }
@@ -98,7 +87,7 @@ impl ColumnPlan {
         let (mut tile, mut threads) = (nx, request.threads.clamp(1, most));
         loop {
             let plan = Self::sized(request, tile, threads);
-            if plan.total_bytes <= request.limit_bytes {
+            if plan.total_bytes <= request.memory.bytes() {
                 return Ok(plan);
             }
             if tile > COMFORTABLE_TILE {
@@ -108,9 +97,10 @@ impl ColumnPlan {
             } else if tile > NARROWEST_TILE {
                 tile = narrower(tile);
             } else {
-                let spread = request
-                    .base_bytes
-                    .map_or(0, |base| (base + BASE_SPREAD).max(BASE_AT_LEAST) - base.max(BASE_AT_LEAST));
+                let spread = match request.memory {
+                    MemoryCap::Process(_) => HELD_SPREAD,
+                    MemoryCap::Share(_) => 0,
+                };
                 return Err((plan.total_bytes + spread).next_multiple_of(1 << 16));
             }
         }
@@ -130,8 +120,7 @@ impl ColumnPlan {
         let worker = plan.worker_bytes(request.direct).max(super::merge::WORKER_BYTES)
             + WORKER_OVERHEAD
             + request.source_bytes;
-        let fixed = request.base_bytes.map_or(SHARE_OVERHEAD, |b| b.max(BASE_AT_LEAST) + PROCESS_GROWTH);
-        plan.total_bytes = fixed + worker * threads as u64;
+        plan.total_bytes = request.fixed_bytes + worker * threads as u64;
         plan
     }
 
@@ -243,8 +232,8 @@ mod tests {
             normals: true,
             swapped_value_bytes: 0,
             threads,
-            limit_bytes: limit_mib << 20,
-            base_bytes: Some(3 << 20),
+            memory: MemoryCap::Process(limit_mib << 20),
+            fixed_bytes: 4 << 20,
             source_bytes: 0,
         }
     }
@@ -272,9 +261,9 @@ mod tests {
             panic!("2 MiB cannot be enough");
         };
         let mut again = request(65_536, 0, 4);
-        again.limit_bytes = minimum_bytes;
+        again.memory = MemoryCap::Process(minimum_bytes);
         assert!(ColumnPlan::new(&again).is_ok());
-        again.limit_bytes = minimum_bytes - (1 << 19);
+        again.memory = MemoryCap::Process(minimum_bytes - (1 << 19));
         assert!(ColumnPlan::new(&again).is_err());
     }
 }

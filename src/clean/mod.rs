@@ -34,7 +34,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use crate::budget::MemoryCap;
+use crate::budget::{HELD_SPREAD, MemoryCap};
 use crate::build::{self, BuildError, BuildOptions, Progress, choose_selection, for_each_block, range_test};
 use crate::format::Selection;
 use crate::geom::Dims;
@@ -46,12 +46,11 @@ use masked::Masked;
 /// Most components that can be asked for by [`CleanOptions::keep_largest`].
 pub const MOST_LARGEST: u32 = 4000;
 
-/// What cleaning leaves resident in a process of its own: code that has run, and what the allocator keeps.
-/// Unoptimised programs, and hosts with much code, start larger and grow by more.
+/// What cleaning leaves resident in a process of its own, because the allocator keeps it.
 fn left_over(memory: MemoryCap) -> u64 {
     match memory {
         MemoryCap::Share(_) => 0,
-        MemoryCap::Process(_) => (256 << 10) + build::above_small_process().min(384 << 10),
+        MemoryCap::Process(_) => 640 << 10,
     }
 }
 
@@ -202,7 +201,7 @@ impl CleanOptions {
             return build;
         }
         let own = build::fixed_bytes(none) + self.least_bytes(source);
-        let spread = if matches!(none, MemoryCap::Process(_)) { build::BASE_SPREAD } else { 0 };
+        let spread = if matches!(none, MemoryCap::Process(_)) { HELD_SPREAD } else { 0 };
         (self.beside(source, none) + build.max(own) + spread).next_multiple_of(1 << 16)
     }
 

@@ -13,6 +13,7 @@ use crate::build::{self, BuildOptions, BuildReport, Progress, Threshold};
 use crate::clean::{CleanOptions, CleanReport};
 use crate::error::Error;
 use crate::format::MAGIC;
+use crate::resident::give_back;
 use crate::source::{self, OpenOptions, Preparation, VolumeSource, Workspace};
 
 /// What was built, from what, and what it took.
@@ -63,6 +64,7 @@ pub fn build_cleaned(
     progress: &dyn Progress,
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
+    give_back();
     let source = source::open_in(inputs, how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
@@ -104,6 +106,7 @@ pub fn build_source(
     started: Instant,
 ) -> Result<BuildSummary, Error> {
     prepare(source, options, output, progress)?;
+    give_back();
     let report = build::build(source, options, output, progress)?;
     let wall_s = started.elapsed().as_secs_f64();
     Ok(BuildSummary {
@@ -153,7 +156,11 @@ pub fn build_reshaped_source(
         preset.doubt(source.modality())
     });
     prepare(&mut *source, &options, output, progress)?;
+    give_back();
     let cleaned = cleaning.clean(&*source, &options, output, progress)?;
+    if cleaned.is_some() {
+        give_back();
+    }
     let report = match &cleaned {
         Some(cleaned) => {
             options.threshold = Threshold::Chosen(cleaned.selection);
@@ -187,6 +194,7 @@ fn prepare(
     if needs == Preparation::default() {
         return Ok(());
     }
+    give_back();
     let scratch = options.scratch_folder(output);
     let memory_bytes = options.memory.left();
     Ok(source.prepare(&Workspace { scratch: &scratch, memory_bytes, progress })?)

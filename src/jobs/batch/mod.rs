@@ -37,22 +37,21 @@ use super::build::build_reshaped_source;
 use super::picture::thumbnail_file;
 use super::scan::{LeftOuts, Masked};
 use crate::atomic::sweep;
-use crate::budget::{MemoryCap, PROCESS_GROWTH, SizeArgument, current_rss_bytes, peak_rss_bytes};
+use crate::budget::{HELD_SPREAD, MemoryCap, SizeArgument, peak_rss_bytes};
 use crate::build::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::clean::CleanOptions;
 use crate::error::Error;
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
+use crate::resident::give_back;
 use crate::source::{Catalogue, Finding, OpenOptions, SourceError, VolumeSource};
 use ledger::Ledger;
 use record::{Journal, Record};
 
-/// Resident memory of the process beside its jobs is counted as at least this.
-const BASE_AT_LEAST: u64 = 5632 << 10;
+/// Code that is resident beside that of one stage of one job: other jobs are at other stages.
+const MORE_CODE: u64 = 1 << 20;
 /// What opening a small input and watching a job take, for each job.
 const JOB_OVERHEAD: u64 = 704 << 10;
-/// What is resident at the start differs by this much between runs.
-const BASE_SPREAD: u64 = 384 << 10;
 /// Least memory that a job is of use with.
 const LEAST_SHARE: u64 = 1536 << 10;
 /// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
@@ -119,7 +118,8 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     }
 
     let limit = request.build.memory.bytes();
-    let resident = current_rss_bytes().max(BASE_AT_LEAST) + PROCESS_GROWTH;
+    give_back();
+    let resident = request.build.memory.held() + MORE_CODE;
     let base_of = |jobs: usize| resident + JOB_OVERHEAD * jobs as u64 + opening_bytes(&catalogue, jobs);
     let fits = |jobs: &usize| base_of(*jobs) + LEAST_SHARE * *jobs as u64 <= limit;
     // Fewer jobs where the memory is not enough for all.
@@ -127,7 +127,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         return Err(Error::Build(BuildError::BudgetTooSmall {
             name: request.out.display().to_string(),
             limit_bytes: limit,
-            minimum_bytes: (base_of(1) + LEAST_SHARE + BASE_SPREAD).next_multiple_of(1 << 16),
+            minimum_bytes: (base_of(1) + LEAST_SHARE + HELD_SPREAD).next_multiple_of(1 << 16),
         }));
     };
     let base = base_of(jobs);

@@ -1,0 +1,144 @@
+//! Resident memory that a process can do without, given back to the system.
+//!
+//! Two things stay resident that nobody needs: buffers that the C library's allocator keeps after they are
+//! freed, and pages of the program's own code that have run once. In a process of a few MiB both weigh.
+#![expect(unsafe_code, reason = "a setting of the C library, and advice on mappings of files")]
+
+use std::fs;
+
+/// Buffers from this size on are mapped on their own, so that freeing them returns them at once.
+const MAPPED_FROM: i32 = 128 << 10;
+
+/// Fixes the size from which buffers are mapped, for programs that promise their resident memory.
+///
+/// Left alone, glibc raises that size whenever a larger buffer is freed, up to 32 MiB; from then on buffers
+/// of that size come from heaps that keep what is freed, and a process that does one job after another
+/// holds more than any of them needs. Called once, before other threads exist. Other C libraries, and other
+/// systems, are left as they are.
+pub fn map_large_buffers() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: mallopt takes two integers and changes settings of the allocator only; the man page allows it
+    // at any time, and no other thread runs yet that could allocate meanwhile.
+    unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_FROM);
+        libc::mallopt(libc::M_TRIM_THRESHOLD, MAPPED_FROM);
+        libc::mallopt(libc::M_ARENA_MAX, 2);
+    }
+}
+
+/// Gives back what the stage of a job that has just ended leaves resident: freed memory that the allocator
+/// keeps, and code.
+///
+/// Cost: the kernel walks the pages of all mappings once (some 100 us), and some hundred page faults later.
+pub fn give_back() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: malloc_trim takes an integer, may be called by any thread at any time, and gives back pages of
+    // the allocator that hold nothing.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+    give_code_back();
+}
+
+/// Gives back the pages of code and constants that are resident now; those that are still needed come back
+/// from the system's cache when they are touched.
+///
+/// The kernel maps sixteen pages around every one that runs, so that starting a program, reading its
+/// arguments and opening its input leave three to four MiB of code behind that a long job never calls again.
+/// How much differs from run to run, by where the program lies in memory. Only mappings of files that may not
+/// be written and hold no changed page are let go, so that nothing but time can be lost. Other systems are
+/// left as they are.
+fn give_code_back() {
+    #[cfg(target_os = "linux")]
+    for Mapping { start, len } in unchanged_files(&fs::read_to_string("/proc/self/smaps").unwrap_or_default())
+    {
+        // SAFETY: the range is a private mapping of a file without write permission and without a page that
+        // differs from the file (the kernel has just told so), so that reading it again, by this thread or any
+        // other, finds the same bytes. Code is not written while it runs. A range that is no longer mapped is
+        // an error that is told by the return value and changes nothing.
+        unsafe {
+            libc::madvise(std::ptr::without_provenance_mut(start), len, libc::MADV_DONTNEED);
+        }
+    }
+}
+
+/// Addresses of one mapping.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Mapping {
+    start: usize,
+    len: usize,
+}
+
+/// The private mappings of files in `/proc/PID/smaps` that cannot be written and equal their files.
+fn unchanged_files(smaps: &str) -> Vec<Mapping> {
+    let mut found = Vec::new();
+    let mut candidate = None;
+    for line in smaps.lines() {
+        if let Some(mapping) = header(line) {
+            candidate = mapping;
+        } else if let Some(kib) = line.strip_prefix("Anonymous:")
+            && let Some(mapping) = candidate.take()
+            && kib.trim() == "0 kB"
+        {
+            found.push(mapping);
+        }
+    }
+    found
+}
+
+/// Reads the first line of a mapping; `Some(None)` is one that has to stay.
+fn header(line: &str) -> Option<Option<Mapping>> {
+    let mut words = line.split_ascii_whitespace();
+    let (start, end) = words.next()?.split_once('-')?;
+    let [start, end] = [start, end].map(|hex| usize::from_str_radix(hex, 16).ok());
+    let (start, end) = (start?, end?);
+    let may = words.next()?.as_bytes();
+    let inode = words.nth(2)?;
+    let stays = may.contains(&b'w') || !may.contains(&b'p') || inode == "0";
+    Some((!stays).then_some(Mapping { start, len: end.checked_sub(start)? }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SMAPS: &str = "\
+5500aa000-5500ab000 r--p 00000000 08:01 12                       /a program
+Size:                  4 kB
+Anonymous:             0 kB
+5500ab000-5500ae000 r-xp 00001000 08:01 12                       /a program
+Anonymous:             0 kB
+5500ae000-5500af000 r--p 00003000 08:01 12                       /a program
+Anonymous:             4 kB
+5500af000-5500b0000 rw-p 00004000 08:01 12                       /a program
+Anonymous:             0 kB
+7f00aa000-7f00bb000 rw-p 00000000 00:00 0
+Anonymous:            68 kB
+7f00bb000-7f00bc000 r--s 00000000 08:01 13                       /a model
+Anonymous:             0 kB
+7f00bc000-7f00bd000 r-xp 00000000 00:00 0                        [vdso]
+Anonymous:             0 kB
+";
+
+    #[test]
+    fn only_unchanged_pages_of_private_read_only_files_are_let_go() {
+        let expected =
+            [Mapping { start: 0x5_500a_a000, len: 4096 }, Mapping { start: 0x5_500a_b000, len: 3 * 4096 }];
+        assert_eq!(unchanged_files(SMAPS), expected);
+        assert_eq!(unchanged_files("no\nsuch-thing r--p\nAnonymous: 0 kB\n"), []);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn code_goes_and_comes_back() {
+        use crate::budget::file_rss_bytes;
+        // Other tests run meanwhile and touch code of their own: one time of several has to show it.
+        let fell = (0..20).any(|_| {
+            let before = file_rss_bytes();
+            give_code_back();
+            file_rss_bytes() < before
+        });
+        assert!(fell);
+        assert_eq!(header("Rss: 4 kB"), None);
+    }
+}
