@@ -74,7 +74,7 @@ impl fmt::Display for SizeArgument {
 pub const CODE_BYTES: u64 = if cfg!(debug_assertions) { 4 << 20 } else { 2560 << 10 };
 /// By how much [`MemoryCap::held`] may differ between two runs of the same job; added where the smallest cap
 /// is stated, so that it does work.
-pub const HELD_SPREAD: u64 = 128 << 10;
+pub const HELD_SPREAD: u64 = 192 << 10;
 
 /// What bounds the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,10 +98,7 @@ impl MemoryCap {
     /// job runs, and differs with every start; so the most that it comes to is counted.
     pub fn held(self) -> u64 {
         match self {
-            Self::Process(_) => {
-                let code = file_rss_bytes();
-                current_rss_bytes().saturating_sub(code) + code.max(CODE_BYTES)
-            }
+            Self::Process(_) => own_rss_bytes() + file_rss_bytes().max(CODE_BYTES),
             Self::Share(_) => 0,
         }
     }
@@ -121,6 +118,11 @@ pub fn peak_rss_bytes() -> u64 {
 /// Present resident set of this process in bytes (`VmRSS`); 0 where the system does not tell.
 pub fn current_rss_bytes() -> u64 {
     proc_status_bytes("VmRSS:")
+}
+
+/// Resident memory of this process that is no file's, in bytes; 0 where the system does not tell.
+pub fn own_rss_bytes() -> u64 {
+    proc_status_bytes("RssAnon:") + proc_status_bytes("RssShmem:")
 }
 
 /// Resident pages of files in this process (`RssFile`), its own code above all, in bytes; 0 where the system
