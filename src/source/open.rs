@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::catalogue::{Catalogue, Finding, OpenOptions};
 use super::dicom::{Recognised, recognise};
-use super::formats::HEAD_BYTES;
+use super::formats::{HEAD_BYTES, known};
 use super::noted::Noted;
 use super::{RawVolume, SourceError, VolumeSource, nifti, sidecar};
 
@@ -15,15 +15,6 @@ const DEPTH: u32 = 5;
 
 /// Files or volumes named in one warning.
 const NAMED: usize = 3;
-
-/// Formats by their first bytes that are not read, to say what a refused file is.
-const KNOWN: [(usize, &[u8], &str); 5] = [
-    (0, b"\x1f\x8b", "a gzip file, but of no volume that is read"),
-    (0, b"\xff\xd8\xff", "a JPEG image"),
-    (0, b"ply", "a PLY mesh"),
-    (0, b"OFF", "an OFF mesh"),
-    (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
-];
 
 /// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
 ///
@@ -272,12 +263,6 @@ fn head_of(file: &File) -> Vec<u8> {
     // What cannot be read is not known.
     let _ = file.take(HEAD_BYTES as u64).read_to_end(&mut head);
     head
-}
-
-/// What a file is by its first bytes, if that is known and it is not DICOM.
-pub(super) fn known(head: &[u8]) -> Option<&'static str> {
-    let is = |(at, magic, _): &&(usize, &[u8], &str)| head.get(*at..).is_some_and(|h| h.starts_with(magic));
-    KNOWN.iter().find(is).map(|(_, _, what)| *what)
 }
 
 #[cfg(test)]
