@@ -248,16 +248,6 @@ impl Camera {
         }
     }
 
-    /// Position in world mm; of a parallel camera, the middle of the plane that depth is counted from.
-    pub fn eye(&self) -> [f64; 3] {
-        self.eye
-    }
-
-    /// Unit vector along which it looks.
-    pub fn forward(&self) -> [f64; 3] {
-        self.forward
-    }
-
     /// Height in mm of a pixel at a depth, for a picture `height` pixels high.
     pub fn pixel_mm(&self, height: u32, depth_mm: f64) -> f64 {
         let per_pixel = 2.0 * self.half_height / f64::from(height);
