@@ -2,6 +2,16 @@
 //!
 //! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
 //! its budget allows and never sees a path. Sources are shared by the builder's threads.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`open`](fn@open), [`Catalogue`] | the entrances: one volume of some inputs, or all that lie below them |
+//! | `surveyor`, `walk`, `log`, `files`, `beside` | how folders are searched, and names of files and patients kept |
+//! | `formats` | the lists of what is read, and what is known but not read |
+//! | [`dicom`], `raw`, `sidecar`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack`, `synthetic` | one kind of source each |
+//! | `stored`, `spool`, `reversed` | samples read where they lie, or unrolled first |
+//! | `wrapper`, `noted`, `crop`, `downsample` | volumes that stand before another one |
+//! | `header`, `scalar`, `blend`, `natural`, `stable_hash` | what several of them share |
 
 mod beside;
 mod blend;
