@@ -234,7 +234,7 @@ impl Camera {
     }
 
     /// Line of sight through the picture point (x, y), each -1..=1, x to the right and y up: origin, and a
-    /// direction with length 1 along [`Camera::forward`], so that t is the depth in mm.
+    /// direction with length 1 along the line of sight of the middle, so that t is the depth in mm.
     #[inline]
     pub fn ray(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
         let (across, along) = (x * self.half_width, y * self.half_height);
