@@ -16,12 +16,12 @@ use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
-use infobyte::render::{NamedView, Projection, ViewPoint};
+use infobyte::render::ViewPoint;
 use infobyte::source::{OpenOptions, RawOptions};
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
-use args::{Cli, Command, Switch};
+use args::{Cli, Command, Switch, cores};
 use bars::{Bars, BatchBars};
 
 fn main() -> ExitCode {
@@ -100,18 +100,18 @@ fn run(command: Command) -> Result<ExitCode, Error> {
 
 fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
     let options = BuildOptions {
-        threshold: threshold(args.iso, args.range),
-        connectivity: connectivity(args.connectivity),
-        normals: args.channels.normal,
-        values: args.channels.value,
+        threshold: args.selection.threshold(),
+        connectivity: args.skin.connectivity,
+        normals: args.skin.channels.normal,
+        values: args.skin.channels.value,
         lod: args.lod == Switch::On,
         memory: MemoryCap::Process(args.memory),
-        threads: args.threads.unwrap_or_else(cores),
+        threads: args.threads.count(),
         scratch: args.scratch.clone(),
     };
     let how = OpenOptions {
         raw: raw_options(&args.raw)?,
-        gaps: args.which.gaps.into(),
+        gaps: args.which.gaps.policy(),
         volume: args.which.volume,
         ..OpenOptions::default()
     };
@@ -123,33 +123,21 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
     print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })
 }
 
-fn threshold(iso: Option<f64>, range: Option<[f64; 2]>) -> Threshold {
-    match (iso, range) {
-        (Some(iso), _) => Threshold::Iso(iso),
-        (None, Some([lo, hi])) => Threshold::Range(lo, hi),
-        (None, None) => Threshold::Otsu,
-    }
-}
-
-fn connectivity(neighbours: u8) -> Connectivity {
-    if neighbours == 6 { Connectivity::Thick6 } else { Connectivity::Thin26 }
-}
-
 fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
     let jobs = args.jobs.unwrap_or_else(cores);
     let request = BatchRequest {
         inputs: args.input.clone(),
         out: args.out.clone(),
-        how: OpenOptions { gaps: args.gaps.into(), ..OpenOptions::default() },
+        how: OpenOptions { gaps: args.gaps.policy(), ..OpenOptions::default() },
         clean: args.clean.options(),
         build: BuildOptions {
-            threshold: threshold(args.iso, args.range),
-            connectivity: connectivity(args.connectivity),
-            normals: args.channels.normal,
-            values: args.channels.value,
+            threshold: args.selection.threshold(),
+            connectivity: args.skin.connectivity,
+            normals: args.skin.channels.normal,
+            values: args.skin.channels.value,
             lod: true,
             memory: MemoryCap::Process(args.memory),
-            threads: args.threads.unwrap_or_else(cores),
+            threads: args.threads.count(),
             scratch: args.scratch.clone(),
         },
         jobs,
@@ -197,7 +185,7 @@ fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
 
 fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
     let mut first = true;
-    let how = OpenOptions { gaps: args.gaps.into(), ..OpenOptions::default() };
+    let how = OpenOptions { gaps: args.gaps.policy(), ..OpenOptions::default() };
     let report = jobs::scan::scan(&args.input, &how, args.keep_names, &mut |listed| {
         let before = match (args.json, std::mem::take(&mut first)) {
             (true, true) => "{\"items\":[\n",
@@ -244,24 +232,17 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Error> {
     }
 }
 
-fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
-
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Error> {
     let request = RenderRequest {
         width: args.size[0],
         height: args.size[1],
         point: match (args.eye, args.look_at) {
             (Some(eye), Some(look_at)) => ViewPoint::Free { eye, look_at, up: args.up },
-            _ => ViewPoint::Named(named_view(args.view)),
+            _ => ViewPoint::Named(args.view),
         },
-        projection: match args.projection {
-            args::Projection::Parallel => Projection::Parallel,
-            args::Projection::Perspective => Projection::Perspective,
-        },
+        projection: args.projection,
         fov_deg: args.fov,
-        threads: args.threads.unwrap_or_else(cores),
+        threads: args.threads.count(),
         lod: args.lod == Switch::On,
         ..RenderRequest::default()
     };
@@ -270,20 +251,8 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Error> {
     print_picture(args.json, &args.model, &args.output, &report)
 }
 
-fn named_view(view: args::View) -> NamedView {
-    match view {
-        args::View::Front => NamedView::Front,
-        args::View::Back => NamedView::Back,
-        args::View::Left => NamedView::Left,
-        args::View::Right => NamedView::Right,
-        args::View::Top => NamedView::Top,
-        args::View::Bottom => NamedView::Bottom,
-        args::View::Iso => NamedView::Iso,
-    }
-}
-
 fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Error> {
-    let threads = args.threads.unwrap_or_else(cores);
+    let threads = args.threads.count();
     let report = picture::thumbnail_file(&args.model, &args.output, args.size, threads)?;
     print_picture(args.json, &args.model, &args.output, &report)
 }
@@ -322,7 +291,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
         jobs::demo::write_raw(args.size, path)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let threads = args.threads.unwrap_or_else(cores);
+    let threads = args.threads.count();
     let options = BuildOptions {
         threshold: Threshold::Iso(args.iso),
         connectivity: Connectivity::Thin26,
@@ -343,7 +312,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
 
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Error> {
     let model = Model::open(&args.model)?;
-    let threads = args.threads.unwrap_or_else(cores);
+    let threads = args.threads.count();
     let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads)?;
     let total = found.total();
     let code = print(

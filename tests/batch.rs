@@ -16,9 +16,12 @@ mod command;
 mod data;
 #[path = "support/dicom.rs"]
 mod dicom;
+#[path = "support/lcg.rs"]
+mod lcg;
 
 use command::{binary, names, oct, smallest_budget, text};
 use dicom::Image;
+use lcg::Lcg;
 
 const SIDE: u16 = 32;
 const SLICES: u32 = 20;
@@ -346,16 +349,6 @@ fn a_folder_without_volumes_is_refused_and_a_missing_one_too() {
     let (code, report) = batch(&top, &out, &[]);
     assert_eq!((code, counts(&report)), (8, [0, 0, 1]), "{report}");
     assert_eq!(names(&out), ["index.html", "report.csv", "report.json"]);
-}
-
-/// A small generator with a fixed seed, so that a failure can be repeated.
-struct Lcg(u64);
-
-impl Lcg {
-    fn below(&mut self, n: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % n
-    }
 }
 
 #[test]

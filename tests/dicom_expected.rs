@@ -14,7 +14,10 @@ use sha2::{Digest, Sha256};
 
 #[path = "support/data.rs"]
 mod data;
+#[path = "support/lcg.rs"]
+mod lcg;
 use data::real_data;
+use lcg::Lcg;
 
 /// Hash and extent of all samples of a file.
 struct Summary {
@@ -238,11 +241,7 @@ impl FrameSink for Anything {
 
 #[test]
 fn damaged_real_files_end_quickly() {
-    let mut state = 0x0123_4567_89ab_cdef_u64;
-    let mut random = |below: usize| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        usize::try_from(state >> 33).unwrap() % below
-    };
+    let mut random = Lcg(0x0123_4567_89ab_cdef);
     let mut paths = Vec::new();
     for folder in ["dicom-ct-15-syntaxes", "dicom-odd", "multiframe"] {
         let Some(folder) = real_data(folder) else { return };
@@ -255,12 +254,12 @@ fn damaged_real_files_end_quickly() {
         for attempt in 0..30 {
             let mut bytes = clean.clone();
             if attempt < 12 {
-                bytes.truncate(random(clean.len()));
+                bytes.truncate(random.below(clean.len()));
             } else {
-                for _ in 0..=random(8) {
+                for _ in 0..=random.below(8) {
                     // Some in the header and the tables, some anywhere.
-                    let reach = if random(2) == 0 { clean.len() } else { clean.len().min(8000) };
-                    bytes[random(reach)] = u8::try_from(random(256)).unwrap();
+                    let reach = if random.below(2) == 0 { clean.len() } else { clean.len().min(8000) };
+                    bytes[random.below(reach)] = u8::try_from(random.below(256)).unwrap();
                 }
             }
             let start = std::time::Instant::now();

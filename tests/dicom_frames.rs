@@ -1,8 +1,6 @@
 //! Fragments find their frames whatever the offset tables say, ten thousand frames cost no more memory than
 //! ten, and no bytes make the reader of frames panic, loop, or allocate more than a few rows and tables.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::fs::File;
 use std::io::Write as _;
 use std::os::unix::fs::FileExt;
@@ -11,53 +9,26 @@ use std::path::Path;
 use infobyte::source::SourceError;
 use infobyte::source::dicom::{Access, FrameSink, Image, scan, unroll, visit};
 
+#[path = "support/counting.rs"]
+mod counting;
 #[path = "support/dicom.rs"]
 mod dicom;
 #[path = "support/frames.rs"]
 mod frames;
+#[path = "support/lcg.rs"]
+mod lcg;
+use counting::measured;
 use dicom::{Syntax, Writer};
 use frames::{
     Collected, ENCAPSULATED, JPEG, MEMORY, RLE, Spec, deflated, deflated_parts, encapsulated, frames_of,
     header_of, image, native, pixel_items, rle, rle16, sequence,
 };
-
-/// Counts what the current thread holds; tests run on threads of their own.
-struct Counting;
-
-thread_local! {
-    static LIVE: Cell<isize> = const { Cell::new(0) };
-    static PEAK: Cell<isize> = const { Cell::new(0) };
-}
-
-// SAFETY: every call is passed on to the system allocator unchanged; the counters are thread-local
-// and need no allocation themselves.
-#[expect(unsafe_code, reason = "a counting allocator cannot be written without; tests only")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let _ = LIVE.try_with(|n| {
-            n.set(n.get() + layout.size().cast_signed());
-            let _ = PEAK.try_with(|peak| peak.set(peak.get().max(n.get())));
-        });
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
-        let _ = LIVE.try_with(|n| n.set(n.get() - layout.size().cast_signed()));
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.dealloc(ptr, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use lcg::Lcg;
 
 /// Runs something and returns the most bytes that it held at a time.
 fn peak_of<T>(run: impl FnOnce() -> T) -> (T, usize) {
-    let before = LIVE.get();
-    PEAK.set(before);
-    let result = run();
-    (result, usize::try_from(PEAK.get() - before).unwrap())
+    let (result, taken) = measured(run);
+    (result, taken.peak)
 }
 
 /// Frames of four bytes, in one fragment each.
@@ -432,19 +403,19 @@ fn every_truncation_is_bounded() {
 
 #[test]
 fn random_flips_never_panic_or_swell() {
-    let mut state = 0x1234_5678_9abc_def0_u64;
-    let mut random = |below: usize| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        usize::try_from(state >> 33).unwrap() % below
-    };
+    let mut random = Lcg(0x1234_5678_9abc_def0);
     for (kind, clean) in kinds().into_iter().enumerate() {
         let mut sound = 0;
         for _ in 0..2000 {
             let mut bytes = clean.clone();
-            for _ in 0..=random(3) {
+            for _ in 0..=random.below(3) {
                 // Half of them behind the fixed parts, where the interesting lengths are.
-                let at = if random(2) == 0 { random(bytes.len()) } else { 132 + random(bytes.len() - 132) };
-                bytes[at] = u8::try_from(random(256)).unwrap();
+                let at = if random.below(2) == 0 {
+                    random.below(bytes.len())
+                } else {
+                    132 + random.below(bytes.len() - 132)
+                };
+                bytes[at] = u8::try_from(random.below(256)).unwrap();
             }
             sound += usize::from(bounded(&bytes));
         }

@@ -2,55 +2,23 @@
 //! strings: damaged, truncated and lying files yield a sentence. And a sound series of a thousand
 //! slices is held in a few hundred KiB.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
 use infobyte::source::dicom::{DicomHeader, PixelLayout, ScanError, scan};
 use infobyte::source::{OpenOptions, open};
 
+#[path = "support/counting.rs"]
+mod counting;
 #[path = "support/dicom.rs"]
 mod dicom;
+#[path = "support/lcg.rs"]
+mod lcg;
+use counting::{Taken, measured};
 use dicom::{Image, Syntax, Writer};
-
-/// Counts what the current thread allocates; tests run on threads of their own.
-struct Counting;
-
-thread_local! {
-    /// Bytes ever allocated, bytes live now, and the most that were.
-    static ALLOCATED: Cell<usize> = const { Cell::new(0) };
-    static LIVE: Cell<isize> = const { Cell::new(0) };
-    static PEAK: Cell<isize> = const { Cell::new(0) };
-}
-
-// SAFETY: every call is passed on to the system allocator unchanged; the counters are thread-local
-// and need no allocation themselves.
-#[expect(unsafe_code, reason = "a counting allocator cannot be written without; tests only")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let _ = ALLOCATED.try_with(|n| n.set(n.get() + layout.size()));
-        let _ = LIVE.try_with(|n| {
-            n.set(n.get() + layout.size().cast_signed());
-            let _ = PEAK.try_with(|peak| peak.set(peak.get().max(n.get())));
-        });
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
-        let _ = LIVE.try_with(|n| n.set(n.get() - layout.size().cast_signed()));
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.dealloc(ptr, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use lcg::Lcg;
 
 /// Scans, and holds every scan to a total of 64 KiB of allocations.
 fn bounded(bytes: &[u8]) -> Result<DicomHeader, ScanError> {
-    let before = ALLOCATED.get();
-    let result = scan(bytes);
-    let spent = ALLOCATED.get() - before;
+    let (result, taken) = measured(|| scan(bytes));
+    let spent = taken.allocated;
     assert!(spent < 64 << 10, "{spent} bytes allocated for {} bytes of input", bytes.len());
     if let Ok(header) = &result {
         // Whatever was read must also be judged without a panic.
@@ -106,20 +74,16 @@ fn every_truncation_is_refused_or_told() {
 
 #[test]
 fn random_flips_never_panic_or_allocate() {
-    let mut state = 0x1234_5678_9abc_def0_u64;
-    let mut random = |below: usize| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        usize::try_from(state >> 33).unwrap() % below
-    };
+    let mut random = Lcg(0x1234_5678_9abc_def0);
     let mut refused = 0;
     for syntax in Syntax::ALL {
         for meta in [true, false] {
             let clean = sample(syntax, meta);
             for _ in 0..2000 {
                 let mut bytes = clean.clone();
-                for _ in 0..=random(4) {
-                    let at = random(bytes.len());
-                    bytes[at] = u8::try_from(random(256)).unwrap();
+                for _ in 0..=random.below(4) {
+                    let at = random.below(bytes.len());
+                    bytes[at] = u8::try_from(random.below(256)).unwrap();
                 }
                 refused += usize::from(bounded(&bytes).is_err());
             }
@@ -216,17 +180,15 @@ fn a_thousand_slices_are_opened_and_held_in_little_memory() {
         std::fs::write(folder.path().join(name), image.bytes()).unwrap();
     }
     let inputs = [folder.path().to_path_buf()];
-    let before = LIVE.get();
-    PEAK.set(before);
-    let series = open(&inputs, &OpenOptions::default()).unwrap();
-    let (held, peak) = (LIVE.get() - before, PEAK.get() - before);
+    let (series, Taken { held, peak, .. }) = measured(|| open(&inputs, &OpenOptions::default()).unwrap());
     println!("1000 slices: {held} bytes held, {peak} at most while opening");
     assert_eq!(series.info().dims.nz(), 1000);
     assert!(held < 150 << 10, "{held} bytes held");
     assert!(peak < 500 << 10, "{peak} bytes while opening");
-    let allocated = ALLOCATED.get();
-    series.read_rows(3, 0..2, 0..2, &mut [0; 8]).unwrap();
-    series.read_rows(3, 0..2, 0..2, &mut [0; 8]).unwrap();
+    let ((), read) = measured(|| {
+        series.read_rows(3, 0..2, 0..2, &mut [0; 8]).unwrap();
+        series.read_rows(3, 0..2, 0..2, &mut [0; 8]).unwrap();
+    });
     // The path of the one open; nothing for the voxels.
-    assert!(ALLOCATED.get() - allocated < 1024);
+    assert!(read.allocated < 1024);
 }

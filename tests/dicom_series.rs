@@ -9,17 +9,10 @@ use infobyte::source::{Endian, OpenOptions, RawOptions, RawVolume, ScalarType, V
 
 #[path = "support/dicom.rs"]
 mod dicom;
+#[path = "support/lcg.rs"]
+mod lcg;
 use dicom::{Image, Syntax};
-
-/// A small generator with a fixed seed, so that a failure can be repeated.
-struct Lcg(u64);
-
-impl Lcg {
-    fn next(&mut self, below: u32) -> u32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        u32::try_from((self.0 >> 33) % u64::from(below)).unwrap()
-    }
-}
+use lcg::Lcg;
 
 fn read(source: &dyn VolumeSource, z: u32, rows: (u32, u32), cols: (u32, u32)) -> Vec<u8> {
     let samples = (rows.1 - rows.0) as usize * (cols.1 - cols.0) as usize;
@@ -66,7 +59,7 @@ fn raw_file_slice_files_and_series_in_every_encoding_deliver_the_same_bytes() {
             let area = usize::from(nx) * usize::from(ny);
             let w = scalar.bytes();
             let slices: Vec<Vec<u32>> =
-                (0..nz).map(|_| (0..area).map(|_| random.next(u32::MAX)).collect()).collect();
+                (0..nz).map(|_| (0..area).map(|_| random.below(u32::MAX)).collect()).collect();
             // Files in a scrambled order of positions.
             let order = [3, 0, 5, 1, 4, 2];
             let images: Vec<Image<'_>> = order
@@ -109,9 +102,9 @@ fn raw_file_slice_files_and_series_in_every_encoding_deliver_the_same_bytes() {
             let raws =
                 [RawVolume::open(&[whole], &options).unwrap(), RawVolume::open(&split, &options).unwrap()];
             for _ in 0..20 {
-                let (z, y, x) = (random.next(6), random.next(5), random.next(7));
-                let rows = (y, y + 1 + random.next(5 - y));
-                let cols = if z % 2 == 0 { (0, 7) } else { (x, x + 1 + random.next(7 - x)) };
+                let (z, y, x) = (random.below(6), random.below(5), random.below(7));
+                let rows = (y, y + 1 + random.below(5 - y));
+                let cols = if z % 2 == 0 { (0, 7) } else { (x, x + 1 + random.below(7 - x)) };
                 let expected = read(&raws[0], z, rows, cols);
                 assert_eq!(read(&raws[1], z, rows, cols), expected);
                 assert_eq!(

@@ -19,20 +19,13 @@ use infobyte::source::{Catalogue, OpenOptions, Workspace};
 mod data;
 #[path = "support/dicom.rs"]
 mod dicom;
+#[path = "support/lcg.rs"]
+mod lcg;
+use lcg::Lcg;
 
 const CAP: u64 = 16 << 20;
 const SLOWEST: Duration = Duration::from_secs(5);
 const LARGEST: u64 = 2 << 20;
-
-/// A small generator with a fixed seed, so that a failure can be repeated.
-struct Lcg(u64);
-
-impl Lcg {
-    fn below(&mut self, n: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % n.max(1)
-    }
-}
 
 /// Finds, prepares and reads every volume of a file; true if anything could be read.
 fn read_all(path: &Path, scratch: &Path) -> bool {
@@ -86,7 +79,7 @@ fn torment(original: &Path, changes: u64) {
     for n in 0..changes {
         // Heads hold what is believed; bodies hold what is decoded.
         let reach = [whole, 512.min(whole), 8192.min(whole), whole][usize::try_from(n % 4).unwrap()];
-        let at = random.below(reach);
+        let at = random.below(reach.max(1));
         let new = [random.below(256), 0xff, 0, 1 << random.below(8)][usize::try_from(n / 4 % 4).unwrap()];
         let new = u8::try_from(new).unwrap();
         file.write_all_at(&[new], at).unwrap();

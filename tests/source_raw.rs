@@ -11,20 +11,13 @@ use infobyte::source::{
 
 #[path = "support/data.rs"]
 mod data;
+#[path = "support/lcg.rs"]
+mod lcg;
 use data::real_data;
+use lcg::Lcg;
 
 fn options(dims: Dims, scalar: ScalarType, endian: Endian) -> RawOptions {
     RawOptions { dims, scalar, endian, spacing_mm: [0.5, 0.5, 2.0], skip: 0, orientation: Orientation::LPS }
-}
-
-/// A small generator with a fixed seed, so that a failure can be repeated.
-struct Lcg(u64);
-
-impl Lcg {
-    fn next(&mut self, below: u32) -> u32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        u32::try_from((self.0 >> 33) % u64::from(below)).unwrap()
-    }
 }
 
 fn read(source: &dyn VolumeSource, z: u32, rows: (u32, u32), cols: (u32, u32)) -> Vec<u8> {
@@ -47,7 +40,7 @@ fn any_block_is_the_same_from_one_file_and_from_slice_files_in_every_type_and_or
                 let w = scalar.bytes();
                 let slice_bytes = 7 * 5 * w;
                 let voxels: Vec<u8> =
-                    (0..slice_bytes * 12).map(|_| u8::try_from(random.next(256)).unwrap()).collect();
+                    (0..slice_bytes * 12).map(|_| u8::try_from(random.below(256)).unwrap()).collect();
                 let head = vec![0xee; skip];
                 let whole = folder.path().join("whole.raw");
                 fs::write(&whole, [&head[..], &voxels].concat()).unwrap();
@@ -66,11 +59,11 @@ fn any_block_is_the_same_from_one_file_and_from_slice_files_in_every_type_and_or
                     RawVolume::open(&[slices], &options).unwrap(),
                 ];
                 for round in 0..40 {
-                    let z = random.next(12);
-                    let y = random.next(5);
-                    let rows = (y, y + 1 + random.next(5 - y));
-                    let x = if round % 2 == 0 { 0 } else { random.next(7) };
-                    let cols = if round % 2 == 0 { (0, 7) } else { (x, x + 1 + random.next(7 - x)) };
+                    let z = random.below(12);
+                    let y = random.below(5);
+                    let rows = (y, y + 1 + random.below(5 - y));
+                    let x = if round % 2 == 0 { 0 } else { random.below(7) };
+                    let cols = if round % 2 == 0 { (0, 7) } else { (x, x + 1 + random.below(7 - x)) };
                     let mut expected = Vec::new();
                     for row in rows.0..rows.1 {
                         for col in cols.0..cols.1 {

@@ -45,11 +45,7 @@ impl Sums {
     /// Mean normal (SPEC 4.6).
     #[inline]
     pub(super) fn mean_normal(&self) -> u16 {
-        if self.normal == [0; 3] {
-            return self.first;
-        }
-        #[expect(clippy::cast_precision_loss, reason = "rounding once, as the specification says")]
-        normal::encode(self.normal.map(|c| c as f32))
+        normal::mean(self.normal, self.first)
     }
 
     /// Mean value (SPEC 4.7).

@@ -31,6 +31,8 @@ use std::path::Path;
 
 use super::bits::{BitVolume, RowWindow, Run, fill, find_runs, scratch_error};
 use super::paged::PagedTable;
+pub(super) use super::sets::Component;
+use super::sets::Sets;
 use super::stream::{BUFFER_BYTES, Cursor, Stream};
 use crate::build::BuildError;
 use crate::geom::Dims;
@@ -38,11 +40,6 @@ use crate::progress::Progress;
 
 /// Link of a slot whose component is finished.
 const FINISHED: u32 = u32::MAX;
-/// Slot of a component without a run in the slice.
-const NO_SLOT: u32 = u32::MAX;
-/// Marks a component that touches the border of the volume, in the field of its first voxel (below 2^48).
-const BORDER: u64 = 1 << 63;
-
 /// Which voxels are neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ComponentConnectivity {
@@ -68,55 +65,6 @@ impl ComponentConnectivity {
             Self::Corners26 => 26,
         }
     }
-}
-
-/// A component as far as it is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Component {
-    pub(super) voxels: u64,
-    first: u64,
-}
-
-impl Component {
-    /// Number of its first voxel in the order z, y, x.
-    pub(super) fn first(self) -> u64 {
-        self.first & !BORDER
-    }
-
-    pub(super) fn touches_border(self) -> bool {
-        self.first & BORDER != 0
-    }
-
-    fn join(self, other: Self) -> Self {
-        let border = (self.first | other.first) & BORDER;
-        Self { voxels: self.voxels + other.voxels, first: self.first().min(other.first()) | border }
-    }
-
-    /// Rank: larger ones first, equal ones by their first voxel.
-    fn rank(self) -> (u64, Reverse<u64>) {
-        (self.voxels, Reverse(self.first()))
-    }
-}
-
-/// A node of the union-find of one slice, as it lies in a table: voxels and first voxel of its component, and
-/// its parent in the low half and its slot in the high half of the last word.
-type Node = [u64; 3];
-
-fn node(component: Component, parent: u32) -> Node {
-    [component.voxels, component.first, u64::from(parent) | u64::from(NO_SLOT) << 32]
-}
-
-fn component_of(node: Node) -> Component {
-    Component { voxels: node[0], first: node[1] }
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "the low half")]
-fn parent_of(node: Node) -> u32 {
-    node[2] as u32
-}
-
-fn slot_of(node: Node) -> u32 {
-    (node[2] >> 32) as u32
 }
 
 /// Where the lists of a slice begin: runs, links, finished components.
@@ -157,7 +105,7 @@ fn fixed_bytes(dims: Dims, largest: usize) -> u64 {
 
 /// Smallest [`Task::room_bytes`].
 pub(super) fn least_bytes(dims: Dims, largest: usize) -> u64 {
-    fixed_bytes(dims, largest) + 3 * PagedTable::<Node>::LEAST_BYTES
+    fixed_bytes(dims, largest) + 3 * Sets::LEAST_BYTES
 }
 
 /// A labelled volume: its components are known, and can be told their fates.
@@ -199,81 +147,8 @@ impl<'a> Task<'a> {
         let fixed = fixed_bytes(dims, self.largest) + PagedTable::<SliceStart>::LEAST_BYTES;
         let runs = u64::from(dims.nx().div_ceil(2)) * u64::from(dims.ny());
         // Nodes are the runs of two slices at most; pages are whole, and stand in sets.
-        let most = 2 * runs * (item_bytes as u64 + 1) + PagedTable::<Node>::LEAST_BYTES;
+        let most = 2 * runs * (item_bytes as u64 + 1) + Sets::LEAST_BYTES;
         (self.room_bytes.saturating_sub(fixed) / 2).min(most)
-    }
-}
-
-impl PartialOrd for Component {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Component {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.rank().cmp(&other.rank())
-    }
-}
-
-/// Union-find over the nodes of a slice; a set's root is its smallest node.
-struct Sets {
-    nodes: PagedTable<Node>,
-}
-
-impl Sets {
-    fn find(&mut self, mut node: u32) -> io::Result<u32> {
-        loop {
-            let parent = parent_of(self.nodes.get(u64::from(node))?);
-            if parent == node {
-                return Ok(node);
-            }
-            let above = parent_of(self.nodes.get(u64::from(parent))?);
-            if above == parent {
-                return Ok(parent);
-            }
-            // Paths are halved on the way.
-            self.set_parent(node, above)?;
-            node = above;
-        }
-    }
-
-    /// Joins two different roots and returns the root of both.
-    fn join(&mut self, a: u32, b: u32) -> io::Result<u32> {
-        let (root, other) = (a.min(b), a.max(b));
-        self.set_parent(other, root)?;
-        let component = component_of(self.nodes.get(u64::from(other))?);
-        self.add(root, component)?;
-        Ok(root)
-    }
-
-    fn set_parent(&mut self, node: u32, parent: u32) -> io::Result<()> {
-        let word = &mut self.nodes.get_mut(u64::from(node))?[2];
-        *word = *word >> 32 << 32 | u64::from(parent);
-        Ok(())
-    }
-
-    fn set_slot(&mut self, node: u32, slot: u32) -> io::Result<()> {
-        let word = &mut self.nodes.get_mut(u64::from(node))?[2];
-        *word = *word & u64::from(u32::MAX) | u64::from(slot) << 32;
-        Ok(())
-    }
-
-    fn add(&mut self, root: u32, component: Component) -> io::Result<()> {
-        let node = self.nodes.get_mut(u64::from(root))?;
-        let sum = component_of(*node).join(component);
-        (node[0], node[1]) = (sum.voxels, sum.first);
-        Ok(())
-    }
-
-    /// A new set.
-    fn push(&mut self, component: Component) -> io::Result<u32> {
-        let number = u32::try_from(self.nodes.len())
-            .ok()
-            .filter(|n| *n < NO_SLOT)
-            .ok_or_else(|| io::Error::other("a slice has more than 2^32 runs"))?;
-        self.nodes.push(node(component, number))?;
-        Ok(number)
     }
 }
 
@@ -293,8 +168,8 @@ struct Forward<'l, 'a> {
 impl<'l, 'a> Forward<'l, 'a> {
     fn new(to: &'l mut Labelled<'a>) -> io::Result<Self> {
         let task = to.task;
-        let bytes = task.table_bytes(size_of::<Node>());
-        let sets = || PagedTable::new(task.folder, bytes).map(|nodes| Sets { nodes });
+        let bytes = task.table_bytes(Sets::NODE_BYTES);
+        let sets = || Sets::new(task.folder, bytes);
         let most = task.bits.dims().nx() as usize / 2 + 1;
         let runs = || Vec::with_capacity(most);
         Ok(Self {
@@ -399,8 +274,8 @@ impl<'l, 'a> Forward<'l, 'a> {
                     });
                 }
             }
-            let border = if outer || first == 0 || last + 1 == nx { BORDER } else { 0 };
-            let component = Component { voxels: run.voxels(), first: (origin + u64::from(first)) | border };
+            let border = outer || first == 0 || last + 1 == nx;
+            let component = Component::new(run.voxels(), origin + u64::from(first), border);
             run.label = match label {
                 Some(label) => {
                     self.sets.add(label, component)?;
@@ -416,30 +291,29 @@ impl<'l, 'a> Forward<'l, 'a> {
     /// Gives slots to the components of the slice, whose runs begin at `runs`, and links to the slots before.
     fn end_slice(&mut self, runs: u64) -> io::Result<()> {
         let Self { to, sets, next, .. } = self;
-        next.nodes.clear();
+        next.clear();
         to.runs.flush()?;
         let end = to.runs.len();
         to.runs.rewrite(runs..end, &mut |label| {
             let root = sets.find(label)?;
-            let node = sets.nodes.get(u64::from(root))?;
-            if slot_of(node) != NO_SLOT {
-                return Ok(slot_of(node));
+            let (component, slot) = sets.get(root)?;
+            if let Some(slot) = slot {
+                return Ok(slot);
             }
-            let slot = next.push(component_of(node))?;
+            let slot = next.push(component)?;
             sets.set_slot(root, slot)?;
             Ok(slot)
         })?;
         for slot in 0..self.slots {
             #[expect(clippy::cast_possible_truncation, reason = "a node's number")]
             let root = self.sets.find(slot as u32)?;
-            let node = self.sets.nodes.get(u64::from(root))?;
-            match slot_of(node) {
-                NO_SLOT => self.finish(component_of(node))?,
-                slot => self.to.links.push(slot)?,
+            match self.sets.get(root)? {
+                (_, Some(slot)) => self.to.links.push(slot)?,
+                (component, None) => self.finish(component)?,
             }
         }
         std::mem::swap(&mut self.sets, &mut self.next);
-        self.slots = self.sets.nodes.len();
+        self.slots = self.sets.len();
         Ok(())
     }
 
@@ -447,7 +321,8 @@ impl<'l, 'a> Forward<'l, 'a> {
     fn end_volume(&mut self) -> io::Result<()> {
         self.start()?;
         for slot in 0..self.slots {
-            let component = component_of(self.sets.nodes.get(slot)?);
+            #[expect(clippy::cast_possible_truncation, reason = "a node's number")]
+            let (component, _) = self.sets.get(slot as u32)?;
             self.finish(component)?;
         }
         self.start()?;
@@ -458,7 +333,7 @@ impl<'l, 'a> Forward<'l, 'a> {
 
     fn finish(&mut self, component: Component) -> io::Result<()> {
         self.to.links.push(FINISHED)?;
-        self.to.finished.push([component.voxels, component.first])?;
+        self.to.finished.push(component.words())?;
         self.to.census.components += 1;
         let most = self.to.task.largest;
         if self.heap.len() < most {
@@ -507,8 +382,7 @@ impl Labelled<'_> {
                 for _ in next[LINKS]..end[LINKS] {
                     let fate = match links.next(&self.links)? {
                         FINISHED => {
-                            let [voxels, first] = finished.next(&self.finished)?;
-                            let kept = keep(Component { voxels, first });
+                            let kept = keep(Component::of_words(finished.next(&self.finished)?));
                             outcome.kept += u64::from(kept);
                             u8::from(kept)
                         }

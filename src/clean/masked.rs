@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::bits::BitVolume;
 use crate::build::RangeTest;
-use crate::source::{SourceError, VolumeInfo, VolumeSource};
+use crate::source::{SourceError, VolumeInfo, VolumeSource, Wrapper};
 
 /// Bytes of occupancy that are read at a time: at least one row.
 const READ_BYTES: usize = 32 << 10;
@@ -86,12 +86,24 @@ fn align(bits: &[u64], shift: usize, to: &mut [u64]) {
     }
 }
 
-impl VolumeSource for Masked<'_> {
-    fn info(&self) -> &VolumeInfo {
+impl Wrapper for Masked<'_> {
+    fn inner(&self) -> &dyn VolumeSource {
+        self.source
+    }
+
+    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
+        None
+    }
+
+    fn own_info(&self) -> &VolumeInfo {
         &self.info
     }
 
-    fn read_rows(
+    fn own_bytes(&self) -> u64 {
+        Self::thread_bytes(self.bits.row_words)
+    }
+
+    fn own_rows(
         &self,
         z: u32,
         rows: Range<u32>,
@@ -103,7 +115,7 @@ impl VolumeSource for Masked<'_> {
         self.enforce(z, rows, &cols, pitch, out)
     }
 
-    fn read_pitched(
+    fn own_pitched(
         &self,
         z: u32,
         rows: Range<u32>,
@@ -113,9 +125,5 @@ impl VolumeSource for Masked<'_> {
     ) -> Result<(), SourceError> {
         self.source.read_pitched(z, rows.clone(), cols.clone(), pitch, out)?;
         self.enforce(z, rows, &cols, pitch, out)
-    }
-
-    fn resident_bytes(&self) -> u64 {
-        self.source.resident_bytes() + Self::thread_bytes(self.bits.row_words)
     }
 }

@@ -24,6 +24,7 @@ mod components;
 mod masked;
 mod paged;
 mod preset;
+mod sets;
 mod stream;
 
 pub use components::ComponentConnectivity;

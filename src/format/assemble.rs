@@ -4,7 +4,7 @@
 
 use super::error::FormatError;
 use super::header::{Encoding, HEADER_BYTES, Header, VERSION_MINOR};
-use super::metadata::Metadata;
+use super::metadata::{Metadata, Selection, SelectionKind, SourceMeta};
 use super::section::{ENTRY_BYTES, SectionEntry, SectionKind, align_up, table_bytes};
 use super::{normal, rank};
 use crate::geom::{Dims, morton};
@@ -29,6 +29,23 @@ pub struct Channels {
     pub value_bytes: u8,
     /// `NLOD` and `VLOD` of the channels that are there.
     pub lod: bool,
+}
+
+/// Metadata of a nameless volume of unit spacing, inside from 1 on: all that a file to be compared needs.
+pub fn plain_metadata(dims: [u32; 3], channels: Channels) -> Metadata {
+    Metadata {
+        program: "example".into(),
+        source: SourceMeta::default(),
+        dims,
+        scalar: 0,
+        spacing_mm: [1.0; 3],
+        affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+        rescale: [1.0, 0.0],
+        selection: Selection { kind: SelectionKind::Iso, lo: 1.0, hi: f64::INFINITY },
+        connectivity: 26,
+        gradient: if channels.normal { "gauss5".into() } else { String::new() },
+        value_scale: if channels.value_bytes > 0 { [1.0, 0.0] } else { [0.0, 0.0] },
+    }
 }
 
 /// Places sections one after the other and writes header, table and padding (SPEC 3).
@@ -150,7 +167,6 @@ pub fn assemble(
     Ok(join_sections(Encoding::Mapped, dims, n, sorted.len() as u64, &sections))
 }
 
-#[expect(clippy::cast_precision_loss, reason = "SPEC 4.6 rounds the sums to single precision")]
 fn mean_normal(voxels: &[(u64, AssembledVoxel)]) -> u16 {
     let mut sum = [0_i64; 3];
     for (_, v) in voxels {
@@ -158,5 +174,5 @@ fn mean_normal(voxels: &[(u64, AssembledVoxel)]) -> u16 {
             *s += i64::from(c);
         }
     }
-    if sum == [0; 3] { voxels[0].1.normal } else { normal::encode(sum.map(|s| s as f32)) }
+    normal::mean(sum, voxels[0].1.normal)
 }

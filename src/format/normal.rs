@@ -51,6 +51,16 @@ pub fn encode(direction: [f32; 3]) -> u16 {
     low_byte(best.u) | low_byte(best.v) << 8
 }
 
+/// Code of a mean: of the sum of [`decode_l1`] of some codes, or their first code where that is zero.
+#[inline]
+pub fn mean(sum: [i64; 3], first: u16) -> u16 {
+    if sum == [0; 3] {
+        return first;
+    }
+    #[expect(clippy::cast_precision_loss, reason = "SPEC 4.6 rounds the sums to single precision")]
+    encode(sum.map(|c| c as f32))
+}
+
 const SCALE_F32: f32 = SCALE as f32;
 
 /// The next code component, within the range.
@@ -139,6 +149,20 @@ mod tests {
             assert!(angle_deg(d, again) < 1e-3, "{code:04x}: {d:?} {again:?}");
             assert_eq!(decode_l1(code).map(i32::abs).iter().sum::<i32>(), SCALE);
         }
+    }
+
+    #[test]
+    fn a_mean_is_the_code_of_the_sum_and_opposites_leave_the_first() {
+        let [x, y, back] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]].map(encode);
+        let sum = |codes: &[u16]| {
+            let vectors = codes.iter().map(|code| decode_l1(*code).map(i64::from));
+            vectors.fold([0; 3], |sum, v| [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]])
+        };
+        assert_eq!(sum(&[x, y]), [127, 127, 0]);
+        assert_eq!(mean(sum(&[x, y]), x), encode([1.0, 1.0, 0.0]));
+        assert_eq!(mean(sum(&[y, y, y]), x), y);
+        assert_eq!(mean(sum(&[x, back]), x), x);
+        assert_eq!(mean(sum(&[back, x]), back), back);
     }
 
     #[test]

@@ -24,6 +24,6 @@ pub use memory::MemoryTree;
 pub(crate) use model::open_regular;
 pub use model::{Model, ModelView};
 pub use stream::{Cursor, Fault, ReadAt};
+pub use verify::verify;
 pub(crate) use verify::{check_storage, walk};
-pub use verify::{mean_normal, verify};
 pub use view::NodeView;

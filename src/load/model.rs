@@ -188,18 +188,6 @@ pub struct ModelView<'a> {
     node_normals: Option<&'a [[u8; 2]]>,
 }
 
-impl<'a> ModelView<'a> {
-    /// Infobytes by breadth-first number.
-    pub fn nodes(&self) -> &'a [u8] {
-        self.nodes
-    }
-
-    /// The rank directory.
-    pub fn rank_directory(&self) -> &'a [u8] {
-        self.rank
-    }
-}
-
 #[inline]
 fn code(codes: Option<&[[u8; 2]]>, at: u64) -> Option<u16> {
     codes?.get(usize::try_from(at).ok()?).map(|c| u16::from_le_bytes(*c))

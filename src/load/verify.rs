@@ -128,7 +128,7 @@ impl Gather {
 
     /// SPEC 4.6: mean normal code.
     pub(crate) fn normal(&self) -> u16 {
-        mean_normal(self.normal_sum, self.first_normal.unwrap_or(0))
+        normal::mean(self.normal_sum, self.first_normal.unwrap_or(0))
     }
 
     /// SPEC 4.7: mean value, rounded half up.
@@ -136,13 +136,6 @@ impl Gather {
         let voxels = u128::from(self.voxels.max(1));
         (2 * u128::from(self.value_sum) + voxels) / (2 * voxels)
     }
-}
-
-/// Code of a node's mean normal: the sum of its voxels' L1-127 vectors, or the first voxel's code
-/// when that is zero (SPEC 4.6).
-#[expect(clippy::cast_precision_loss, reason = "the specification rounds the sums to single precision")]
-pub fn mean_normal(sum: [i64; 3], first: u16) -> u16 {
-    if sum == [0; 3] { first } else { normal::encode(sum.map(|c| c as f32)) }
 }
 
 /// A node on the path from the root to the present box.
@@ -306,24 +299,12 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::assemble::{AssembledVoxel, Channels, assemble};
-    use crate::format::{HEADER_BYTES, Metadata, Selection, SourceMeta, table_bytes};
+    use crate::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
+    use crate::format::{HEADER_BYTES, Metadata, table_bytes};
     use crate::load::{Model, NodeView};
 
     fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
-        Metadata {
-            program: "test".into(),
-            source: SourceMeta::default(),
-            dims,
-            scalar: 2,
-            spacing_mm: [1.0; 3],
-            affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            rescale: [1.0, 0.0],
-            selection: Selection { kind: SelectionKind::Iso, lo: 1.0, hi: f64::INFINITY },
-            connectivity: 26,
-            gradient: if channels.normal { "test".into() } else { String::new() },
-            value_scale: if channels.value_bytes > 0 { [1.0, 0.0] } else { [0.0, 0.0] },
-        }
+        Metadata { scalar: 2, ..plain_metadata(dims, channels) }
     }
 
     fn ball(side: u32, channels: Channels) -> Vec<u8> {

@@ -234,7 +234,7 @@ impl Camera {
     }
 
     /// Line of sight through the picture point (x, y), each -1..=1, x to the right and y up: origin, and a
-    /// direction with length 1 along [`Camera::forward`], so that t is the depth in mm.
+    /// direction with length 1 along the line of sight of the middle, so that t is the depth in mm.
     #[inline]
     pub fn ray(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
         let (across, along) = (x * self.half_width, y * self.half_height);
@@ -246,16 +246,6 @@ impl Camera {
                 (self.eye, add_scaled(add_scaled(self.forward, across, self.right), along, self.up))
             }
         }
-    }
-
-    /// Position in world mm; of a parallel camera, the middle of the plane that depth is counted from.
-    pub fn eye(&self) -> [f64; 3] {
-        self.eye
-    }
-
-    /// Unit vector along which it looks.
-    pub fn forward(&self) -> [f64; 3] {
-        self.forward
     }
 
     /// Height in mm of a pixel at a depth, for a picture `height` pixels high.

@@ -57,11 +57,6 @@ impl GridSpace {
         self.spacing_mm.iter().fold(0.0, |m: f64, s| m.max(*s))
     }
 
-    /// World position of a grid point.
-    pub fn to_world(&self, grid: [f64; 3]) -> [f64; 3] {
-        self.grid_to_world.apply(grid)
-    }
-
     /// The quantised form of a world ray; its parameter t is that of the world ray.
     ///
     /// # Errors
@@ -177,7 +172,7 @@ mod tests {
                 let low = morton::decode(*code);
                 for corner in 0..8_u32 {
                     let at: [f64; 3] = std::array::from_fn(|a| f64::from(low[a] + (corner >> a & 1)));
-                    want = want.max(dot(d, space.to_world(at)));
+                    want = want.max(dot(d, space.grid_to_world.apply(at)));
                 }
             }
             assert!((space.support(&tree, d) - want).abs() < 1e-9, "{d:?}");

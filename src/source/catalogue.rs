@@ -16,7 +16,7 @@ use super::dicom::{Recognised, open_series, recognise};
 use super::files::FileList;
 use super::formats::{FORMATS, STACKS, Slices};
 use super::log::{Log, Record};
-use super::open::Noted;
+use super::noted::Noted;
 use super::stable_hash::StableHash;
 use super::surveyor::{Surveyor, leave_out};
 use super::walk::{changed, walk, without_repeats};

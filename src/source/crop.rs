@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
+use super::{SourceError, VolumeInfo, VolumeSource, Wrapper};
 use crate::geom::Dims;
 
 /// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its
@@ -49,24 +49,24 @@ fn moved(range: &Range<u32>, start: u32) -> Range<u32> {
     range.start.saturating_add(start)..range.end.saturating_add(start)
 }
 
-impl VolumeSource for Crop {
-    fn info(&self) -> &VolumeInfo {
+impl Wrapper for Crop {
+    fn inner(&self) -> &dyn VolumeSource {
+        &*self.source
+    }
+
+    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
+        Some(&mut *self.source)
+    }
+
+    fn own_info(&self) -> &VolumeInfo {
         &self.info
     }
 
-    fn modality(&self) -> Option<&str> {
-        self.source.modality()
+    fn own_bytes(&self) -> u64 {
+        0
     }
 
-    fn preparation(&self) -> Preparation {
-        self.source.preparation()
-    }
-
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
-        self.source.prepare(workspace)
-    }
-
-    fn read_rows(
+    fn own_rows(
         &self,
         z: u32,
         rows: Range<u32>,
@@ -78,7 +78,7 @@ impl VolumeSource for Crop {
         self.source.read_rows(z, moved(&rows, y.start), moved(&cols, x.start), out)
     }
 
-    fn read_pitched(
+    fn own_pitched(
         &self,
         z: u32,
         rows: Range<u32>,
@@ -89,9 +89,5 @@ impl VolumeSource for Crop {
         let [x, y, slices] = &self.roi;
         let z = z.saturating_add(slices.start);
         self.source.read_pitched(z, moved(&rows, y.start), moved(&cols, x.start), pitch, out)
-    }
-
-    fn resident_bytes(&self) -> u64 {
-        self.source.resident_bytes()
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{Preparation, Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, Workspace};
+use super::{Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, Wrapper};
 use crate::geom::Dims;
 
 /// Samples of the original that are read at a time; of doubles, 32 KiB.
@@ -102,24 +102,24 @@ impl Downsample {
     }
 }
 
-impl VolumeSource for Downsample {
-    fn info(&self) -> &VolumeInfo {
+impl Wrapper for Downsample {
+    fn inner(&self) -> &dyn VolumeSource {
+        &*self.source
+    }
+
+    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
+        Some(&mut *self.source)
+    }
+
+    fn own_info(&self) -> &VolumeInfo {
         &self.info
     }
 
-    fn modality(&self) -> Option<&str> {
-        self.source.modality()
+    fn own_bytes(&self) -> u64 {
+        64 << 10
     }
 
-    fn preparation(&self) -> Preparation {
-        self.source.preparation()
-    }
-
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
-        self.source.prepare(workspace)
-    }
-
-    fn read_rows(
+    fn own_rows(
         &self,
         z: u32,
         rows: Range<u32>,
@@ -143,9 +143,5 @@ impl VolumeSource for Downsample {
             }?;
         }
         Ok(())
-    }
-
-    fn resident_bytes(&self) -> u64 {
-        self.source.resident_bytes() + (64 << 10)
     }
 }

@@ -1,4 +1,5 @@
-//! The volume formats that are read besides DICOM and headerless files: two short lists.
+//! The volume formats that are read besides DICOM and headerless files: two short lists; and what is known, but
+//! not read.
 //!
 //! A file belongs to the first format of [`FORMATS`] that recognises it, else, if [`STACKS`] does, to the
 //! stack of all such files of its folder. DICOM is asked before both. Formats are told by content; a
@@ -60,3 +61,18 @@ pub(crate) const STACKS: &[StackFormat] = &[
     StackFormat { name: "tiff", recognise: tiff::recognise, is_whole: tiff::is_whole, open: tiff::open },
     StackFormat { name: "png", recognise: png_stack::recognise, is_whole: |_| false, open: png_stack::open },
 ];
+
+/// Formats by their first bytes that are not read, to say what a refused file is.
+const KNOWN: [(usize, &[u8], &str); 5] = [
+    (0, b"\x1f\x8b", "a gzip file, but of no volume that is read"),
+    (0, b"\xff\xd8\xff", "a JPEG image"),
+    (0, b"ply", "a PLY mesh"),
+    (0, b"OFF", "an OFF mesh"),
+    (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
+];
+
+/// What a file is by its first bytes, if that is known and it is not DICOM.
+pub(crate) fn known(head: &[u8]) -> Option<&'static str> {
+    let is = |(at, magic, _): &&(usize, &[u8], &str)| head.get(*at..).is_some_and(|h| h.starts_with(magic));
+    KNOWN.iter().find(is).map(|(_, _, what)| *what)
+}

@@ -2,6 +2,16 @@
 //!
 //! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
 //! its budget allows and never sees a path. Sources are shared by the builder's threads.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`open`](fn@open), [`Catalogue`] | the entrances: one volume of some inputs, or all that lie below them |
+//! | `surveyor`, `walk`, `log`, `files`, `beside` | how folders are searched, and names of files and patients kept |
+//! | `formats` | the lists of what is read, and what is known but not read |
+//! | [`dicom`], `raw`, `sidecar`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack`, `synthetic` | one kind of source each |
+//! | `stored`, `spool`, `reversed` | samples read where they lie, or unrolled first |
+//! | `wrapper`, `noted`, `crop`, `downsample` | volumes that stand before another one |
+//! | `header`, `scalar`, `blend`, `natural`, `stable_hash` | what several of them share |
 
 mod beside;
 mod blend;
@@ -17,6 +27,7 @@ mod log;
 mod metaimage;
 mod natural;
 mod nifti;
+mod noted;
 mod npy;
 mod nrrd;
 mod open;
@@ -32,6 +43,7 @@ mod surveyor;
 mod synthetic;
 mod tiff;
 mod walk;
+mod wrapper;
 
 pub use catalogue::{Catalogue, Finding, GapPolicy, InputFiles, LeftOut, OpenOptions};
 pub use crop::Crop;
@@ -42,6 +54,7 @@ pub use open::{open, open_in};
 pub use raw::{RawOptions, RawVolume};
 pub use scalar::{Endian, Scalar, ScalarType};
 pub use synthetic::SyntheticHead;
+pub(crate) use wrapper::Wrapper;
 
 use std::fmt;
 use std::ops::Range;
@@ -143,8 +156,7 @@ pub trait VolumeSource: Send + Sync {
     }
 
     /// Names every file that samples are read from, as far as the source knows; the catalogue asks what a
-    /// format has opened, so that a change of samples beside their header is noticed. Sources made of other
-    /// sources need not pass it on.
+    /// format has opened, so that a change of samples beside their header is noticed.
     fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
 
     /// What [`VolumeSource::prepare`] will take.
@@ -190,17 +202,29 @@ pub trait VolumeSource: Send + Sync {
         pitch: usize,
         out: &mut [u8],
     ) -> Result<(), SourceError> {
-        let row_bytes = cols.len() * self.info().scalar.bytes();
-        for (row, part) in rows.zip(out.chunks_mut(pitch)) {
-            self.read_rows(z, row..row + 1, cols.clone(), &mut part[..row_bytes])?;
-        }
-        Ok(())
+        row_by_row(self, z, rows, cols, pitch, out)
     }
 
     /// Bytes that the source may hold per reading thread beyond what it holds when opened.
     fn resident_bytes(&self) -> u64 {
         0
     }
+}
+
+/// [`VolumeSource::read_pitched`] in terms of [`VolumeSource::read_rows`].
+fn row_by_row(
+    source: &(impl VolumeSource + ?Sized),
+    z: u32,
+    rows: Range<u32>,
+    cols: Range<u32>,
+    pitch: usize,
+    out: &mut [u8],
+) -> Result<(), SourceError> {
+    let row_bytes = cols.len() * source.info().scalar.bytes();
+    for (row, part) in rows.zip(out.chunks_mut(pitch)) {
+        source.read_rows(z, row..row + 1, cols.clone(), part.get_mut(..row_bytes).unwrap_or_default())?;
+    }
+    Ok(())
 }
 
 impl fmt::Debug for dyn VolumeSource + '_ {

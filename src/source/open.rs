@@ -2,28 +2,19 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::catalogue::{Catalogue, Finding, OpenOptions};
 use super::dicom::{Recognised, recognise};
-use super::formats::HEAD_BYTES;
-use super::{Preparation, RawVolume, SourceError, VolumeInfo, VolumeSource, Workspace, nifti, sidecar};
+use super::formats::{HEAD_BYTES, known};
+use super::noted::Noted;
+use super::{RawVolume, SourceError, VolumeSource, nifti, sidecar};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
 
 /// Files or volumes named in one warning.
 const NAMED: usize = 3;
-
-/// Formats by their first bytes that are not read, to say what a refused file is.
-const KNOWN: [(usize, &[u8], &str); 5] = [
-    (0, b"\x1f\x8b", "a gzip file, but of no volume that is read"),
-    (0, b"\xff\xd8\xff", "a JPEG image"),
-    (0, b"ply", "a PLY mesh"),
-    (0, b"OFF", "an OFF mesh"),
-    (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
-];
 
 /// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
 ///
@@ -274,106 +265,10 @@ fn head_of(file: &File) -> Vec<u8> {
     head
 }
 
-/// What a file is by its first bytes, if that is known and it is not DICOM.
-pub(super) fn known(head: &[u8]) -> Option<&'static str> {
-    let is = |(at, magic, _): &&(usize, &[u8], &str)| head.get(*at..).is_some_and(|h| h.starts_with(magic));
-    KNOWN.iter().find(is).map(|(_, _, what)| *what)
-}
-
-/// A volume with more to be said of it.
-pub(super) struct Noted {
-    pub(super) source: Box<dyn VolumeSource>,
-    /// What is said of it.
-    pub(super) info: VolumeInfo,
-}
-
-impl VolumeSource for Noted {
-    fn info(&self) -> &VolumeInfo {
-        &self.info
-    }
-
-    fn modality(&self) -> Option<&str> {
-        self.source.modality()
-    }
-
-    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.source.for_each_file(each);
-    }
-
-    fn preparation(&self) -> Preparation {
-        self.source.preparation()
-    }
-
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
-        self.source.prepare(workspace)
-    }
-
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
-        self.source.read_rows(z, rows, cols, out)
-    }
-
-    fn read_pitched(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        pitch: usize,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
-        self.source.read_pitched(z, rows, cols, pitch, out)
-    }
-
-    fn resident_bytes(&self) -> u64 {
-        self.source.resident_bytes()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::error::ExitKind;
-
-    #[test]
-    fn a_volume_with_more_to_be_said_of_it_stays_what_it_is() {
-        struct Scan(VolumeInfo);
-        impl VolumeSource for Scan {
-            fn info(&self) -> &VolumeInfo {
-                &self.0
-            }
-            fn modality(&self) -> Option<&str> {
-                Some("CT")
-            }
-            fn read_rows(
-                &self,
-                _: u32,
-                _: Range<u32>,
-                _: Range<u32>,
-                _: &mut [u8],
-            ) -> Result<(), SourceError> {
-                Ok(())
-            }
-        }
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.raw");
-        std::fs::write(&path, [1; 8]).unwrap();
-        let raw = super::super::RawOptions {
-            dims: crate::geom::Dims::new(2, 2, 2).unwrap(),
-            scalar: super::super::ScalarType::U8,
-            endian: super::super::Endian::Little,
-            spacing_mm: [1.0; 3],
-            skip: 0,
-            orientation: crate::geom::Orientation::parse("LPS").unwrap(),
-        };
-        let info = RawVolume::open(&[path], &raw).unwrap().info().clone();
-        let noted = Noted { source: Box::new(Scan(info.clone())), info };
-        assert_eq!(noted.modality(), Some("CT"));
-    }
 
     #[test]
     fn the_side_car_beside_a_single_file_is_used() {

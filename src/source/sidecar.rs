@@ -23,7 +23,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
-use super::open::Noted;
+use super::noted::Noted;
 use super::{RawOptions, RawVolume, ScalarType, SourceError, VolumeSource};
 use crate::geom::{Dims, Orientation};
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::beside::Beside;
 use super::catalogue::{Item, LeftOut, OpenOptions, What, full_path, precedes};
 use super::dicom::{Recognised, recognise};
-use super::formats::{FORMATS, HEAD_BYTES, STACKS};
+use super::formats::{FORMATS, HEAD_BYTES, STACKS, known};
 use super::log::{Log, NONE, Record};
 use super::stable_hash::StableHash;
 use super::walk::{NotEntered, Visitor, changed};
@@ -142,7 +142,7 @@ impl<'a> Surveyor<'a> {
             let key = StableHash::new().part(folder).finish();
             return Ok(Class::Item(What::Stack(index(at)), Some(key)));
         }
-        if let Some(what) = super::open::known(&head) {
+        if let Some(what) = known(&head) {
             return left_out(what);
         }
         if sidecar::is_named_so(path) && sidecar::read(path).is_some() {

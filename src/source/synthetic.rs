@@ -71,8 +71,6 @@ impl SyntheticHead {
     pub const BONE_ISO_HU: f64 = 400.0;
     /// Threshold for the skin.
     pub const SKIN_ISO_HU: f64 = -400.0;
-    /// Range that holds the brain's folds (and, like them, nothing harder than soft tissue).
-    pub const BRAIN_RANGE_HU: (f64, f64) = (70.0, 130.0);
 
     /// A head of `side` voxels along each axis, or `None` unless that is 1..=65536.
     pub fn new(side: u32) -> Option<Self> {

@@ -2,8 +2,8 @@
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 #![allow(dead_code, reason = "each test file uses its own part")]
 
-use infobyte::format::assemble::{AssembledVoxel, Channels, assemble};
-use infobyte::format::{Metadata, Selection, SelectionKind, SourceMeta, normal};
+use infobyte::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
+use infobyte::format::{Metadata, SourceMeta, normal};
 
 /// Normals and coarse means, no values.
 pub(crate) const NORMALS: Channels = Channels { normal: true, value_bytes: 0, lod: true };
@@ -14,17 +14,8 @@ pub(crate) const FULL: Channels = Channels { normal: true, value_bytes: 2, lod: 
 /// Metadata of a volume with unit spacing, inside from 1 on.
 pub(crate) fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
     Metadata {
-        program: "example".into(),
         source: SourceMeta { format: "raw".into(), name: "e.raw".into(), files: 1, bytes: 6 },
-        dims,
-        scalar: 0,
-        spacing_mm: [1.0; 3],
-        affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        rescale: [1.0, 0.0],
-        selection: Selection { kind: SelectionKind::Iso, lo: 1.0, hi: f64::INFINITY },
-        connectivity: 26,
-        gradient: if channels.normal { "gauss5".into() } else { String::new() },
-        value_scale: if channels.value_bytes > 0 { [1.0, 0.0] } else { [0.0, 0.0] },
+        ..plain_metadata(dims, channels)
     }
 }
 

@@ -101,24 +101,11 @@ fn convert(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::assemble::{AssembledVoxel, Channels, assemble};
-    use crate::format::{Encoding, Metadata, Selection, SelectionKind, SourceMeta, normal};
+    use crate::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
+    use crate::format::{Encoding, normal};
 
     /// A bumpy sheet through a box: every kind of neighbourhood, several subtrees.
     fn sheet(dims: [u32; 3], channels: Channels) -> Vec<u8> {
-        let metadata = Metadata {
-            program: "test".into(),
-            source: SourceMeta::default(),
-            dims,
-            scalar: 0,
-            spacing_mm: [1.0; 3],
-            affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-            rescale: [1.0, 0.0],
-            selection: Selection { kind: SelectionKind::Iso, lo: 1.0, hi: f64::INFINITY },
-            connectivity: 26,
-            gradient: if channels.normal { "test".into() } else { String::new() },
-            value_scale: if channels.value_bytes > 0 { [1.0, 0.0] } else { [0.0, 0.0] },
-        };
         let mut voxels = Vec::new();
         for y in 0..dims[1] {
             for x in 0..dims[0] {
@@ -128,7 +115,7 @@ mod tests {
                 voxels.push(AssembledVoxel { cell: [x, y, z], normal, value: value.into() });
             }
         }
-        assemble(&metadata, &voxels, channels).unwrap()
+        assemble(&plain_metadata(dims, channels), &voxels, channels).unwrap()
     }
 
     fn bytes(file: &File) -> Vec<u8> {

@@ -30,7 +30,7 @@ pub(super) use samples::Samples;
 use super::files::FileList;
 use super::raw::check_request;
 use super::spool::Spool;
-use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
+use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
 use crate::progress::Progress;
 
 /// Writes a volume that can only be read from front to back.
@@ -173,14 +173,10 @@ impl VolumeSource for StoredVolume {
         pitch: usize,
         out: &mut [u8],
     ) -> Result<(), SourceError> {
-        if let Data::Placed(placed) = &self.data {
-            return placed.read_pitched(&self.info, z, rows, cols, pitch, out);
+        match &self.data {
+            Data::Placed(placed) => placed.read_pitched(&self.info, z, rows, cols, pitch, out),
+            Data::Sequential { .. } => row_by_row(self, z, rows, cols, pitch, out),
         }
-        let row_bytes = cols.len() * self.info.scalar.bytes();
-        for (row, part) in rows.zip(out.chunks_mut(pitch)) {
-            self.read_rows(z, row..row + 1, cols.clone(), part.get_mut(..row_bytes).unwrap_or_default())?;
-        }
-        Ok(())
     }
 }
 

@@ -1,0 +1,221 @@
+//! Values of options, and the sentences for what is none.
+
+use std::ops::Range;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use infobyte::build::Connectivity;
+use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
+use infobyte::geom::{Dims, Orientation};
+use infobyte::render::{NamedView, Projection};
+use infobyte::source::{Endian, ScalarType};
+
+pub(super) fn number(text: &str) -> Result<f64, String> {
+    text.trim()
+        .parse::<f64>()
+        .ok()
+        .filter(|v| v.is_finite())
+        .ok_or_else(|| format!("'{text}' is not a finite number"))
+}
+
+pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
+    let (lo, hi) = text
+        .split_once("..")
+        .ok_or_else(|| format!("'{text}' is not a range; write for example -300..500"))?;
+    let (lo, hi) = (number(lo)?, number(hi)?);
+    if lo > hi {
+        return Err(format!("the range {lo}..{hi} is empty; write the lower value first"));
+    }
+    Ok([lo, hi])
+}
+
+pub(super) fn threads(text: &str) -> Result<usize, String> {
+    text.parse::<usize>()
+        .ok()
+        .filter(|n| (1..=1024).contains(n))
+        .ok_or_else(|| format!("'{text}' is not a number of threads; choose 1 to 1024"))
+}
+
+pub(super) fn volume_number(text: &str) -> Result<usize, String> {
+    let number = text.parse::<usize>().ok().filter(|n| *n > 0);
+    number.ok_or_else(|| format!("'{text}' is not the number of a volume; they are counted from 1"))
+}
+
+/// Parses `26` or `6`, which stand for these two.
+fn either<T>(text: &str, of_26: T, of_6: T) -> Result<T, String> {
+    match text {
+        "26" => Ok(of_26),
+        "6" => Ok(of_6),
+        _ => Err(format!("'{text}' is not a connectivity; choose 26 or 6")),
+    }
+}
+
+pub(super) fn connectivity(text: &str) -> Result<Connectivity, String> {
+    either(text, Connectivity::Thin26, Connectivity::Thick6)
+}
+
+pub(super) fn component_connectivity(text: &str) -> Result<ComponentConnectivity, String> {
+    either(text, ComponentConnectivity::Corners26, ComponentConnectivity::Faces6)
+}
+
+/// Channels to store per skin voxel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ChannelChoice {
+    pub(crate) normal: bool,
+    pub(crate) value: bool,
+}
+
+pub(super) fn channels(text: &str) -> Result<ChannelChoice, String> {
+    let mut choice = ChannelChoice::default();
+    if text == "none" {
+        return Ok(choice);
+    }
+    for name in text.split(',').map(str::trim) {
+        match name {
+            "normal" => choice.normal = true,
+            "value" => choice.value = true,
+            "offset" | "color" | "material" => {
+                return Err(format!(
+                    "the channel '{name}' cannot be built by this version; choose from normal, value"
+                ));
+            }
+            _ => return Err(format!("'{name}' is not a channel; choose from normal, value, or none")),
+        }
+    }
+    Ok(choice)
+}
+
+/// A box of voxels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Roi(pub(super) [Range<u32>; 3]);
+
+pub(super) fn roi(text: &str) -> Result<Roi, String> {
+    let range = |part: &str| {
+        let (start, end) = part.split_once("..")?;
+        let (start, end) = (start.trim().parse::<u32>().ok()?, end.trim().parse::<u32>().ok()?);
+        (start < end).then_some(start..end)
+    };
+    let ranges: Option<Vec<_>> = text.split(',').map(range).collect();
+    let ranges: Option<[Range<u32>; 3]> = ranges.and_then(|r| r.try_into().ok());
+    ranges.map(Roi).ok_or_else(|| {
+        format!("'{text}' is not a box; write X0..X1,Y0..Y1,Z0..Z1, for example 10..200,0..256,5..90")
+    })
+}
+
+pub(super) fn downsample(text: &str) -> Result<u32, String> {
+    match text {
+        "2" => Ok(2),
+        "4" => Ok(4),
+        _ => Err(format!("'{text}' is not a factor; choose 2 or 4")),
+    }
+}
+
+pub(super) fn closing(text: &str) -> Result<u32, String> {
+    match text {
+        "1" => Ok(1),
+        "2" => Ok(2),
+        _ => Err(format!("'{text}' is not a radius; choose 1 or 2 voxels")),
+    }
+}
+
+pub(super) fn preset(text: &str) -> Result<Preset, String> {
+    Preset::parse(text).ok_or_else(|| {
+        let names = Preset::ALL.map(Preset::name).join(", ");
+        format!("'{text}' is not a preset; choose one of {names}")
+    })
+}
+
+pub(super) fn keep_largest(text: &str) -> Result<u32, String> {
+    text.parse::<u32>()
+        .ok()
+        .filter(|n| (1..=MOST_LARGEST).contains(n))
+        .ok_or_else(|| format!("'{text}' is not a number of components; choose 1 to {MOST_LARGEST}"))
+}
+
+pub(super) fn drop_below(text: &str) -> Result<SizeLimit, String> {
+    let refuse = || format!("'{text}' is not a size; write a number of voxels, or a percentage such as 5%");
+    match text.strip_suffix('%') {
+        Some(percent) => match number(percent) {
+            Ok(percent) if (0.0..=100.0).contains(&percent) => Ok(SizeLimit::PercentOfLargest(percent)),
+            _ => Err(refuse()),
+        },
+        None => text.parse().map(SizeLimit::Voxels).map_err(|_| refuse()),
+    }
+}
+
+/// Splits `AxBxC` into parts.
+fn parts<const K: usize>(text: &str, separator: char) -> Option<[&str; K]> {
+    let parts: Vec<&str> = text.split(separator).map(str::trim).collect();
+    parts.try_into().ok()
+}
+
+pub(super) fn dims(text: &str) -> Result<Dims, String> {
+    let bad = || format!("'{text}' is not a size in voxels; write for example 512x512x300, each 1 to 65536");
+    let [x, y, z] = parts::<3>(text, 'x').ok_or_else(bad)?.map(str::parse::<u32>);
+    match (x, y, z) {
+        (Ok(x), Ok(y), Ok(z)) => Dims::new(x, y, z).ok_or_else(bad),
+        _ => Err(bad()),
+    }
+}
+
+pub(super) fn dtype(text: &str) -> Result<(ScalarType, Endian), String> {
+    ScalarType::parse(text)
+        .ok_or_else(|| format!("'{text}' is not a sample type; write for example u16, i16be or f32"))
+}
+
+pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
+    let bad = || format!("'{text}' is not a spacing in mm; write for example 0.5x0.5x1.25, each above 0");
+    let parsed = parts::<3>(text, 'x').ok_or_else(bad)?.map(|p| number(p).unwrap_or(0.0));
+    if parsed.iter().all(|s| *s > 0.0) { Ok(parsed) } else { Err(bad()) }
+}
+
+pub(super) fn orientation(text: &str) -> Result<Orientation, String> {
+    Orientation::parse(text).ok_or_else(|| {
+        format!(
+            "'{text}' is not an orientation; write three letters, one each of L/R, P/A and S/I, such as LPS"
+        )
+    })
+}
+
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
+    let bad = || format!("'{text}' is not a picture size; write for example 1024x768, each 1 to 16384");
+    let [w, h] = parts::<2>(text, 'x').ok_or_else(bad)?.map(side);
+    match (w, h) {
+        (Ok(w), Ok(h)) => Ok([w, h]),
+        _ => Err(bad()),
+    }
+}
+
+pub(super) fn side(text: &str) -> Result<u32, String> {
+    text.parse::<u32>()
+        .ok()
+        .filter(|n| (1..=16384).contains(n))
+        .ok_or_else(|| format!("'{text}' is not a size; choose 1 to 16384"))
+}
+
+pub(super) fn side_or_none(text: &str) -> Result<u32, String> {
+    if text == "0" { Ok(0) } else { side(text) }
+}
+
+pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
+    let bad = || format!("'{text}' is not a point or direction; write for example 10,-250.5,0");
+    let [x, y, z] = parts::<3>(text, ',').ok_or_else(bad)?.map(number);
+    match (x, y, z) {
+        (Ok(x), Ok(y), Ok(z)) => Ok([x, y, z]),
+        _ => Err(bad()),
+    }
+}
+
+pub(super) fn fov(text: &str) -> Result<f64, String> {
+    number(text)
+        .ok()
+        .filter(|d| (0.01..=170.0).contains(d))
+        .ok_or_else(|| format!("'{text}' is not a field of view; choose 0.01 to 170 degrees"))
+}
+
+pub(super) fn views() -> impl TypedValueParser<Value = NamedView> {
+    PossibleValuesParser::new(NamedView::ALL.map(NamedView::name)).try_map(|name| name.parse())
+}
+
+pub(super) fn projections() -> impl TypedValueParser<Value = Projection> {
+    PossibleValuesParser::new(["parallel", "perspective"]).try_map(|name| name.parse())
+}

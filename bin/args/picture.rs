@@ -1,0 +1,72 @@
+//! Options of the commands that make pictures of models.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use infobyte::jobs::render::RenderRequest;
+use infobyte::render::{NamedView, Projection};
+
+use super::{Switch, ThreadArgs, parse};
+
+#[derive(Debug, Args)]
+pub(crate) struct RenderArgs {
+    /// The model
+    #[arg(value_name = "MODEL.oct")]
+    pub(crate) model: PathBuf,
+    /// The PNG to write
+    #[arg(short, long, value_name = "IMAGE.png")]
+    pub(crate) output: PathBuf,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = parse::size)]
+    pub(crate) size: [u32; 2],
+    /// Named view
+    #[arg(long, default_value = "front", value_parser = parse::views(), conflicts_with = "eye")]
+    pub(crate) view: NamedView,
+    /// Position of the eye in mm (LPS)
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "look_at")]
+    pub(crate) eye: Option<[f64; 3]>,
+    /// Point in the middle of the picture, in mm (LPS)
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "eye")]
+    pub(crate) look_at: Option<[f64; 3]>,
+    /// Direction that is up in the picture
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "eye")]
+    pub(crate) up: Option<[f64; 3]>,
+    /// Kind of projection
+    #[arg(long, default_value = "parallel", value_parser = parse::projections())]
+    pub(crate) projection: Projection,
+    /// Vertical field of view in degrees, for the perspective projection
+    #[arg(long, value_name = "DEG", default_value_t = RenderRequest::FOV_DEG, value_parser = parse::fov)]
+    pub(crate) fov: f64,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Stop at nodes about as small as a pixel instead of at voxels
+    #[arg(long, value_enum, default_value_t = Switch::Off)]
+    pub(crate) lod: Switch,
+    /// Also write a picture of the distances
+    #[arg(long, value_name = "F.png")]
+    pub(crate) depth: Option<PathBuf>,
+    /// Also write a picture of the normals
+    #[arg(long, value_name = "F.png")]
+    pub(crate) normals: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ThumbnailArgs {
+    /// The model
+    #[arg(value_name = "MODEL.oct")]
+    pub(crate) model: PathBuf,
+    /// The PNG to write, whatever its name ends in
+    #[arg(short, long, value_name = "THUMB.png")]
+    pub(crate) output: PathBuf,
+    /// Longest side in pixels
+    #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = parse::side)]
+    pub(crate) size: u32,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}

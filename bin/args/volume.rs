@@ -1,0 +1,284 @@
+//! Options of the commands that read volumes: what is taken, what is inside, what is done to it.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use infobyte::budget::parse_size;
+use infobyte::build::{Connectivity, Threshold};
+use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
+use infobyte::geom::{Dims, Orientation};
+use infobyte::source::{Endian, GapPolicy, ScalarType};
+
+use super::{Switch, ThreadArgs, parse};
+
+#[derive(Debug, Args)]
+pub(crate) struct BuildArgs {
+    /// A file, a folder, or several slice files
+    #[arg(required = true, value_name = "INPUT")]
+    pub(crate) input: Vec<PathBuf>,
+    /// The model to write
+    #[arg(short, long, value_name = "MODEL.oct")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) selection: SelectionArgs,
+    /// Peak resident memory of the whole process
+    #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
+    pub(crate) memory: u64,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    #[command(flatten)]
+    pub(crate) skin: SkinArgs,
+    /// Store mean attributes of coarse nodes, for quick small pictures
+    #[arg(long, value_enum, default_value_t = Switch::On)]
+    pub(crate) lod: Switch,
+    /// Folder for the scratch file; beside the output by default
+    #[arg(long, value_name = "DIR")]
+    pub(crate) scratch: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, no warnings
+    #[arg(long)]
+    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) which: WhichArgs,
+    #[command(flatten)]
+    pub(crate) clean: CleanArgs,
+    #[command(flatten)]
+    pub(crate) raw: RawArgs,
+}
+
+#[derive(Debug, Args)]
+#[command(
+    mut_arg("otsu", |arg| arg.help("Choose the threshold of each volume by Otsu's method (the default)")),
+    mut_arg("threads", |arg| arg.help("Worker threads in all; all cores by default"))
+)]
+pub(crate) struct BatchArgs {
+    /// Folders (or files) to search
+    #[arg(required = true, value_name = "DIR")]
+    pub(crate) input: Vec<PathBuf>,
+    /// Folder of the models, thumbnails and reports; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    pub(crate) selection: SelectionArgs,
+    /// Peak resident memory of the whole process, shared by the jobs
+    #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
+    pub(crate) memory: u64,
+    /// Volumes worked on at a time; as many as cores by default
+    #[arg(long, value_name = "N", value_parser = parse::threads)]
+    pub(crate) jobs: Option<usize>,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Longest side of the thumbnails in pixels; 0 for none
+    #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = parse::side_or_none)]
+    pub(crate) thumbnails: u32,
+    #[command(flatten)]
+    pub(crate) skin: SkinArgs,
+    /// Folder for scratch files; the output folder by default
+    #[arg(long, value_name = "DIR")]
+    pub(crate) scratch: Option<PathBuf>,
+    /// Leave patient names in reported paths; they are masked by default
+    #[arg(long)]
+    pub(crate) keep_names: bool,
+    #[command(flatten)]
+    pub(crate) gaps: GapArgs,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, no lines for volumes
+    #[arg(long)]
+    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) clean: CleanArgs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ScanArgs {
+    /// Folders (or files) to search
+    #[arg(required = true, value_name = "DIR")]
+    pub(crate) input: Vec<PathBuf>,
+    /// Leave patient names in reported paths; they are masked by default
+    #[arg(long)]
+    pub(crate) keep_names: bool,
+    #[command(flatten)]
+    pub(crate) gaps: GapArgs,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    /// The model to write
+    #[arg(short, long, value_name = "MODEL.oct", default_value = "head.oct")]
+    pub(crate) output: PathBuf,
+    /// Voxels along a side of the synthetic volume
+    #[arg(long, value_name = "N", default_value = "512", value_parser = parse::side)]
+    pub(crate) size: u32,
+    /// Write the volume itself (16-bit signed, little-endian) to a file, and do nothing else
+    #[arg(long, value_name = "FILE")]
+    pub(crate) write_raw: Option<PathBuf>,
+    /// Inside are values of V and more; 400 (the skull) by default, -400 shows the skin
+    #[arg(long, value_name = "V", allow_hyphen_values = true, value_parser = parse::number, default_value = "400")]
+    pub(crate) iso: f64,
+    /// Picture to write
+    #[arg(long, value_name = "IMAGE.png")]
+    pub(crate) picture: Option<PathBuf>,
+    /// Peak resident memory of the whole process
+    #[arg(long, value_name = "SIZE", default_value = "8MiB", value_parser = parse_size)]
+    pub(crate) memory: u64,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, no warnings
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+/// What is inside.
+#[derive(Debug, Args)]
+pub(crate) struct SelectionArgs {
+    /// Inside are values of V and more, in physical units (HU for CT)
+    #[arg(long, value_name = "V", group = "selection", allow_hyphen_values = true, value_parser = parse::number)]
+    pub(crate) iso: Option<f64>,
+    /// Inside are values from LO to HI, both included
+    #[arg(long, value_name = "LO..HI", group = "selection", allow_hyphen_values = true, value_parser = parse::range)]
+    pub(crate) range: Option<[f64; 2]>,
+    /// Choose the threshold by Otsu's method (the default)
+    #[arg(long, group = "selection")]
+    pub(crate) otsu: bool,
+}
+
+impl SelectionArgs {
+    /// The threshold of the library.
+    pub(crate) fn threshold(&self) -> Threshold {
+        match (self.iso, self.range) {
+            (Some(iso), _) => Threshold::Iso(iso),
+            (None, Some([lo, hi])) => Threshold::Range(lo, hi),
+            (None, None) => Threshold::Otsu,
+        }
+    }
+}
+
+/// Which voxels are kept, and what is stored of them.
+#[derive(Debug, Args)]
+pub(crate) struct SkinArgs {
+    /// Attributes per skin voxel: normal, value, or none
+    #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
+    pub(crate) channels: parse::ChannelChoice,
+    /// Connectivity of the skin: 26 (thin) or 6 (thick)
+    #[arg(long, default_value = "26", value_parser = parse::connectivity)]
+    pub(crate) connectivity: Connectivity,
+}
+
+/// What is left to choose where folders hold several volumes, or series have gaps.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Folders and series")]
+pub(crate) struct WhichArgs {
+    /// Take the volume of this number in the list of `oct scan`; the largest by default
+    #[arg(long, value_name = "N", value_parser = parse::volume_number)]
+    pub(crate) volume: Option<usize>,
+    #[command(flatten)]
+    pub(crate) gaps: GapArgs,
+}
+
+/// What becomes of series with gaps.
+#[derive(Debug, Args)]
+pub(crate) struct GapArgs {
+    /// Where slices are missing or uneven: refuse, make them from their neighbours, or take them as even
+    #[arg(long, value_enum, default_value_t = Gaps::Error)]
+    pub(crate) gaps: Gaps,
+}
+
+impl GapArgs {
+    /// The policy of the library.
+    pub(crate) fn policy(&self) -> GapPolicy {
+        match self.gaps {
+            Gaps::Error => GapPolicy::Error,
+            Gaps::Fill => GapPolicy::Fill,
+            Gaps::Keep => GapPolicy::Keep,
+        }
+    }
+}
+
+/// What to do about gaps between slices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Gaps {
+    Error,
+    Fill,
+    Keep,
+}
+
+/// What is done to the volume before it is built, in the order of these options.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Cleaning (in this order, whatever the order given)")]
+pub(crate) struct CleanArgs {
+    /// Use a part of the volume: voxel indices from X0 up to but without X1, and so on
+    #[arg(long, value_name = "X0..X1,Y0..Y1,Z0..Z1", value_parser = parse::roi)]
+    pub(crate) roi: Option<parse::Roi>,
+    /// Make the volume 2 or 4 times smaller along each axis, by means of blocks; each pass still reads all of it
+    #[arg(long, value_name = "2|4", value_parser = parse::downsample)]
+    pub(crate) downsample: Option<u32>,
+    /// Inside is a tissue by its range in HU (CT only): bone 226 and more, compact-bone 662 and more, teeth 1550
+    /// and more, metal 2500 and more, skin -300 and more, muscle -5..135, fat -205..-51, lung -950..-500
+    #[arg(long, value_name = "NAME", group = "selection", value_parser = parse::preset)]
+    pub(crate) preset: Option<Preset>,
+    /// Close gaps: dilation, then erosion, by a ball of R + 1/2 voxels, R = 1 or 2, whatever the spacing. Extra
+    /// passes: the volume once (for this and all below together), the bits once
+    #[arg(long, value_name = "R", value_parser = parse::closing)]
+    pub(crate) close: Option<u32>,
+    /// Fill what is enclosed: parts of the outside that do not reach the border of the volume, connected by the
+    /// complement of --component-connectivity. Extra passes: the bits twice
+    #[arg(long)]
+    pub(crate) fill_cavities: bool,
+    /// Keep the N largest components, of equal ones the first in z, y, x. Extra passes: the bits twice
+    #[arg(long, value_name = "N", value_parser = parse::keep_largest)]
+    pub(crate) keep_largest: Option<u32>,
+    /// Drop components of fewer voxels, or of less than a part of the largest one. Extra passes: the bits twice,
+    /// together with --keep-largest
+    #[arg(long, value_name = "VOXELS|PERCENT%", value_parser = parse::drop_below)]
+    pub(crate) drop_below: Option<SizeLimit>,
+    /// Voxels of one component share a face (6), or a face, an edge or a corner (26)
+    #[arg(long, value_name = "26|6", default_value = "26", value_parser = parse::component_connectivity)]
+    pub(crate) component_connectivity: ComponentConnectivity,
+}
+
+impl CleanArgs {
+    /// The options of the library.
+    pub(crate) fn options(&self) -> CleanOptions {
+        CleanOptions {
+            roi: self.roi.as_ref().map(|roi| roi.0.clone()),
+            downsample: self.downsample,
+            preset: self.preset,
+            close: self.close.unwrap_or(0),
+            fill_cavities: self.fill_cavities,
+            keep_largest: self.keep_largest,
+            drop_below: self.drop_below,
+            connectivity: self.component_connectivity,
+        }
+    }
+}
+
+/// What a headerless volume cannot say of itself.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Raw volumes only")]
+pub(crate) struct RawArgs {
+    /// Size in voxels, x fastest
+    #[arg(long, value_name = "NXxNYxNZ", value_parser = parse::dims)]
+    pub(crate) dims: Option<Dims>,
+    /// Sample type: u8, i8, u16, i16, u32, i32, f32 or f64, with le (default) or be
+    #[arg(long, value_name = "TYPE", value_parser = parse::dtype)]
+    pub(crate) dtype: Option<(ScalarType, Endian)>,
+    /// Distance between neighbours in mm; 1x1x1 by default
+    #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing)]
+    pub(crate) spacing: Option<[f64; 3]>,
+    /// Bytes to skip at the start of every file
+    #[arg(long, value_name = "BYTES")]
+    pub(crate) skip: Option<u64>,
+    /// Patient directions that the axes run to, such as LPS or RAI
+    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation)]
+    pub(crate) orientation: Option<Orientation>,
+}

@@ -1,0 +1,180 @@
+//! Volumes that stand before another one: all that they leave as it is, in one place.
+
+use std::ops::Range;
+use std::path::Path;
+
+use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
+
+/// A volume made of another one, which says of itself and reads what is different; all else is the inner
+/// volume's.
+///
+/// Whoever implements it is a [`VolumeSource`] by the one implementation below. Its methods have names of their
+/// own, so that a volume's methods stay unambiguous.
+pub(crate) trait Wrapper: Sized + Send + Sync {
+    /// The volume behind.
+    fn inner(&self) -> &dyn VolumeSource;
+
+    /// The volume behind, to be prepared; `None` if it is borrowed, and so was prepared before.
+    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource>;
+
+    /// [`VolumeSource::info`] of the whole.
+    fn own_info(&self) -> &VolumeInfo;
+
+    /// Bytes held per reading thread beyond those of the volume behind.
+    fn own_bytes(&self) -> u64;
+
+    /// [`VolumeSource::read_rows`] of the whole.
+    ///
+    /// # Errors
+    /// As there.
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8])
+    -> Result<(), SourceError>;
+
+    /// [`VolumeSource::read_pitched`] of the whole; row by row, unless there is a better way.
+    ///
+    /// # Errors
+    /// As there.
+    fn own_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        row_by_row(self, z, rows, cols, pitch, out)
+    }
+}
+
+/// The lint makes a method that the trait gains an error here until it is passed on: its default would speak for
+/// the wrapper instead of the volume behind.
+#[deny(clippy::missing_trait_methods)]
+impl<W: Wrapper> VolumeSource for W {
+    fn info(&self) -> &VolumeInfo {
+        self.own_info()
+    }
+
+    fn modality(&self) -> Option<&str> {
+        self.inner().modality()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.inner().for_each_file(each);
+    }
+
+    fn preparation(&self) -> Preparation {
+        self.inner().preparation()
+    }
+
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        self.inner_mut().map_or(Ok(()), |inner| inner.prepare(workspace))
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        self.own_rows(z, rows, cols, out)
+    }
+
+    fn read_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        self.own_pitched(z, rows, cols, pitch, out)
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        self.inner().resident_bytes() + self.own_bytes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::noted::Noted;
+    use super::super::{Crop, Downsample, RawOptions, RawVolume};
+    use super::*;
+    use crate::geom::{Dims, Orientation};
+    use crate::progress::Silent;
+    use crate::source::{Endian, ScalarType};
+
+    const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6 };
+
+    /// A volume that has something of its own to say to every question.
+    struct Scan(VolumeInfo);
+
+    impl VolumeSource for Scan {
+        fn info(&self) -> &VolumeInfo {
+            &self.0
+        }
+        fn modality(&self) -> Option<&str> {
+            Some("CT")
+        }
+        fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+            each(Path::new("a"));
+        }
+        fn preparation(&self) -> Preparation {
+            NEEDS
+        }
+        fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+            let (needed_bytes, allowed_bytes) = (NEEDS.memory_bytes, workspace.memory_bytes);
+            Err(SourceError::Memory { path: "a".into(), needed_bytes, allowed_bytes })
+        }
+        fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result<(), SourceError> {
+            Err(SourceError::ReadFailed {
+                path: "a".into(),
+                slice: z,
+                cause: std::io::ErrorKind::Other.into(),
+            })
+        }
+        fn resident_bytes(&self) -> u64 {
+            7
+        }
+    }
+
+    #[test]
+    fn what_stands_before_a_volume_passes_on_all_that_it_leaves_as_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.raw");
+        std::fs::write(&path, [1; 8]).unwrap();
+        let raw = RawOptions {
+            dims: Dims::new(2, 2, 2).unwrap(),
+            scalar: ScalarType::U8,
+            endian: Endian::Little,
+            spacing_mm: [1.0; 3],
+            skip: 0,
+            orientation: Orientation::LPS,
+        };
+        let info = RawVolume::open(&[path], &raw).unwrap().info().clone();
+        let scan = || Box::new(Scan(info.clone())) as Box<dyn VolumeSource>;
+        let whole = [0..2, 0..2, 0..2];
+        let all: [(Box<dyn VolumeSource>, u64); 3] = [
+            (Box::new(Noted { source: scan(), info: info.clone() }), 0),
+            (Box::new(Crop::new(scan(), whole).unwrap()), 0),
+            (Box::new(Downsample::new(scan(), 2).unwrap()), 64 << 10),
+        ];
+        for (mut outer, own_bytes) in all {
+            assert_eq!(outer.modality(), Some("CT"));
+            assert_eq!(outer.preparation(), NEEDS);
+            assert_eq!(outer.resident_bytes(), 7 + own_bytes);
+            let mut files = Vec::new();
+            outer.for_each_file(&mut |path| files.push(path.to_path_buf()));
+            assert_eq!(files, [Path::new("a")]);
+            let workspace = Workspace { scratch: folder.path(), memory_bytes: 1, progress: &Silent };
+            assert!(matches!(outer.prepare(&workspace), Err(SourceError::Memory { allowed_bytes: 1, .. })));
+            let mut out = [0; 4];
+            for read in
+                [outer.read_rows(0, 0..1, 0..1, &mut out), outer.read_pitched(0, 0..1, 0..1, 4, &mut out)]
+            {
+                assert!(matches!(read, Err(SourceError::ReadFailed { slice: 0, .. })));
+            }
+        }
+    }
+}
