@@ -240,6 +240,9 @@ fn drop_below(text: &str) -> Result<SizeLimit, String> {
     }
 }
 
+/// Heading of the options that serve raw volumes and others alike.
+const PLACE: &str = "Spacing and directions";
+
 /// What a headerless volume cannot say of itself.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Raw volumes only")]
@@ -250,14 +253,14 @@ pub(crate) struct RawArgs {
     /// Sample type: u8, i8, u16, i16, u32, i32, f32 or f64, with le (default) or be
     #[arg(long, value_name = "TYPE", value_parser = dtype)]
     pub(crate) dtype: Option<(ScalarType, Endian)>,
-    /// Distance between neighbours in mm; 1x1x1 by default
-    #[arg(long, value_name = "XxYxZ", value_parser = spacing)]
+    /// Distance between neighbours in mm, for any input; comes before what files state. Where nothing states it, 1x1x1
+    #[arg(long, value_name = "XxYxZ", value_parser = spacing, help_heading = PLACE)]
     pub(crate) spacing: Option<[f64; 3]>,
     /// Bytes to skip at the start of every file
     #[arg(long, value_name = "BYTES")]
     pub(crate) skip: Option<u64>,
-    /// Patient directions that the axes run to, such as LPS or RAI
-    #[arg(long, value_name = "LETTERS", value_parser = orientation)]
+    /// Patient directions that the axes run to, such as LPS or RAI, for any input; comes before what files state
+    #[arg(long, value_name = "LETTERS", value_parser = orientation, help_heading = PLACE)]
     pub(crate) orientation: Option<Orientation>,
 }
 
@@ -306,6 +309,9 @@ pub(crate) struct BatchArgs {
     /// Where slices are missing or uneven: refuse, make them from their neighbours, or take them as even
     #[arg(long, value_enum, default_value_t = Gaps::Error)]
     pub(crate) gaps: Gaps,
+    /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub(crate) min_slices: u32,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -589,7 +595,8 @@ fn dtype(text: &str) -> Result<(ScalarType, Endian), String> {
 
 fn spacing(text: &str) -> Result<[f64; 3], String> {
     let bad = || format!("'{text}' is not a spacing in mm; write for example 0.5x0.5x1.25, each above 0");
-    let parsed = parts::<3>(text, 'x').ok_or_else(bad)?.map(|p| number(p).unwrap_or(0.0));
+    let three = parts::<3>(text, 'x').or_else(|| parts::<3>(text, ','));
+    let parsed = three.ok_or_else(bad)?.map(|p| number(p).unwrap_or(0.0));
     if parsed.iter().all(|s| *s > 0.0) { Ok(parsed) } else { Err(bad()) }
 }
 
@@ -695,6 +702,7 @@ mod tests {
         assert_eq!(raw.dtype, Some((ScalarType::I16, Endian::Big)));
         assert_eq!(raw.spacing, Some([0.5, 0.5, 1.25]));
         assert_eq!(raw.orientation.unwrap().to_string(), "RAI");
+        assert_eq!(build(&["--spacing", "0.5,0.5,1.25"]).unwrap().raw.spacing, raw.spacing);
     }
 
     #[test]
