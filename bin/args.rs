@@ -180,6 +180,7 @@ mod tests {
         assert_eq!(raw.dtype, Some((ScalarType::I16, Endian::Big)));
         assert_eq!(raw.spacing, Some([0.5, 0.5, 1.25]));
         assert_eq!(raw.orientation.unwrap().to_string(), "RAI");
+        assert_eq!(build(&["--spacing", "0.5,0.5,1.25"]).unwrap().raw.spacing, raw.spacing);
     }
 
     #[test]

@@ -116,6 +116,7 @@ impl Watcher for BatchBars {
         }
         let line = match (item.status, &item.model, &item.reason) {
             (Status::Failed, _, Some(reason)) => format!("failed   {}: {reason}", item.input),
+            (Status::Skipped, None, Some(reason)) => format!("skipped  {}: {reason}", item.input),
             (Status::Skipped, ..) => format!("skipped  {} -> {} (done before)", item.input, item.name),
             (_, Some(m), _) => {
                 let [x, y, z] = m.dims;

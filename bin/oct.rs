@@ -17,7 +17,7 @@ use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
 use infobyte::render::ViewPoint;
-use infobyte::source::{OpenOptions, RawOptions};
+use infobyte::source::{OpenOptions, Placement, RawOptions};
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
@@ -113,6 +113,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
         raw: raw_options(&args.raw)?,
         gaps: args.which.gaps.policy(),
         volume: args.which.volume,
+        placement: Placement { spacing_mm: args.raw.spacing, orientation: args.raw.orientation },
         ..OpenOptions::default()
     };
     let bars = Bars::new(args.quiet || args.json);
@@ -143,6 +144,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
         jobs,
         thumbnails: args.thumbnails,
         keep_names: args.keep_names,
+        min_slices: args.min_slices,
     };
     let bars = BatchBars::new(jobs, args.quiet || args.json);
     let report = jobs::batch::batch(&request, &bars);
@@ -157,8 +159,10 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
             false,
             || Value::Null,
             || {
+                let notes: String =
+                    report.warnings.iter().map(|warning| format!("  note: {warning}\n")).collect();
                 format!(
-                    "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n",
+                    "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n{notes}",
                     args.out.display(),
                     counts.converted,
                     counts.skipped,
@@ -222,9 +226,9 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Error> {
             skip: raw.skip.unwrap_or(0),
             orientation: raw.orientation.unwrap_or(Orientation::LPS),
         })),
-        (None, None) if raw.spacing.is_none() && raw.skip.is_none() && raw.orientation.is_none() => Ok(None),
+        (None, None) if raw.skip.is_none() => Ok(None),
         (None, None) => Err(Error::Usage(
-            "--spacing, --skip and --orientation are for raw volumes, with --dims and --dtype; other files state them"
+            "--skip is for raw volumes, with --dims and --dtype; other files say where their voxels begin"
                 .into(),
         )),
         (None, _) => Err(Error::Usage("a raw volume needs --dims NXxNYxNZ as well".into())),

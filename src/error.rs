@@ -61,6 +61,12 @@ pub enum Error {
     /// Making or writing a picture failed.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// Another batch writes into the output folder.
+    #[error("{path}: another batch is writing into this folder; wait until it has finished, or choose another folder with --out", path = path.display())]
+    Busy {
+        /// The folder.
+        path: PathBuf,
+    },
     /// An output file cannot be written.
     #[error("{path}: cannot be written ({cause}); check the folder and its free space", path = path.display())]
     Output {
@@ -82,7 +88,7 @@ impl Error {
             Self::Format(_) => ExitKind::Input,
             Self::Load(e) => e.kind(),
             Self::Render(e) => e.kind(),
-            Self::Output { .. } => ExitKind::Io,
+            Self::Busy { .. } | Self::Output { .. } => ExitKind::Io,
         }
     }
 }

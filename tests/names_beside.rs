@@ -29,9 +29,10 @@ fn a_segmentation_beside_a_series_is_masked_like_it() {
     file(&patient, "ZIMMERMANN_seg.nii", &nifti(&object, 1, false, true, 1));
     file(&patient, "mask-anna-4711.npy", &npy(&object, 1, false, false));
     file(&patient, "anna_broken.npy", b"\x93NUMPY\x01\x00");
-    // Another folder: nobody there is called so.
+    // Another folder, without images: whose they are is known from the others.
     let other = folder.path().join("other");
-    file(&other, "Zimmermann_seg.nii", &nifti(&object, 1, false, true, 1));
+    let whole = [nifti(&object, 1, false, true, 1), object.ordered(false)].concat();
+    file(&other, "Zimmermann_seg.nii", &whole);
 
     let inputs = [folder.path().to_path_buf()];
     let found = Catalogue::survey(&inputs, &OpenOptions::default(), folder.path()).unwrap();
@@ -55,5 +56,7 @@ fn a_segmentation_beside_a_series_is_masked_like_it() {
     stems.sort_unstable();
     assert_eq!(stems, ["mask-x-x", "x_broken", "x_seg"]);
     let far = findings.iter().find(|f| f.path.starts_with(&other)).unwrap();
-    assert_eq!((far.stem.as_str(), far.secrets.len()), ("Zimmermann_seg", 0));
+    assert_eq!((far.stem.as_str(), far.secrets.len()), ("x_seg", 0));
+    let name = &far.volume.as_ref().unwrap().info().description.name;
+    assert_eq!(name, "x_seg.nii");
 }

@@ -164,7 +164,8 @@ pub(super) fn dtype(text: &str) -> Result<(ScalarType, Endian), String> {
 
 pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
     let bad = || format!("'{text}' is not a spacing in mm; write for example 0.5x0.5x1.25, each above 0");
-    let parsed = parts::<3>(text, 'x').ok_or_else(bad)?.map(|p| number(p).unwrap_or(0.0));
+    let three = parts::<3>(text, 'x').or_else(|| parts::<3>(text, ','));
+    let parsed = three.ok_or_else(bad)?.map(|p| number(p).unwrap_or(0.0));
     if parsed.iter().all(|s| *s > 0.0) { Ok(parsed) } else { Err(bad()) }
 }
 

@@ -83,6 +83,9 @@ pub(crate) struct BatchArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub(crate) min_slices: u32,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -262,6 +265,9 @@ impl CleanArgs {
     }
 }
 
+/// Heading of the options that serve raw volumes and others alike.
+const PLACE: &str = "Spacing and directions";
+
 /// What a headerless volume cannot say of itself.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Raw volumes only")]
@@ -272,13 +278,13 @@ pub(crate) struct RawArgs {
     /// Sample type: u8, i8, u16, i16, u32, i32, f32 or f64, with le (default) or be
     #[arg(long, value_name = "TYPE", value_parser = parse::dtype)]
     pub(crate) dtype: Option<(ScalarType, Endian)>,
-    /// Distance between neighbours in mm; 1x1x1 by default
-    #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing)]
+    /// Distance between neighbours in mm, for any input; comes before what files state. Where nothing states it, 1x1x1
+    #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing, help_heading = PLACE)]
     pub(crate) spacing: Option<[f64; 3]>,
     /// Bytes to skip at the start of every file
     #[arg(long, value_name = "BYTES")]
     pub(crate) skip: Option<u64>,
-    /// Patient directions that the axes run to, such as LPS or RAI
-    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation)]
+    /// Patient directions that the axes run to, such as LPS or RAI, for any input; comes before what files state
+    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation, help_heading = PLACE)]
     pub(crate) orientation: Option<Orientation>,
 }

@@ -11,10 +11,11 @@ use super::SourceError;
 use super::catalogue::safe_name;
 use super::dicom::{Secrets, words};
 use super::log::{Log, NONE, Record};
+use super::patients::PatientWords;
 use super::stable_hash::StableHash;
 
 /// What stands for a masked word in the name of a model.
-const MASK: char = 'x';
+const MASK: &str = "x";
 
 /// Folders with DICOM images, and what these tell of patients.
 #[derive(Debug, Default)]
@@ -76,30 +77,10 @@ fn chained(log: &Log, last: u64) -> Result<Vec<String>, SourceError> {
 }
 
 /// A name in which `x` stands for every word, in whatever case it is written, and for what
-/// [`safe_name`] makes of it.
-pub(super) fn masked(name: &str, words: &[String]) -> String {
-    let mut all: Vec<String> = words.iter().flat_map(|w| [w.clone(), safe_name(w)]).collect();
-    // `Anna` before `Ann`, which would leave an `a`.
-    all.sort_by_key(|word| std::cmp::Reverse(word.len()));
-    let mut out = String::with_capacity(name.len());
-    let mut rest = name;
-    while let Some(first) = rest.chars().next() {
-        let found = all.iter().find_map(|word| length_of(rest, word));
-        out.push(if found.is_some() { MASK } else { first });
-        rest = rest.get(found.unwrap_or(first.len_utf8())..).unwrap_or_default();
-    }
-    out
-}
-
-/// Bytes of `word` at the head of `text`, in whatever case.
-fn length_of(text: &str, word: &str) -> Option<usize> {
-    let mut letters = text.chars();
-    for wanted in word.chars() {
-        if !letters.next()?.to_lowercase().eq(wanted.to_lowercase()) {
-            return None;
-        }
-    }
-    Some(text.len() - letters.as_str().len()).filter(|length| *length > 0)
+/// [`safe_name`] makes of it; and for the words of all `patients`.
+pub(super) fn masked(name: &str, words: &[String], patients: &PatientWords) -> String {
+    let own: Vec<String> = words.iter().flat_map(|w| [w.clone(), safe_name(w)]).collect();
+    patients.masked(name, &own, MASK, &|_, _| false)
 }
 
 #[cfg(test)]
@@ -109,6 +90,7 @@ mod tests {
     #[test]
     fn words_are_masked_in_any_case_and_as_safe_names_have_them() {
         let words = ["Ann".to_owned(), "Anna".into(), "Müller".into(), "山田".into()];
+        let none = PatientWords::default();
         for (name, expected) in [
             ("ANNA_seg", "x_seg"),
             ("head-müller-anna.2", "head-x-x.2"),
@@ -117,8 +99,8 @@ mod tests {
             ("山田1", "x1"),
             ("", ""),
         ] {
-            assert_eq!(masked(name, &words), expected);
+            assert_eq!(masked(name, &words, &none), expected);
         }
-        assert_eq!(masked("Anna", &[]), "Anna");
+        assert_eq!(masked("Anna", &[], &none), "Anna");
     }
 }

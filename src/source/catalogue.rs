@@ -17,6 +17,8 @@ use super::files::FileList;
 use super::formats::{FORMATS, STACKS, Slices};
 use super::log::{Log, Record};
 use super::noted::Noted;
+use super::patients::PatientWords;
+use super::placement::{Placement, place};
 use super::stable_hash::StableHash;
 use super::surveyor::{Surveyor, leave_out};
 use super::walk::{changed, walk, without_repeats};
@@ -34,6 +36,8 @@ pub struct OpenOptions {
     pub volume: Option<usize>,
     /// A folder (canonical) that is not searched: that of the results.
     pub skip: Option<PathBuf>,
+    /// Spacing and directions that come before what the files state; of [`OpenOptions::raw`] its own count.
+    pub placement: Placement,
 }
 
 /// What to do where slices of a series are missing.
@@ -56,8 +60,8 @@ pub struct Finding {
     /// input wherever it lies. Not yet unique.
     ///
     /// For DICOM: modality, series number, eight hex digits of a hash of the Series Instance UID, and the
-    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name;
-    /// where DICOM images lie in the same folder, `x` stands there for the words of [`Finding::secrets`].
+    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name,
+    /// where `x` stands for the words of [`Finding::secrets`] and of [`Catalogue::patient_words`].
     pub stem: String,
     /// Kind of source: `dicom`, `nrrd`, `raw`, ...
     pub format: &'static str,
@@ -69,9 +73,9 @@ pub struct Finding {
     pub size: Option<[u32; 3]>,
     /// What the input files are, to see whether they changed.
     pub files: InputFiles,
-    /// Words of the Patient's Name and Patient ID of three and more characters, so that a report can mask
-    /// them where they occur in paths; for files of other kinds those of the images in the same folder. Not
-    /// for printing.
+    /// Words of the Patient's Name and Patient ID of three and more characters, and the birth date, so that a
+    /// report can mask them wherever they occur; for files of other kinds those of the images in the same
+    /// folder. Not for printing.
     pub secrets: Vec<String>,
     /// The volume, not prepared yet.
     pub volume: Result<Box<dyn VolumeSource>, SourceError>,
@@ -131,6 +135,7 @@ pub struct Catalogue {
     log: Log,
     left_out: Vec<LeftOut>,
     beside: Beside,
+    patients: PatientWords,
     options: OpenOptions,
 }
 
@@ -189,8 +194,8 @@ impl Catalogue {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, &mut surveyor)?;
-        let (items, log, left_out, beside) = surveyor.finish();
-        let mut found = Self { inputs, items, log, left_out, beside, options: options.clone() };
+        let (items, log, left_out, beside, patients) = surveyor.finish();
+        let mut found = Self { inputs, items, log, left_out, beside, patients, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
         found.keep_words()?;
@@ -212,9 +217,16 @@ impl Catalogue {
     /// The volumes of item `index`, refused ones included; none for an index out of range.
     pub fn open(&self, index: usize) -> Vec<Finding> {
         let Some(item) = self.items.get(index) else { return Vec::new() };
-        let mut findings = self.open_item(item).unwrap_or_else(|(path, error)| {
+        // Images tell for themselves whom they show.
+        let words = match item.what {
+            What::Series => Vec::new(),
+            // A disk that fails here has failed for the names of files, too, which is in the finding.
+            _ => self.words_beside(item).unwrap_or_default(),
+        };
+        let hide = |name: &str| masked(name, &words, &self.patients);
+        let mut findings = self.open_item(item, &hide).unwrap_or_else(|(path, error)| {
             vec![Finding {
-                stem: stem_of(&path),
+                stem: stem_of(&path, &hide),
                 format: "unknown",
                 kind: "unknown".into(),
                 part: None,
@@ -225,13 +237,11 @@ impl Catalogue {
                 path,
             }]
         });
-        // Images tell for themselves whom they show.
+        if !self.options.placement.is_empty() && self.options.raw.is_none() {
+            findings = findings.into_iter().map(|finding| placed(finding, self.options.placement)).collect();
+        }
         if item.what != What::Series {
-            // A disk that fails here has failed for the names of files, too, which is in the finding.
-            let words = self.words_beside(item).unwrap_or_default();
-            if !words.is_empty() {
-                findings = findings.into_iter().map(|finding| hide(finding, &words)).collect();
-            }
+            findings = findings.into_iter().map(|finding| hidden(finding, &words, &hide)).collect();
         }
         findings
     }
@@ -256,15 +266,21 @@ impl Catalogue {
         self.items.get(index).map_or(0, |item| u64::from(item.files) * OPENING_BYTES)
     }
 
+    /// Words that tell who the patients of all images are.
+    pub fn patient_words(&self) -> &PatientWords {
+        &self.patients
+    }
+
     /// What is no volume, summed up.
     pub fn left_out(&self) -> &[LeftOut] {
         &self.left_out
     }
 
-    fn open_item(&self, item: &Item) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
+    fn open_item(&self, item: &Item, hide: Hide<'_>) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
         let first = self.log.get(item.first).map_err(|e| (PathBuf::new(), e))?;
         let path = full_path(&self.inputs, &first);
         let failed = |e| (path.clone(), e);
+        let findings = |path: &Path, format, files, opened| findings(path, format, files, opened, hide);
         let one = || {
             let mut files = InputFiles::default();
             files.add(&path, first.size, first.changed);
@@ -299,8 +315,14 @@ impl Catalogue {
             }
             What::Format(at) => match FORMATS.get(usize::from(at)) {
                 Some(format) => {
-                    let opened = (format.open)(&path, &self.options);
-                    let files = with_samples(one(), opened.as_deref().unwrap_or_default());
+                    let mut opened = (format.open)(&path, &self.options);
+                    let mut files = with_samples(one(), opened.as_deref().unwrap_or_default());
+                    if format.states_no_place
+                        && let Some(stated) = sidecar::placing(&[&path])
+                    {
+                        sidecar::add(&stated, &mut files);
+                        opened = opened.and_then(|all| all.into_iter().map(|v| stated.place(v)).collect());
+                    }
                     findings(&path, format.name, files, opened)
                 }
                 None => Vec::new(),
@@ -321,12 +343,21 @@ impl Catalogue {
                         [only] => names.path(*only),
                         _ => folder.clone(),
                     };
+                    let own = used.first().map(|at| names.path(*at)).filter(|_| used.len() == 1);
+                    let named: Vec<&Path> = own.iter().chain([&folder]).map(PathBuf::as_path).collect();
+                    let volume = match sidecar::placing(&named) {
+                        Some(stated) => {
+                            sidecar::add(&stated, &mut files);
+                            volume.and_then(|v| stated.place(v))
+                        }
+                        None => volume,
+                    };
                     found.extend(findings(&path, format.name, files, volume.map(|v| vec![v])));
                 }
                 found
             }
             What::Sidecar => {
-                let opened = sidecar::open(&path).map(|v| vec![v]);
+                let opened = sidecar::open(&path, self.options.placement).map(|v| vec![v]);
                 let files = with_samples(one(), opened.as_deref().unwrap_or_default());
                 findings(&path, "raw", files, opened)
             }
@@ -430,14 +461,27 @@ fn sort_or_stop<T: Copy, E>(
     Ok(())
 }
 
-/// Masks words in the names that a finding and the metadata of its volume suggest.
-fn hide(finding: Finding, words: &[String]) -> Finding {
+/// A name without the words of patients.
+type Hide<'a> = &'a dyn Fn(&str) -> String;
+
+/// A finding with the words that it must not tell, and its volume's metadata without them.
+fn hidden(finding: Finding, words: &[String], hide: Hide<'_>) -> Finding {
     let volume = finding.volume.map(|source| {
+        let name = hide(&source.info().description.name);
+        if name == source.info().description.name {
+            return source;
+        }
         let mut info = source.info().clone();
-        info.description.name = masked(&info.description.name, words);
+        info.description.name = name;
         Box::new(Noted { source, info }) as Box<dyn VolumeSource>
     });
-    Finding { stem: masked(&finding.stem, words), secrets: words.to_vec(), volume, ..finding }
+    Finding { secrets: words.to_vec(), volume, ..finding }
+}
+
+/// A finding whose volume is where the command line says.
+fn placed(finding: Finding, asked: Placement) -> Finding {
+    let volume = finding.volume.and_then(|volume| place(volume, asked, ["--spacing", "--orientation"]));
+    Finding { volume, ..finding }
 }
 
 /// The folder of a record's file.
@@ -474,6 +518,7 @@ fn findings(
     format: &'static str,
     files: InputFiles,
     opened: Result<Vec<Box<dyn VolumeSource>>, SourceError>,
+    hide: Hide<'_>,
 ) -> Vec<Finding> {
     let finding =
         |volume: Result<Box<dyn VolumeSource>, SourceError>, part: Option<String>, stem: String| Finding {
@@ -487,7 +532,7 @@ fn findings(
             secrets: Vec::new(),
             volume,
         };
-    let stem = stem_of(path);
+    let stem = stem_of(path, hide);
     match opened {
         Err(error) => vec![finding(Err(error), None, stem)],
         Ok(mut volumes) if volumes.len() == 1 => {
@@ -501,11 +546,11 @@ fn findings(
     }
 }
 
-/// A file name from a path: its stem (`a` for `a.nii.gz`), or a folder's name.
-fn stem_of(path: &Path) -> String {
+/// A file name from a path: its stem (`a` for `a.nii.gz`), or a folder's name; without words of patients.
+fn stem_of(path: &Path, hide: Hide<'_>) -> String {
     let name = super::raw::base_name(path);
     let name = if path.is_dir() { name.as_str() } else { without_ending(&name) };
-    safe_name(name)
+    safe_name(&hide(name))
 }
 
 fn without_ending(name: &str) -> &str {

@@ -24,6 +24,8 @@ pub(crate) struct Format {
     /// refused by name. Called for every file that is no DICOM: quick, and without opening the file
     /// unless `head` already speaks for the format.
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
+    /// Does the format know neither spacing nor directions? Then a side-car may state them.
+    pub(crate) states_no_place: bool,
     /// Opens a file that was recognised: its volumes, in the order of the file.
     pub(crate) open: fn(path: &Path, options: &OpenOptions) -> Opened,
 }
@@ -50,10 +52,15 @@ pub(crate) struct Slices {
 
 /// Formats of whole volumes.
 pub(crate) const FORMATS: &[Format] = &[
-    Format { name: "nrrd", recognise: nrrd::recognise, open: nrrd::open },
-    Format { name: "nifti", recognise: nifti::recognise, open: nifti::open },
-    Format { name: "npy", recognise: npy::recognise, open: npy::open },
-    Format { name: "metaimage", recognise: metaimage::recognise, open: metaimage::open },
+    Format { name: "nrrd", recognise: nrrd::recognise, states_no_place: false, open: nrrd::open },
+    Format { name: "nifti", recognise: nifti::recognise, states_no_place: false, open: nifti::open },
+    Format { name: "npy", recognise: npy::recognise, states_no_place: true, open: npy::open },
+    Format {
+        name: "metaimage",
+        recognise: metaimage::recognise,
+        states_no_place: false,
+        open: metaimage::open,
+    },
 ];
 
 /// Formats of single slices.

@@ -11,6 +11,7 @@ use super::files::FileList;
 use super::header::{
     Lines, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
 };
+use super::placement::no_spacing;
 use super::stored::{Encoding, Samples, Skip, Stored, regular};
 use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
 use crate::geom::Affine;
@@ -221,7 +222,7 @@ impl Header {
         let axes = self.axes;
         let spacing = if self.spacing.is_empty() { &self.element_size } else { &self.spacing };
         if spacing.is_empty() {
-            warnings.push("the header states no spacing; 1 mm is assumed".into());
+            warnings.push(no_spacing("the header"));
         }
         let mut scale = 1.0;
         if !self.unit.is_empty() && !self.unit.contains('?') {

@@ -6,11 +6,11 @@
 //! | part | what it holds |
 //! |---|---|
 //! | [`open`](fn@open), [`Catalogue`] | the entrances: one volume of some inputs, or all that lie below them |
-//! | `surveyor`, `walk`, `log`, `files`, `beside` | how folders are searched, and names of files and patients kept |
+//! | `surveyor`, `walk`, `log`, `files`, `beside`, `patients` | how folders are searched, and names of files and patients kept |
 //! | `formats` | the lists of what is read, and what is known but not read |
 //! | [`dicom`], `raw`, `sidecar`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack`, `synthetic` | one kind of source each |
 //! | `stored`, `spool`, `reversed` | samples read where they lie, or unrolled first |
-//! | `wrapper`, `noted`, `crop`, `downsample` | volumes that stand before another one |
+//! | `wrapper`, `noted`, `placement`, `crop`, `downsample` | volumes that stand before another one, and say or show something else |
 //! | `header`, `scalar`, `blend`, `natural`, `stable_hash` | what several of them share |
 
 mod beside;
@@ -31,6 +31,8 @@ mod noted;
 mod npy;
 mod nrrd;
 mod open;
+mod patients;
+mod placement;
 mod png_stack;
 mod raw;
 mod reversed;
@@ -51,6 +53,8 @@ pub use downsample::Downsample;
 pub use error::SourceError;
 pub use natural::natural_cmp;
 pub use open::{open, open_in};
+pub use patients::PatientWords;
+pub use placement::Placement;
 pub use raw::{RawOptions, RawVolume};
 pub use scalar::{Endian, Scalar, ScalarType};
 pub use synthetic::SyntheticHead;

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use super::files::FileList;
 use super::header::{unreadable, unusable};
+use super::placement::{no_directions, no_spacing};
 use super::reversed::Reversed;
 use super::stored::{Encoding, Samples, Skip, Stored};
 use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
@@ -80,7 +81,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
         skip_unpacked: 0,
         rescale: Rescale::IDENTITY,
         affine: Affine::from_spacing([1.0; 3]),
-        warnings: vec!["an .npy file states neither spacing nor directions; 1 mm and LPS are assumed".into()],
+        warnings: vec![no_spacing("an .npy file"), no_directions("an .npy file")],
     }
     .open()?;
     if array.fortran {

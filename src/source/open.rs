@@ -8,6 +8,7 @@ use super::catalogue::{Catalogue, Finding, OpenOptions};
 use super::dicom::{Recognised, recognise};
 use super::formats::{HEAD_BYTES, known};
 use super::noted::Noted;
+use super::placement::place;
 use super::{RawVolume, SourceError, VolumeSource, nifti, sidecar};
 
 /// How deep folders are searched below the one given.
@@ -61,7 +62,8 @@ pub fn open_in(
             && (data.is_dir() || found.left_out().is_empty())
             && let Some(description) = sidecar::of(data)
         {
-            let volume = sidecar::open(&description)?;
+            let volume = sidecar::open(&description, options.placement)?;
+            let volume = place(volume, options.placement, ["--spacing", "--orientation"])?;
             return match options.volume {
                 None | Some(1) => Ok(volume),
                 Some(wanted) => Err(SourceError::Usage {

@@ -14,6 +14,7 @@ use png::{ColorType, DecodingError, Limits, Transformations};
 use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
+use super::placement::{no_directions, no_spacing};
 use super::raw::base_name;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
 use super::{
@@ -80,8 +81,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
     } else {
         base_name(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))
     };
-    let mut warnings =
-        vec!["PNG states neither voxel spacing nor directions; 1 mm and LPS are assumed".to_owned()];
+    let mut warnings = vec![no_spacing("PNG"), no_directions("PNG")];
     if head.depth < 8 {
         warnings.push(format!("samples of {} bits are scaled to 0..255", head.depth));
     }

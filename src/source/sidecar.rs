@@ -1,4 +1,4 @@
-//! Headerless volumes described by a small text file beside them.
+//! Volumes described, or only placed, by a small text file beside them.
 //!
 //! `head.json` or `head.toml` (or `head.raw.json`) describes `head.raw`, whatever the ending of the data,
 //! or a folder `head` of slice files. The same keys in both languages:
@@ -12,6 +12,12 @@
 //! | `orientation` | three letters such as `"LPS"` | `LPS` |
 //! | `file` | name of the data, in the same folder | the file or folder of the same stem |
 //!
+//! Files that say what they hold, but not where it lies, need less: `stack.json` with `spacing` or `orientation`
+//! (and without `dims` and `dtype`) states these for `stack.npy`, `stack.tif`, or a folder `stack` of PNG or
+//! TIFF files; `file` may name the data again, and other keys mean nothing. For pictures it may also lie in
+//! their folder, under the folder's name or as `stack.json`. Spacing that a TIFF states itself is replaced, with
+//! a warning; formats that always state theirs have no side-cars.
+//!
 //! Other keys are named in a warning, in case one is misspelt. Of several side-cars of the same data the one
 //! with the longer name counts, then JSON before TOML. Of TOML, keys before the first table are read, with strings, numbers and lists
 //! as values; that needs no parser of the whole language, whose code would count as memory.
@@ -23,7 +29,10 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
+use super::catalogue::InputFiles;
 use super::noted::Noted;
+use super::placement::{Placement, place};
+use super::walk::changed;
 use super::{RawOptions, RawVolume, ScalarType, SourceError, VolumeSource};
 use crate::geom::{Dims, Orientation};
 
@@ -39,7 +48,27 @@ pub(super) struct Sidecar {
     pub(super) file: Option<String>,
     /// Keys that mean nothing here, as many as are named.
     unknown: Vec<String>,
+    /// What of the options is stated, and not the default.
+    stated: Placement,
 }
+
+/// What a side-car says of data that says the rest itself.
+#[derive(Debug)]
+pub(super) struct Placing {
+    /// The side-car.
+    path: PathBuf,
+    /// What it says, or what is wrong with it.
+    said: Result<(Placement, Vec<String>), String>,
+}
+
+/// Keys that mean something where data only has to be placed.
+const PLACING_KEYS: [&str; 4] = ["spacing", "spacing_mm", "orientation", "file"];
+
+/// Endings of files that can be placed.
+const PLACED: [&str; 4] = ["npy", "tif", "tiff", "png"];
+
+/// Name of a side-car in the folder of the pictures, whatever that is called.
+const INSIDE: &str = "stack";
 
 /// Keys that mean something.
 const KEYS: [&str; 7] = ["dims", "dtype", "spacing", "spacing_mm", "skip", "orientation", "file"];
@@ -55,15 +84,19 @@ pub(super) fn is_named_so(path: &Path) -> bool {
 /// Reads a side-car; `None` for a file that is none (no `dims` and `dtype`), the reason for one whose
 /// values are wrong.
 pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
-    let text = text_of(path)?;
-    let value: Value = if path.extension().is_some_and(|e| e == "toml") {
-        flat_toml(&text)
-    } else {
-        serde_json::from_str(&text).ok()?
-    };
+    let value = value_of(path)?;
     let (dims, dtype) = (value.get("dims")?, value.get("dtype")?);
     let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
     Some(parse(&value, dims, dtype).map_err(unusable))
+}
+
+/// The keys and values of a text, if it can be parsed.
+fn value_of(path: &Path) -> Option<Value> {
+    let text = text_of(path)?;
+    if path.extension().is_some_and(|e| e == "toml") {
+        return Some(flat_toml(&text));
+    }
+    serde_json::from_str(&text).ok()
 }
 
 fn text_of(path: &Path) -> Option<String> {
@@ -78,7 +111,11 @@ fn text_of(path: &Path) -> Option<String> {
 /// What is wrong with a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies beside data
 /// of its stem, but cannot be parsed. It does not name the file: that may bear the name of a patient.
 pub(super) fn unparsed(path: &Path) -> Option<String> {
-    let text = text_of(path).filter(|text| text.contains("dims") || text.contains("dtype"))?;
+    let text = text_of(path)?;
+    let is_raw = text.contains("dims") || text.contains("dtype");
+    if !is_raw && !((text.contains("spacing") || text.contains("orientation")) && is_by_placed(path)) {
+        return None;
+    }
     let what = if path.extension().is_some_and(|e| e == "toml") {
         let keys = flat_toml(&text);
         let started = |key: &&&str| {
@@ -87,11 +124,17 @@ pub(super) fn unparsed(path: &Path) -> Option<String> {
                 |line: &str| line.split_once('=').is_some_and(|(k, _)| k.trim().trim_matches('"') == **key);
             lines.any(is)
         };
-        let lost = ["dims", "dtype"].iter().filter(|key| keys.get(**key).is_none()).find(started)?;
+        let lost = ["dims", "dtype", "spacing", "spacing_mm", "orientation"]
+            .iter()
+            .filter(|key| keys.get(**key).is_none())
+            .find(started)?;
         format!("the value of {lost} is neither a string nor a number nor a list of these")
     } else {
         serde_json::from_str::<Value>(&text).err()?.to_string()
     };
+    if !is_raw {
+        return Some(format!("side-car that cannot be parsed: {what}"));
+    }
     data_of(path)?;
     Some(format!("side-car of raw data that cannot be parsed: {what}"))
 }
@@ -149,37 +192,146 @@ fn parse(value: &Value, dims: &Value, dtype: &Value) -> Result<Sidecar, String> 
         .as_str()
         .and_then(ScalarType::parse)
         .ok_or("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be")?;
+    let stated = placement(value)?;
+    let skip = match value.get("skip") {
+        Some(skip) => skip.as_u64().ok_or("its skip is not a number of bytes")?,
+        None => 0,
+    };
+    let spacing_mm = stated.spacing_mm.unwrap_or([1.0; 3]);
+    let orientation = stated.orientation.unwrap_or(Orientation::LPS);
+    let file = file_of(value)?;
+    let options = RawOptions { dims, scalar, endian, spacing_mm, skip, orientation };
+    Ok(Sidecar { options, file, unknown: unknown(value, &KEYS), stated })
+}
+
+/// Name of the data, where it is stated.
+fn file_of(value: &Value) -> Result<Option<String>, String> {
+    let plain = |name: &Value| name.as_str().filter(|n| is_plain(n)).map(str::to_owned);
+    value.get("file").map(|name| plain(name).ok_or("its file is not a plain name".into())).transpose()
+}
+
+/// The first keys that are none of the known ones.
+fn unknown(value: &Value, known: &[&str]) -> Vec<String> {
+    let keys = value.as_object().into_iter().flat_map(serde_json::Map::keys);
+    let unknown = keys.filter(|key| !known.contains(&key.as_str())).take(NAMED.0);
+    unknown.map(|key| key.chars().take(NAMED.1).flat_map(char::escape_debug).collect()).collect()
+}
+
+/// Spacing and orientation, as far as they are stated.
+fn placement(value: &Value) -> Result<Placement, String> {
     let spacing_mm = match (value.get("spacing"), value.get("spacing_mm")) {
         (Some(one), Some(other)) if three(one) != three(other) => {
             return Err("its spacing and its spacing_mm differ; keep one of them".into());
         }
         (Some(spacing), _) | (None, Some(spacing)) => {
-            three(spacing)
-                .filter(|s| s.iter().all(|v| *v > 0.0))
-                .ok_or("its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]")?
+            Some(three(spacing).filter(|s| s.iter().all(|v| *v > 0.0)).ok_or(
+                "its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]",
+            )?)
         }
-        (None, None) => [1.0; 3],
+        (None, None) => None,
     };
-    let skip = match value.get("skip") {
-        Some(skip) => skip.as_u64().ok_or("its skip is not a number of bytes")?,
-        None => 0,
-    };
-    let letters = value.get("orientation").map_or(Some("LPS"), Value::as_str);
-    let orientation = letters
-        .and_then(Orientation::parse)
-        .ok_or("its orientation is not three letters such as LPS or RAI")?;
-    let file = match value.get("file") {
-        Some(name) => {
-            Some(name.as_str().filter(|n| is_plain(n)).ok_or("its file is not a plain name")?.to_owned())
+    let letters = |value: &Value| value.as_str().and_then(Orientation::parse);
+    let orientation = value.get("orientation").map(|v| {
+        letters(v).ok_or_else(|| "its orientation is not three letters such as LPS or RAI".to_owned())
+    });
+    Ok(Placement { spacing_mm, orientation: orientation.transpose()? })
+}
+
+/// Reads a side-car that only places its data; `None` for a text that is none.
+fn read_placing(path: &Path) -> Option<(Placing, Option<String>)> {
+    let value = value_of(path)?;
+    let is_raw = value.get("dims").is_some() && value.get("dtype").is_some();
+    if is_raw || !PLACING_KEYS.iter().take(3).any(|key| value.get(key).is_some()) {
+        return None;
+    }
+    let file = file_of(&value).ok().flatten();
+    let said = file_of(&value).and_then(|_| Ok((placement(&value)?, unknown(&value, &PLACING_KEYS))));
+    Some((Placing { path: path.to_path_buf(), said }, file))
+}
+
+/// The side-car that places data: the first that does for the first of the paths, a file before its folder.
+pub(super) fn placing(data: &[&Path]) -> Option<Placing> {
+    let of = |data: &&Path| {
+        let mut inside = Vec::new();
+        let whole = data.file_name().is_none().then(|| data.canonicalize().ok()).flatten();
+        let data = whole.as_deref().unwrap_or(data);
+        let name = data.file_name()?;
+        if data.is_dir() {
+            inside.extend(candidates(&data.join(name)).chain(candidates(&data.join(INSIDE))));
         }
-        None => None,
+        candidates(data).chain(inside).find_map(|path| {
+            let (placing, file) = read_placing(&path)?;
+            // Inside, the data is the folder, whatever is said of a file.
+            file.is_none_or(|file| name == OsStr::new(&file)).then_some(placing)
+        })
     };
-    let keys = value.as_object().into_iter().flat_map(serde_json::Map::keys);
-    let unknown = keys.filter(|key| !KEYS.contains(&key.as_str())).take(NAMED.0);
-    let unknown =
-        unknown.map(|key| key.chars().take(NAMED.1).flat_map(char::escape_debug).collect()).collect();
-    let options = RawOptions { dims, scalar, endian, spacing_mm, skip, orientation };
-    Ok(Sidecar { options, file, unknown })
+    data.iter().find_map(of)
+}
+
+/// Does a side-car place data that is there?
+pub(super) fn places(path: &Path) -> bool {
+    is_named_so(path) && read_placing(path).is_some() && is_by_placed(path)
+}
+
+/// Is data that a side-car of this name may place beside it, or around it?
+fn is_by_placed(path: &Path) -> bool {
+    let has_pictures = |folder: &Path| {
+        let is_picture = |name: PathBuf| {
+            PLACED.iter().skip(1).any(|e| name.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
+        };
+        fs::read_dir(folder).is_ok_and(|all| all.flatten().any(|entry| is_picture(entry.file_name().into())))
+    };
+    let (folder, stem) = (path.parent().unwrap_or(Path::new("")), path.file_stem());
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let inside = stem == Some(OsStr::new(INSIDE)) || (stem.is_some() && stem == folder.file_name());
+    let beside = path.with_extension("");
+    // `a.npy.json`, `a.json`; the stem may have dots of its own.
+    let is_file = |ending: &str| {
+        let mut longer = beside.as_os_str().to_owned();
+        longer.push(".");
+        longer.push(ending);
+        Path::new(&longer).is_file()
+    };
+    let own = |e: &&str| beside.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
+    (inside && has_pictures(folder))
+        || has_pictures(&beside)
+        || (PLACED.iter().any(|e| own(&e)) && beside.is_file())
+        || PLACED.iter().any(|e| is_file(e))
+}
+
+/// Counts a side-car among the files of a volume, so that a change of it is noticed.
+pub(super) fn add(placing: &Placing, files: &mut InputFiles) {
+    if let Ok(meta) = fs::metadata(&placing.path) {
+        files.add(&placing.path, meta.len(), changed(&meta));
+    }
+}
+
+impl Placing {
+    /// A volume where the side-car says.
+    ///
+    /// # Errors
+    /// What is wrong with the side-car.
+    pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>, SourceError> {
+        let unusable =
+            |reason: &String| SourceError::Unusable { path: self.path.clone(), reason: reason.clone() };
+        let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
+        let who = ["spacing of the side-car", "orientation of the side-car"];
+        Ok(with_unknown(place(volume, *placement, who)?, unknown, &PLACING_KEYS))
+    }
+}
+
+/// A volume whose warnings name keys that are not known.
+fn with_unknown(volume: Box<dyn VolumeSource>, unknown: &[String], known: &[&str]) -> Box<dyn VolumeSource> {
+    if unknown.is_empty() {
+        return volume;
+    }
+    let mut info = volume.info().clone();
+    info.warnings.push(format!(
+        "the side-car has keys that are not known: {}; known are {}",
+        unknown.join(", "),
+        known.join(", ")
+    ));
+    Box::new(Noted { source: volume, info })
 }
 
 /// Three finite numbers, as a list or joined by `x`.
@@ -236,11 +388,11 @@ pub(super) fn describes(data: &Path) -> bool {
     of(data).is_some()
 }
 
-/// Opens the volume that a side-car describes.
+/// Opens the volume that a side-car describes, placed as `asked` where it does not say.
 ///
 /// # Errors
 /// What is wrong with the side-car, or that its data is not there, or not as long as it says.
-pub(super) fn open(path: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
+pub(super) fn open(path: &Path, asked: Placement) -> Result<Box<dyn VolumeSource>, SourceError> {
     let unusable = |reason: &str| SourceError::Unusable { path: path.to_path_buf(), reason: reason.into() };
     let sidecar = read(path).ok_or_else(|| unusable("is no description of a raw volume any more"))??;
     let data = match &sidecar.file {
@@ -249,18 +401,14 @@ pub(super) fn open(path: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
             unusable("describes a raw volume, but no file of the same stem is beside it; name it with the key file")
         })?,
     };
-    let options = &sidecar.options;
+    let placement = sidecar.stated.or(asked);
+    let options = &RawOptions {
+        spacing_mm: placement.spacing_mm.unwrap_or(sidecar.options.spacing_mm),
+        orientation: placement.orientation.unwrap_or(sidecar.options.orientation),
+        ..sidecar.options
+    };
     let volume = RawVolume::open(&[data], options).map_err(|error| in_terms_of_keys(path, options, error))?;
-    if sidecar.unknown.is_empty() {
-        return Ok(Box::new(volume));
-    }
-    let mut info = volume.info().clone();
-    info.warnings.push(format!(
-        "the side-car has keys that are not known: {}; known are {}",
-        sidecar.unknown.join(", "),
-        KEYS.join(", ")
-    ));
-    Ok(Box::new(Noted { source: Box::new(volume), info }))
+    Ok(with_unknown(Box::new(volume), &sidecar.unknown, &KEYS))
 }
 
 /// A refusal of raw data that speaks of the side-car instead of options of the command line.
@@ -391,7 +539,7 @@ mod tests {
         let opened = |more: &str| {
             let text = format!(r#"{{"dims": [2, 2, 2], "dtype": "u8"{more}}}"#);
             fs::write(at("a.json"), text).unwrap();
-            open(&at("a.json")).map(|v| v.info().clone())
+            open(&at("a.json"), Placement::default()).map(|v| v.info().clone())
         };
         let info = opened(r#", "spacing_mm": [1, 2, 3]"#).unwrap();
         assert_eq!((info.spacing_mm, info.warnings.len()), ([1.0, 2.0, 3.0], 0));
@@ -413,14 +561,14 @@ mod tests {
         fs::write(at("a.json"), r#"{"dims": [2, 2, 3], "dtype": "u16", "skip": 5}"#).unwrap();
         for (bytes, key) in [(12 + 5, "dtype"), (24 + 5 + 3, "skip"), (100, "dims"), (7, "dims")] {
             fs::write(at("a.raw"), vec![1; bytes]).unwrap();
-            let text = open(&at("a.json")).err().unwrap().to_string();
+            let text = open(&at("a.json"), Placement::default()).err().unwrap().to_string();
             let good = text.contains("a.json") && text.contains("a.raw") && !text.contains("--");
             assert!(good && text.contains(&format!("correct the key {key},")), "{text}");
         }
         fs::create_dir(at("s")).unwrap();
         fs::write(at("s/1"), [1; 4]).unwrap();
         fs::write(at("s.json"), r#"{"dims": [2, 2, 2], "dtype": "u8"}"#).unwrap();
-        let text = open(&at("s.json")).err().unwrap().to_string();
+        let text = open(&at("s.json"), Placement::default()).err().unwrap().to_string();
         assert!(text.contains("s.json") && text.contains("the key dims") && !text.contains("--"), "{text}");
     }
 
@@ -463,19 +611,25 @@ mod tests {
         let at = |name: &str| folder.path().join(name);
         let text = r#"{"dims": [2, 2, 2], "dtype": "u8"}"#;
         fs::write(at("a.json"), text).unwrap();
-        assert!(open(&at("a.json")).err().unwrap().to_string().contains("no file of the same stem"));
+        assert!(
+            open(&at("a.json"), Placement::default())
+                .err()
+                .unwrap()
+                .to_string()
+                .contains("no file of the same stem")
+        );
         fs::write(at("a.raw"), [1; 8]).unwrap();
         fs::write(at("a.oct"), [1; 9]).unwrap();
         assert!(describes(&at("a.raw")) && !describes(&at("b.raw")));
-        assert_eq!(open(&at("a.json")).unwrap().info().dims.voxels(), 8);
+        assert_eq!(open(&at("a.json"), Placement::default()).unwrap().info().dims.voxels(), 8);
         fs::write(at("b.json"), r#"{"dims": [2, 2, 2], "dtype": "u8", "file": "other"}"#).unwrap();
         fs::write(at("b.raw"), [1; 8]).unwrap();
         assert!(!describes(&at("b.raw")));
-        assert!(open(&at("b.json")).err().unwrap().to_string().contains("other"));
+        assert!(open(&at("b.json"), Placement::default()).err().unwrap().to_string().contains("other"));
         fs::create_dir(at("s")).unwrap();
         fs::write(at("s/1"), [1; 4]).unwrap();
         fs::write(at("s/2"), [1; 4]).unwrap();
         fs::write(at("s.toml"), "dims = [2, 2, 2]\ndtype = \"u8\"").unwrap();
-        assert!(describes(&at("s")) && open(&at("s.toml")).is_ok());
+        assert!(describes(&at("s")) && open(&at("s.toml"), Placement::default()).is_ok());
     }
 }

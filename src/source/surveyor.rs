@@ -13,6 +13,7 @@ use super::catalogue::{Item, LeftOut, OpenOptions, What, full_path, precedes};
 use super::dicom::{Recognised, recognise};
 use super::formats::{FORMATS, HEAD_BYTES, STACKS, known};
 use super::log::{Log, NONE, Record};
+use super::patients::{Gathered, PatientWords};
 use super::stable_hash::StableHash;
 use super::walk::{NotEntered, Visitor, changed};
 use super::{SourceError, natural_cmp, sidecar};
@@ -54,6 +55,7 @@ pub(super) struct Surveyor<'a> {
     log: Log,
     left_out: Vec<LeftOut>,
     beside: Beside,
+    patients: Gathered,
     /// Items that take more than one file, by what they are and a hash of their key.
     index: HashMap<(What, u64), u32>,
 }
@@ -77,13 +79,14 @@ impl<'a> Surveyor<'a> {
             log: Log::new(scratch),
             left_out: Vec::new(),
             beside: Beside::default(),
+            patients: Gathered::default(),
             index: HashMap::new(),
         }
     }
 
     /// What was found, in the order in which it was met.
-    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>, Beside) {
-        (self.items, self.log, self.left_out, self.beside)
+    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>, Beside, PatientWords) {
+        (self.items, self.log, self.left_out, self.beside, self.patients.finish())
     }
 
     fn path(&self, input: u32, path: &Path) -> PathBuf {
@@ -110,6 +113,7 @@ impl<'a> Surveyor<'a> {
         match recognise(&file) {
             Recognised::Image { series, secrets } => {
                 let folder = path.parent().unwrap_or(Path::new(""));
+                self.patients.note(&secrets);
                 self.beside.note(folder, secrets, &mut self.log)?;
                 let folder = folder.as_os_str().as_bytes();
                 // Images that name no series belong to those beside them.
@@ -156,7 +160,7 @@ impl<'a> Surveyor<'a> {
         {
             return left_out(&reason);
         }
-        if sidecar::describes(path) || is_detached_data(path) {
+        if sidecar::describes(path) || sidecar::places(path) || is_detached_data(path) {
             return Ok(Class::Part);
         }
         if let Some(raw) = &self.options.raw {

@@ -10,11 +10,13 @@
 //! | file | what it does |
 //! |---|---|
 //! | `ledger` | shares the memory among jobs |
+//! | `lock` | one batch at a time in an output folder |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
 //! | `page` | `index.html`, the contact sheet |
 
 mod ledger;
+mod lock;
 mod page;
 mod record;
 mod report;
@@ -33,9 +35,9 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::build::build_reshaped_source;
+use super::build::{build_reshaped_source, without_repeats};
+use super::masked::{LeftOuts, Masked};
 use super::picture::thumbnail_file;
-use super::scan::{LeftOuts, Masked};
 use crate::atomic::sweep;
 use crate::budget::{HELD_SPREAD, MemoryCap, SizeArgument, peak_rss_bytes};
 use crate::build::{BuildError, BuildOptions, Connectivity, Threshold};
@@ -44,8 +46,9 @@ use crate::error::Error;
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
 use crate::resident::give_back;
-use crate::source::{Catalogue, Finding, OpenOptions, SourceError, VolumeSource};
+use crate::source::{Catalogue, Finding, OpenOptions, PatientWords, SourceError, VolumeSource};
 use ledger::Ledger;
+use lock::FolderLock;
 use record::{Journal, Record};
 
 /// Code that is resident beside that of one stage of one job: other jobs are at other stages.
@@ -76,6 +79,8 @@ pub struct BatchRequest {
     pub thumbnails: u32,
     /// Leave patient names that occur in paths as they are?
     pub keep_names: bool,
+    /// Volumes of fewer slices are left alone: scouts, scanned documents, single pictures.
+    pub min_slices: u32,
 }
 
 /// Told how a batch goes on; called from several threads.
@@ -100,12 +105,14 @@ pub trait Watcher: Sync {
 /// waits until it has the others' as well.
 ///
 /// # Errors
-/// An input cannot be read at all, the output folder cannot be written, or the cap is too small for any job.
+/// An input cannot be read at all, the output folder cannot be written, another batch writes into it, or the cap
+/// is too small for any job.
 /// Volumes that fail are not errors; they are counted in the report.
 pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchReport, Error> {
     let started = Instant::now();
     let out_error = |cause| Error::Output { path: request.out.clone(), cause };
     fs::create_dir_all(&request.out).map_err(out_error)?;
+    let lock = FolderLock::take(&request.out)?;
     sweep(&request.out);
     let scratch = request.build.scratch_folder(&request.out.join("x"));
     let how = OpenOptions { skip: request.out.canonicalize().ok(), ..request.how.clone() };
@@ -131,7 +138,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         }));
     };
     let base = base_of(jobs);
-    let masked = Masked::new(request.keep_names, &request.inputs);
+    let masked = Masked::new(request.keep_names, &request.inputs, catalogue.patient_words());
     let run = Run {
         request,
         catalogue: &catalogue,
@@ -147,6 +154,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         broken: Mutex::default(),
         counts: [const { AtomicU64::new(0) }; 3],
         left_outs: Mutex::new(LeftOuts::new(&masked, &catalogue)),
+        masked,
     };
     let next = AtomicUsize::new(0);
     std::thread::scope(|scope| {
@@ -171,6 +179,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
         left_out: run.left_outs.into_inner().unwrap_or_else(PoisonError::into_inner).into_lines(),
+        warnings: lock.warning.iter().cloned().chain(too_many_words(request, &catalogue)).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
         jobs,
@@ -178,6 +187,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         options: options_told(request),
     };
     report.write(&request.out, &run.journal).map_err(out_error)?;
+    drop(lock);
     Ok(report)
 }
 
@@ -192,6 +202,16 @@ fn opening_bytes(catalogue: &Catalogue, jobs: usize) -> u64 {
         }
     }
     largest.first().copied().unwrap_or(0) + largest.iter().sum::<u64>() / 3
+}
+
+/// What is said where more words tell of patients than are kept.
+fn too_many_words(request: &BatchRequest, catalogue: &Catalogue) -> Option<String> {
+    let most = PatientWords::MOST;
+    (!request.keep_names && catalogue.patient_words().is_full()).then(|| {
+        format!(
+            "the names, numbers and birth dates of the patients have more than {most} words; the longest {most} are masked everywhere, the others only in what concerns their own series and the files beside it"
+        )
+    })
 }
 
 /// All that the workers of one batch share.
@@ -215,6 +235,7 @@ struct Run<'a> {
     broken: Mutex<Option<Error>>,
     counts: [AtomicU64; 3],
     left_outs: Mutex<LeftOuts>,
+    masked: Masked<'a>,
 }
 
 impl Run<'_> {
@@ -260,9 +281,9 @@ impl Run<'_> {
 
     /// One volume: skipped, built, or the reason why not.
     fn convert(&self, slot: usize, finding: Finding) -> Item {
-        let masked = Masked::new(self.request.keep_names, &self.request.inputs);
+        let masked = &self.masked;
         let input = masked.path(&finding.path, &finding.secrets);
-        self.left_outs.lock().unwrap_or_else(PoisonError::into_inner).hide(&masked, &finding.secrets);
+        self.left_outs.lock().unwrap_or_else(PoisonError::into_inner).hide(masked, &finding.secrets);
         let mut item = Item {
             status: Status::Failed,
             name: name_of(&finding, &masked.identity(&finding.path)),
@@ -283,6 +304,13 @@ impl Run<'_> {
                 .and_then(|rest| rest.strip_prefix(": "))
                 .map_or(text.clone(), str::to_owned)
         };
+        let slices = finding.size.map(|[_, _, slices]| slices);
+        if let Some(slices) = slices.filter(|slices| *slices < self.request.min_slices) {
+            item.status = Status::Skipped;
+            item.reason =
+                Some(format!("has {slices} slice(s), fewer than --min-slices {}", self.request.min_slices));
+            return item;
+        }
         let source = match finding.volume {
             Ok(source) => source,
             Err(e) => {
@@ -296,7 +324,7 @@ impl Run<'_> {
             item.reason = Some("another volume of this batch has the same name; convert it apart".into());
             return item;
         }
-        item.warnings = source.info().warnings.iter().map(|w| mask(w.clone())).collect();
+        item.warnings = without_repeats(&source.info().warnings).into_iter().map(mask).collect();
         let inputs = format!("{:016x}", finding.files.fingerprint);
         if let Some(done) = Record::read(&self.request.out, &item.name)
             && done.version == env!("CARGO_PKG_VERSION")
@@ -494,6 +522,7 @@ fn options_told(request: &BatchRequest) -> Value {
         "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
         "cleaning": request.clean.operations(),
         "thumbnails": request.thumbnails,
+        "min_slices": request.min_slices,
     })
 }
 

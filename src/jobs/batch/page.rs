@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-use super::record::{Item, Journal};
+use super::record::{Item, Journal, Status};
 use super::report::{BatchReport, status};
 use crate::budget::Bytes;
 
@@ -52,10 +52,10 @@ pub(super) fn write(
     w.write_all(HEAD.as_bytes())?;
     write!(
         w,
-        "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped as done before, <a href=\"#failed\">{} failed</a> \
+        "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped, <a href=\"#failed\">{} failed</a> \
          &middot; {:.1} s with {} job(s) &middot; peak memory {} of {} allowed</p></header>\n\
          <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, folder, size, warning …\" \
-         aria-label=\"Filter\"><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n<main>\n",
+         aria-label=\"Filter\"><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n",
         c.converted + c.skipped + c.failed,
         c.converted,
         c.skipped,
@@ -65,13 +65,30 @@ pub(super) fn write(
         Bytes(report.peak_rss_bytes),
         Bytes(report.memory_budget_bytes)
     )?;
+    for warning in &report.warnings {
+        writeln!(w, "<p class=\"in\">{}</p>", escaped(warning))?;
+    }
+    w.write_all(b"<main>\n")?;
     let embed = c.converted + c.skipped <= MOST_EMBEDDED;
     journal.for_each(&mut |item| if item.model.is_some() { card(&item, out, embed, w) } else { Ok(()) })?;
     w.write_all(b"</main>\n")?;
-    if c.failed > 0 {
-        w.write_all(b"<h2 id=\"failed\">Not converted</h2>\n<main class=\"list\">\n")?;
-        journal.for_each(&mut |item| if item.model.is_none() { failure(&item, w) } else { Ok(()) })?;
-        w.write_all(b"</main>\n")?;
+    for (ended, head) in [
+        (Status::Failed, "<h2 id=\"failed\">Not converted</h2>"),
+        (Status::Skipped, "<h2>Left alone, as asked</h2>"),
+    ] {
+        let mut any = false;
+        journal.for_each(&mut |item| {
+            if item.model.is_some() || item.status != ended {
+                return Ok(());
+            }
+            if !std::mem::replace(&mut any, true) {
+                writeln!(w, "{head}\n<main class=\"list\">")?;
+            }
+            without_model(&item, w)
+        })?;
+        if any {
+            w.write_all(b"</main>\n")?;
+        }
     }
     if !report.left_out.is_empty() {
         w.write_all(b"<h2>Files that are no volume</h2><table>\n")?;
@@ -90,12 +107,13 @@ pub(super) fn write(
 }
 
 /// A volume without a model: what it is, and why.
-fn failure(item: &Item, w: &mut dyn Write) -> io::Result<()> {
+fn without_model(item: &Item, w: &mut dyn Write) -> io::Result<()> {
     let part =
         if item.part.is_empty() { String::new() } else { format!(" &middot; {}", escaped(&item.part)) };
     write!(
         w,
-        "<article class=\"failed\"><div class=\"text\"><h3>{}{part}</h3><p class=\"in\">{}, {} file(s), {}</p>",
+        "<article class=\"{}\"><div class=\"text\"><h3>{}{part}</h3><p class=\"in\">{}, {} file(s), {}</p>",
+        status(item.status),
         escaped(&item.input),
         escaped(&item.format),
         item.files,

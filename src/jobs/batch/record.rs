@@ -18,7 +18,7 @@ use crate::scratch::nameless;
 pub enum Status {
     /// Built in this run.
     Converted,
-    /// Built before, from the same files with the same options.
+    /// Built before, from the same files with the same options; or, without a model, left alone as asked.
     Skipped,
     /// Refused, or its build failed.
     Failed,
@@ -41,7 +41,7 @@ pub struct Item {
     pub files: u64,
     /// Their bytes.
     pub input_bytes: u64,
-    /// Why it failed.
+    /// Why it failed, or was left alone.
     pub reason: Option<String>,
     /// Sentences about the input.
     pub warnings: Vec<String>,

@@ -13,7 +13,7 @@ use super::{page, write_whole};
 pub struct Counts {
     /// Built in this run.
     pub converted: u64,
-    /// Built before.
+    /// Built before, or left alone as asked.
     pub skipped: u64,
     /// Refused or failed.
     pub failed: u64,
@@ -26,6 +26,8 @@ pub struct BatchReport {
     pub counts: Counts,
     /// Files that are no volume: reason, how many, the first.
     pub left_out: Vec<(String, u64, String)>,
+    /// Sentences about the batch as a whole.
+    pub warnings: Vec<String>,
     /// The cap.
     pub memory_budget_bytes: u64,
     /// Peak resident memory of the process.
@@ -76,6 +78,7 @@ impl BatchReport {
             "left_out": self.left_out.iter().map(|(reason, count, first)| json!({
                 "reason": reason, "count": count, "first": first
             })).collect::<Vec<_>>(),
+            "warnings": self.warnings,
             "memory_budget_bytes": self.memory_budget_bytes,
             "peak_rss_bytes": self.peak_rss_bytes,
             "jobs": self.jobs,

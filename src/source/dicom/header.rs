@@ -90,17 +90,25 @@ impl Places {
     }
 }
 
-/// Patient's Name and Patient ID: kept only to be looked for in paths and masked, never shown or stored.
+/// Patient's Name, Patient ID and Patient's Birth Date: kept only to be looked for in paths and masked, never
+/// shown or stored.
 #[derive(Clone, Default, PartialEq, Eq)]
 pub struct Secrets {
     name: String,
     id: String,
+    /// Eight digits, or nothing.
+    birth_date: String,
 }
 
 impl Secrets {
+    #[cfg(test)]
+    pub(in crate::source) fn of(name: &str, id: &str, birth_date: &str) -> Self {
+        Self { name: name.into(), id: id.into(), birth_date: digits_of_date(birth_date.as_bytes()) }
+    }
+
     /// The texts, as far as they could be read.
-    pub(super) fn texts(&self) -> [&str; 2] {
-        [&self.name, &self.id]
+    pub(super) fn texts(&self) -> [&str; 3] {
+        [&self.name, &self.id, &self.birth_date]
     }
 }
 
@@ -110,6 +118,12 @@ impl fmt::Debug for Secrets {
     }
 }
 
+/// `YYYYMMDD`, and `YYYY.MM.DD` of old files, as digits; nothing where it is no date.
+fn digits_of_date(value: &[u8]) -> String {
+    let digits: String = value.iter().filter(|b| b.is_ascii_digit()).map(|b| char::from(*b)).collect();
+    if digits.len() == 8 { digits } else { String::new() }
+}
+
 /// Text in UTF-8, or else in Latin-1.
 fn any_text(value: &[u8]) -> String {
     std::str::from_utf8(value).map_or_else(|_| value.iter().map(|b| char::from(*b)).collect(), str::to_owned)
@@ -117,7 +131,8 @@ fn any_text(value: &[u8]) -> String {
 
 /// What one DICOM file says of its image; `None` where an element is missing or illegible.
 ///
-/// No patient data is kept that could get out: no dates, no free text, and names only as [`Secrets`].
+/// No patient data is kept that could get out: no dates, no free text, and names and birth dates only as
+/// [`Secrets`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct DicomHeader {
     /// How elements and pixels are encoded.
@@ -335,6 +350,7 @@ impl DicomHeader {
             0x0008_0032 => self.acquisition_time = number(value),
             0x0010_0010 => self.secrets.name = any_text(value),
             0x0010_0020 => self.secrets.id = any_text(value),
+            0x0010_0030 => self.secrets.birth_date = digits_of_date(value),
             0x0018_9089 => self.gradient = doubles(value, endian),
             0x0020_9241 => self.cardiac_phase = single(value, endian),
             0x0008_0060 => self.modality = text(value),
@@ -395,6 +411,7 @@ impl DicomHeader {
                 | 0x0008_0032
                 | 0x0010_0010
                 | 0x0010_0020
+                | 0x0010_0030
                 | 0x0018_9089
                 | 0x0020_9241
                 | 0x0018_0050

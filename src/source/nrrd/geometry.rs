@@ -2,6 +2,7 @@
 
 use crate::geom::Affine;
 use crate::source::header::{normal_of, numbers, unit_mm};
+use crate::source::placement::{no_directions, no_spacing};
 
 /// Axis kinds that are directions in space; an unknown one is taken for one.
 const SPATIAL_KINDS: [&str; 4] = ["domain", "space", "???", "none"];
@@ -156,9 +157,9 @@ impl Geometry {
             }
         }
         if missing {
-            warnings.push("the header states no spacing; 1 mm is assumed".into());
+            warnings.push(no_spacing("the header"));
         }
-        warnings.push("the header states no directions; the axes are taken as LPS".into());
+        warnings.push(no_directions("the header"));
     }
 }
 

@@ -21,6 +21,7 @@ use std::sync::Arc;
 use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
+use super::placement::{no_directions, no_spacing};
 use super::raw::base_name;
 use super::stored::{Placed, Places, Samples, StoredVolume, Target, Unroll};
 use super::{Endian, OpenOptions, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
@@ -311,9 +312,9 @@ impl Stack {
         let spacing_mm = self.spacing_mm.unwrap_or([1.0; 3]);
         let mut warnings = Vec::new();
         if self.spacing_mm.is_none() {
-            warnings.push("the pictures state no voxel spacing; 1 mm is assumed".into());
+            warnings.push(no_spacing("this TIFF"));
         }
-        warnings.push("TIFF states no directions; rows, columns and pages are taken as LPS".into());
+        warnings.push(no_directions("TIFF"));
         if self.inverted {
             warnings.push("0 is white in these pictures; the numbers are kept as they are".into());
         }

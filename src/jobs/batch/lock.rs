@@ -1,0 +1,159 @@
+//! One batch at a time in an output folder: an advisory lock on a hidden file of the folder.
+//!
+//! The system gives the lock back when the process ends, however it ends. The file is removed by a batch that
+//! ends by itself; a killed one leaves it, and the next batch takes it over. Only its owner removes it, while it
+//! holds the lock, and whoever gets a lock makes sure that it is on the file that has the name: two batches
+//! never hold a lock each, one of them on a file that is gone.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::OFlags;
+
+use crate::error::Error;
+
+/// Name of the file: it begins like the other hidden files of the program, and is hidden from searches.
+const NAME: &str = ".oct-lock";
+
+/// What somebody reads who finds the file after a crash.
+const TEXT: &str = "Held by a running `oct batch`; when none is running, this file means nothing.\n";
+
+/// Files that vanish between being opened and being locked, until this is given up.
+const ATTEMPTS: u32 = 100;
+
+/// The right to write into a folder; given back when dropped.
+#[derive(Debug)]
+pub(super) struct FolderLock {
+    path: PathBuf,
+    /// Locked, or not lockable at all.
+    file: File,
+    /// Why there is no lock, where the file system has none.
+    pub(super) warning: Option<String>,
+}
+
+impl FolderLock {
+    /// Takes the lock of a folder, without waiting.
+    ///
+    /// # Errors
+    /// [`Error::Busy`] while another batch holds it; [`Error::Output`] where the folder cannot be written.
+    pub(super) fn take(folder: &Path) -> Result<Self, Error> {
+        let path = folder.join(NAME);
+        for _ in 0..ATTEMPTS {
+            let opened = File::options()
+                .read(true)
+                .write(true)
+                .create(true)
+                .truncate(false)
+                // A link would lead elsewhere, and opening a pipe could wait forever.
+                .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed())
+                .open(&path);
+            let mut file = opened.map_err(|cause| Error::Output { path: path.clone(), cause })?;
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => return Err(Error::Busy { path: folder.to_path_buf() }),
+                Err(TryLockError::Error(cause)) => return Ok(Self::without(path, file, &cause)),
+            }
+            if is_named(&file, &path) {
+                if file.metadata().is_ok_and(|meta| meta.is_file() && meta.len() == 0) {
+                    // For people only: a full disk is met where it matters.
+                    let _ = file.write_all(TEXT.as_bytes());
+                }
+                return Ok(Self { path, file, warning: None });
+            }
+        }
+        Err(Error::Busy { path: folder.to_path_buf() })
+    }
+
+    fn without(path: PathBuf, file: File, cause: &io::Error) -> Self {
+        let warning = format!(
+            "the file system of the output folder has no locks ({cause}); see to it that no other batch writes into the folder"
+        );
+        Self { path, file, warning: Some(warning) }
+    }
+}
+
+impl Drop for FolderLock {
+    fn drop(&mut self) {
+        // Removed before it is unlocked, which closing does: the file of the next owner is never removed.
+        if is_named(&self.file, &self.path) {
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Is this the file that has the name, and not one that was removed from it?
+fn is_named(file: &File, path: &Path) -> bool {
+    let known = |meta: fs::Metadata| (meta.dev(), meta.ino());
+    match (file.metadata(), fs::symlink_metadata(path)) {
+        (Ok(open), Ok(named)) => known(open) == known(named),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    use super::*;
+    use crate::error::ExitKind;
+
+    #[test]
+    fn one_owner_at_a_time_and_nothing_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let lock = FolderLock::take(folder.path()).unwrap();
+        assert!(lock.warning.is_none());
+        let refused = FolderLock::take(folder.path()).unwrap_err();
+        assert_eq!(refused.kind(), ExitKind::Io);
+        let text = refused.to_string();
+        assert!(text.contains("another batch") && text.contains("--out"), "{text}");
+        drop(lock);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        // One that a killed batch left means nothing, whatever is in it.
+        fs::write(folder.path().join(NAME), "left").unwrap();
+        drop(FolderLock::take(folder.path()).unwrap());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn files_that_come_and_go_never_give_two_owners() {
+        let folder = tempfile::tempdir().unwrap();
+        let (owners, turns) = (AtomicU32::new(0), AtomicU32::new(0));
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for _ in 0..500 {
+                        let Ok(lock) = FolderLock::take(folder.path()) else { continue };
+                        assert_eq!(owners.fetch_add(1, Ordering::SeqCst), 0);
+                        turns.fetch_add(1, Ordering::SeqCst);
+                        owners.fetch_sub(1, Ordering::SeqCst);
+                        drop(lock);
+                    }
+                });
+            }
+        });
+        assert!(turns.load(Ordering::SeqCst) > 100);
+    }
+
+    #[test]
+    fn a_link_is_not_followed_and_a_missing_folder_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let other = folder.path().join("other");
+        std::os::unix::fs::symlink(&other, folder.path().join(NAME)).unwrap();
+        assert!(matches!(FolderLock::take(folder.path()), Err(Error::Output { .. })));
+        assert!(!other.exists());
+        assert!(matches!(FolderLock::take(&folder.path().join("none")), Err(Error::Output { .. })));
+    }
+
+    #[test]
+    fn a_file_system_without_locks_is_tolerated_and_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(NAME);
+        let file = File::create(&path).unwrap();
+        let lock = FolderLock::without(path.clone(), file, &io::ErrorKind::Unsupported.into());
+        assert!(lock.warning.as_deref().is_some_and(|text| text.contains("no locks")));
+        drop(lock);
+        assert!(!path.exists());
+    }
+}
