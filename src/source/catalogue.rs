@@ -19,6 +19,7 @@ use super::log::{Log, Record};
 use super::noted::Noted;
 use super::patients::PatientWords;
 use super::placement::{Placement, place};
+use super::placing::placing_of;
 use super::stable_hash::StableHash;
 use super::surveyor::{Surveyor, leave_out};
 use super::walk::{changed, walk, without_repeats};
@@ -237,11 +238,11 @@ impl Catalogue {
                 path,
             }]
         });
-        if !self.options.placement.is_empty() && self.options.raw.is_none() {
-            findings = findings.into_iter().map(|finding| placed(finding, self.options.placement)).collect();
-        }
         if item.what != What::Series {
             findings = findings.into_iter().map(|finding| hidden(finding, &words, &hide)).collect();
+        }
+        if !self.options.placement.is_empty() && self.options.raw.is_none() {
+            findings = findings.into_iter().map(|finding| placed(finding, self.options.placement)).collect();
         }
         findings
     }
@@ -318,9 +319,9 @@ impl Catalogue {
                     let mut opened = (format.open)(&path, &self.options);
                     let mut files = with_samples(one(), opened.as_deref().unwrap_or_default());
                     if format.states_no_place
-                        && let Some(stated) = sidecar::placing(&[&path])
+                        && let Some(stated) = placing_of(&[&path])
                     {
-                        sidecar::add(&stated, &mut files);
+                        stated.add_to(&mut files);
                         opened = opened.and_then(|all| all.into_iter().map(|v| stated.place(v)).collect());
                     }
                     findings(&path, format.name, files, opened)
@@ -345,9 +346,9 @@ impl Catalogue {
                     };
                     let own = used.first().map(|at| names.path(*at)).filter(|_| used.len() == 1);
                     let named: Vec<&Path> = own.iter().chain([&folder]).map(PathBuf::as_path).collect();
-                    let volume = match sidecar::placing(&named) {
+                    let volume = match placing_of(&named) {
                         Some(stated) => {
-                            sidecar::add(&stated, &mut files);
+                            stated.add_to(&mut files);
                             volume.and_then(|v| stated.place(v))
                         }
                         None => volume,

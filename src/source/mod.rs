@@ -33,6 +33,7 @@ mod nrrd;
 mod open;
 mod patients;
 mod placement;
+mod placing;
 mod png_stack;
 mod raw;
 mod reversed;

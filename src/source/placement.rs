@@ -136,8 +136,9 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, who: &str) {
     }
 }
 
-/// A spacing for people.
-fn mm([x, y, z]: [f64; 3]) -> String {
+/// A spacing for people: six digits, as headers print it.
+fn mm(spacing_mm: [f64; 3]) -> String {
+    let [x, y, z] = spacing_mm.map(|mm| format!("{mm:.5e}").parse().unwrap_or(mm));
     format!("{x} x {y} x {z} mm")
 }
 

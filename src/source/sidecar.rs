@@ -29,10 +29,9 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
-use super::catalogue::InputFiles;
 use super::noted::Noted;
-use super::placement::{Placement, place};
-use super::walk::changed;
+use super::placement::Placement;
+use super::placing;
 use super::{RawOptions, RawVolume, ScalarType, SourceError, VolumeSource};
 use crate::geom::{Dims, Orientation};
 
@@ -51,24 +50,6 @@ pub(super) struct Sidecar {
     /// What of the options is stated, and not the default.
     stated: Placement,
 }
-
-/// What a side-car says of data that says the rest itself.
-#[derive(Debug)]
-pub(super) struct Placing {
-    /// The side-car.
-    path: PathBuf,
-    /// What it says, or what is wrong with it.
-    said: Result<(Placement, Vec<String>), String>,
-}
-
-/// Keys that mean something where data only has to be placed.
-const PLACING_KEYS: [&str; 4] = ["spacing", "spacing_mm", "orientation", "file"];
-
-/// Endings of files that can be placed.
-const PLACED: [&str; 4] = ["npy", "tif", "tiff", "png"];
-
-/// Name of a side-car in the folder of the pictures, whatever that is called.
-const INSIDE: &str = "stack";
 
 /// Keys that mean something.
 const KEYS: [&str; 7] = ["dims", "dtype", "spacing", "spacing_mm", "skip", "orientation", "file"];
@@ -91,7 +72,7 @@ pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
 }
 
 /// The keys and values of a text, if it can be parsed.
-fn value_of(path: &Path) -> Option<Value> {
+pub(super) fn value_of(path: &Path) -> Option<Value> {
     let text = text_of(path)?;
     if path.extension().is_some_and(|e| e == "toml") {
         return Some(flat_toml(&text));
@@ -113,7 +94,7 @@ fn text_of(path: &Path) -> Option<String> {
 pub(super) fn unparsed(path: &Path) -> Option<String> {
     let text = text_of(path)?;
     let is_raw = text.contains("dims") || text.contains("dtype");
-    if !is_raw && !((text.contains("spacing") || text.contains("orientation")) && is_by_placed(path)) {
+    if !is_raw && !((text.contains("spacing") || text.contains("orientation")) && placing::may_place(path)) {
         return None;
     }
     let what = if path.extension().is_some_and(|e| e == "toml") {
@@ -205,20 +186,20 @@ fn parse(value: &Value, dims: &Value, dtype: &Value) -> Result<Sidecar, String> 
 }
 
 /// Name of the data, where it is stated.
-fn file_of(value: &Value) -> Result<Option<String>, String> {
+pub(super) fn file_of(value: &Value) -> Result<Option<String>, String> {
     let plain = |name: &Value| name.as_str().filter(|n| is_plain(n)).map(str::to_owned);
     value.get("file").map(|name| plain(name).ok_or("its file is not a plain name".into())).transpose()
 }
 
 /// The first keys that are none of the known ones.
-fn unknown(value: &Value, known: &[&str]) -> Vec<String> {
+pub(super) fn unknown(value: &Value, known: &[&str]) -> Vec<String> {
     let keys = value.as_object().into_iter().flat_map(serde_json::Map::keys);
     let unknown = keys.filter(|key| !known.contains(&key.as_str())).take(NAMED.0);
     unknown.map(|key| key.chars().take(NAMED.1).flat_map(char::escape_debug).collect()).collect()
 }
 
 /// Spacing and orientation, as far as they are stated.
-fn placement(value: &Value) -> Result<Placement, String> {
+pub(super) fn placement(value: &Value) -> Result<Placement, String> {
     let spacing_mm = match (value.get("spacing"), value.get("spacing_mm")) {
         (Some(one), Some(other)) if three(one) != three(other) => {
             return Err("its spacing and its spacing_mm differ; keep one of them".into());
@@ -237,91 +218,12 @@ fn placement(value: &Value) -> Result<Placement, String> {
     Ok(Placement { spacing_mm, orientation: orientation.transpose()? })
 }
 
-/// Reads a side-car that only places its data; `None` for a text that is none.
-fn read_placing(path: &Path) -> Option<(Placing, Option<String>)> {
-    let value = value_of(path)?;
-    let is_raw = value.get("dims").is_some() && value.get("dtype").is_some();
-    if is_raw || !PLACING_KEYS.iter().take(3).any(|key| value.get(key).is_some()) {
-        return None;
-    }
-    let file = file_of(&value).ok().flatten();
-    let said = file_of(&value).and_then(|_| Ok((placement(&value)?, unknown(&value, &PLACING_KEYS))));
-    Some((Placing { path: path.to_path_buf(), said }, file))
-}
-
-/// The side-car that places data: the first that does for the first of the paths, a file before its folder.
-pub(super) fn placing(data: &[&Path]) -> Option<Placing> {
-    let of = |data: &&Path| {
-        let mut inside = Vec::new();
-        let whole = data.file_name().is_none().then(|| data.canonicalize().ok()).flatten();
-        let data = whole.as_deref().unwrap_or(data);
-        let name = data.file_name()?;
-        if data.is_dir() {
-            inside.extend(candidates(&data.join(name)).chain(candidates(&data.join(INSIDE))));
-        }
-        candidates(data).chain(inside).find_map(|path| {
-            let (placing, file) = read_placing(&path)?;
-            // Inside, the data is the folder, whatever is said of a file.
-            file.is_none_or(|file| name == OsStr::new(&file)).then_some(placing)
-        })
-    };
-    data.iter().find_map(of)
-}
-
-/// Does a side-car place data that is there?
-pub(super) fn places(path: &Path) -> bool {
-    is_named_so(path) && read_placing(path).is_some() && is_by_placed(path)
-}
-
-/// Is data that a side-car of this name may place beside it, or around it?
-fn is_by_placed(path: &Path) -> bool {
-    let has_pictures = |folder: &Path| {
-        let is_picture = |name: PathBuf| {
-            PLACED.iter().skip(1).any(|e| name.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
-        };
-        fs::read_dir(folder).is_ok_and(|all| all.flatten().any(|entry| is_picture(entry.file_name().into())))
-    };
-    let (folder, stem) = (path.parent().unwrap_or(Path::new("")), path.file_stem());
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let inside = stem == Some(OsStr::new(INSIDE)) || (stem.is_some() && stem == folder.file_name());
-    let beside = path.with_extension("");
-    // `a.npy.json`, `a.json`; the stem may have dots of its own.
-    let is_file = |ending: &str| {
-        let mut longer = beside.as_os_str().to_owned();
-        longer.push(".");
-        longer.push(ending);
-        Path::new(&longer).is_file()
-    };
-    let own = |e: &&str| beside.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
-    (inside && has_pictures(folder))
-        || has_pictures(&beside)
-        || (PLACED.iter().any(|e| own(&e)) && beside.is_file())
-        || PLACED.iter().any(|e| is_file(e))
-}
-
-/// Counts a side-car among the files of a volume, so that a change of it is noticed.
-pub(super) fn add(placing: &Placing, files: &mut InputFiles) {
-    if let Ok(meta) = fs::metadata(&placing.path) {
-        files.add(&placing.path, meta.len(), changed(&meta));
-    }
-}
-
-impl Placing {
-    /// A volume where the side-car says.
-    ///
-    /// # Errors
-    /// What is wrong with the side-car.
-    pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>, SourceError> {
-        let unusable =
-            |reason: &String| SourceError::Unusable { path: self.path.clone(), reason: reason.clone() };
-        let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
-        let who = ["spacing of the side-car", "orientation of the side-car"];
-        Ok(with_unknown(place(volume, *placement, who)?, unknown, &PLACING_KEYS))
-    }
-}
-
 /// A volume whose warnings name keys that are not known.
-fn with_unknown(volume: Box<dyn VolumeSource>, unknown: &[String], known: &[&str]) -> Box<dyn VolumeSource> {
+pub(super) fn with_unknown(
+    volume: Box<dyn VolumeSource>,
+    unknown: &[String],
+    known: &[&str],
+) -> Box<dyn VolumeSource> {
     if unknown.is_empty() {
         return volume;
     }
@@ -351,7 +253,7 @@ fn is_plain(name: &str) -> bool {
 }
 
 /// Side-cars that could describe a file or folder, by their names; the first that does counts.
-fn candidates(data: &Path) -> impl Iterator<Item = PathBuf> + '_ {
+pub(super) fn candidates(data: &Path) -> impl Iterator<Item = PathBuf> + '_ {
     let longer = |ending: &str| {
         let mut longer = data.as_os_str().to_owned();
         longer.push(".");

@@ -16,7 +16,7 @@ use super::log::{Log, NONE, Record};
 use super::patients::{Gathered, PatientWords};
 use super::stable_hash::StableHash;
 use super::walk::{NotEntered, Visitor, changed};
-use super::{SourceError, natural_cmp, sidecar};
+use super::{SourceError, natural_cmp, placing, sidecar};
 
 /// Different reasons that are kept apart.
 const MAX_REASONS: usize = 32;
@@ -160,7 +160,7 @@ impl<'a> Surveyor<'a> {
         {
             return left_out(&reason);
         }
-        if sidecar::describes(path) || sidecar::places(path) || is_detached_data(path) {
+        if sidecar::describes(path) || placing::places(path) || is_detached_data(path) {
             return Ok(Class::Part);
         }
         if let Some(raw) = &self.options.raw {
