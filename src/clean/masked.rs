@@ -99,6 +99,10 @@ impl Wrapper for Masked<'_> {
         &self.info
     }
 
+    fn own_info_mut(&mut self) -> &mut VolumeInfo {
+        &mut self.info
+    }
+
     fn own_bytes(&self) -> u64 {
         Self::thread_bytes(self.bits.row_words)
     }

@@ -62,6 +62,10 @@ impl Wrapper for Crop {
         &self.info
     }
 
+    fn own_info_mut(&mut self) -> &mut VolumeInfo {
+        &mut self.info
+    }
+
     fn own_bytes(&self) -> u64 {
         0
     }

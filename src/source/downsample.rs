@@ -115,6 +115,10 @@ impl Wrapper for Downsample {
         &self.info
     }
 
+    fn own_info_mut(&mut self) -> &mut VolumeInfo {
+        &mut self.info
+    }
+
     fn own_bytes(&self) -> u64 {
         64 << 10
     }

@@ -24,6 +24,10 @@ impl Wrapper for Noted {
         &self.info
     }
 
+    fn own_info_mut(&mut self) -> &mut VolumeInfo {
+        &mut self.info
+    }
+
     fn own_bytes(&self) -> u64 {
         0
     }

@@ -20,6 +20,9 @@ pub(crate) trait Wrapper: Sized + Send + Sync {
     /// [`VolumeSource::info`] of the whole.
     fn own_info(&self) -> &VolumeInfo;
 
+    /// The same, to take up what preparing the volume behind brings to light.
+    fn own_info_mut(&mut self) -> &mut VolumeInfo;
+
     /// Bytes held per reading thread beyond those of the volume behind.
     fn own_bytes(&self) -> u64;
 
@@ -67,7 +70,12 @@ impl<W: Wrapper> VolumeSource for W {
     }
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
-        self.inner_mut().map_or(Ok(()), |inner| inner.prepare(workspace))
+        let Some(inner) = self.inner_mut() else { return Ok(()) };
+        let known = inner.info().warnings.len();
+        inner.prepare(workspace)?;
+        let found = inner.info().warnings.get(known..).unwrap_or_default().to_vec();
+        self.own_info_mut().warnings.extend(found);
+        Ok(())
     }
 
     fn read_rows(
@@ -125,6 +133,10 @@ mod tests {
         }
         fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
             let (needed_bytes, allowed_bytes) = (NEEDS.memory_bytes, workspace.memory_bytes);
+            if needed_bytes <= allowed_bytes {
+                self.0.warnings.push("found while it was unrolled".into());
+                return Ok(());
+            }
             Err(SourceError::Memory { path: "a".into(), needed_bytes, allowed_bytes })
         }
         fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result<(), SourceError> {
@@ -169,6 +181,10 @@ mod tests {
             assert_eq!(files, [Path::new("a")]);
             let workspace = Workspace { scratch: folder.path(), memory_bytes: 1, progress: &Silent };
             assert!(matches!(outer.prepare(&workspace), Err(SourceError::Memory { allowed_bytes: 1, .. })));
+            let workspace = Workspace { memory_bytes: 6, ..workspace };
+            outer.prepare(&workspace).unwrap();
+            let warnings = &outer.info().warnings;
+            assert!(warnings.ends_with(&["found while it was unrolled".into()]), "{warnings:?}");
             let mut out = [0; 4];
             for read in
                 [outer.read_rows(0, 0..1, 0..1, &mut out), outer.read_pitched(0, 0..1, 0..1, 4, &mut out)]
