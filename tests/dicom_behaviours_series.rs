@@ -353,10 +353,16 @@ fn behaviour_11_rescale_of_each_slice_holds_for_made_slices_too() {
 }
 
 #[test]
-fn behaviour_18_siemens_mosaics_are_refused_by_name() {
-    let mosaic = ct(0.0, 1).with(IMAGE_TYPE, "CS", "ORIGINAL\\PRIMARY\\M\\ND\\MOSAIC");
-    let error = Folder::of(&[mosaic]).open(GapPolicy::Error).unwrap_err().to_string();
-    assert!(error.contains("Siemens mosaics"), "{error}");
+fn behaviour_18_siemens_mosaics_are_split_into_slices() {
+    let mosaic = dicom::mosaic(3, [2, 2], "1\\0\\0\\0\\1\\0", &["0", "0", "1"], &|k, _, _| 10 * (k + 1));
+    let folder = Folder::of(std::slice::from_ref(&mosaic));
+    let source = folder.open(GapPolicy::Error).unwrap();
+    assert_eq!(source.info().dims.to_array(), [2, 2, 3]);
+    assert_eq!(firsts(source.as_ref()), [10, 20, 30]);
+    // Without the private elements nobody can know how many slices there are.
+    let bare = mosaic.clone().without(0x0019_100a).without(0x0029_1010).clone();
+    let error = Folder::of(&[bare]).open(GapPolicy::Error).unwrap_err().to_string();
+    assert!(error.contains("a Siemens mosaic does not state the number of its slices"), "{error}");
 }
 
 #[test]

@@ -124,6 +124,11 @@ fn nothing_that_a_file_holds_makes_reading_panic_hang_or_swell() {
             fs::write(&path, image.bytes()).unwrap();
             files.push(path);
         }
+        let path = made.path().join("mosaic.dcm");
+        let mosaic =
+            dicom::mosaic(5, [4, 3], "1\\0\\0\\0\\1\\0", &["0", "0", "1"], &|k, j, i| 100 * k + 10 * j + i);
+        fs::write(&path, mosaic.bytes()).unwrap();
+        files.push(path);
         for real in
             ["dicom-odd/jpegls-near-16.dcm", "multiframe/emri-10f-rle.dcm", "multiframe/emri-10f-jpegls.dcm"]
         {

@@ -301,4 +301,89 @@ impl Elements {
         }
         writer.bytes
     }
+
+    /// The whole file, its pixels as these fragments in the transfer syntax `uid`.
+    pub(crate) fn encapsulated(&self, uid: &str, fragments: &[Vec<u8>]) -> Vec<u8> {
+        let mut writer = Writer::with_meta(Syntax::ExplicitLe, uid);
+        for (tag, (vr, value)) in &self.by_tag {
+            if *tag != 0x7fe0_0010 {
+                writer.element(*tag, vr, value);
+            }
+        }
+        writer.head(0x7fe0_0010, "OB", u32::MAX);
+        writer.element(0xfffe_e000, "", &[]);
+        for fragment in fragments {
+            writer.element(0xfffe_e000, "", fragment);
+        }
+        writer.head(0xfffe_e0dd, "", 0);
+        writer.bytes
+    }
+}
+
+/// The private header of a Siemens image, in its newer form (CSA2) or its older one (CSA1): names of tags
+/// and the texts of their items.
+pub(crate) fn csa(newer: bool, tags: &[(&str, &[&str])]) -> Vec<u8> {
+    let mut out = Vec::new();
+    let put = |out: &mut Vec<u8>, numbers: &[u32]| out.extend(numbers.iter().flat_map(|n| n.to_le_bytes()));
+    if newer {
+        out.extend(b"SV10\x04\x03\x02\x01");
+    }
+    put(&mut out, &[length_of(tags.len()), 77]);
+    let first = tags.first().map_or(0, |(_, items)| length_of(items.len()));
+    for (name, items) in tags {
+        let end = out.len() + 64;
+        out.extend(name.as_bytes());
+        out.resize(end, 0);
+        put(&mut out, &[length_of(items.len())]);
+        out.extend(b"FD\0\0");
+        put(&mut out, &[4, length_of(items.len()), 77]);
+        for text in *items {
+            let bytes = length_of(text.len());
+            put(&mut out, &if newer { [bytes, bytes, 77, bytes] } else { [bytes + first, 77, 205, 0] });
+            out.extend(text.as_bytes());
+            out.resize(out.len().next_multiple_of(4), 0);
+        }
+    }
+    out
+}
+
+/// A Siemens mosaic of `slices` slices as an oblique EPI image has them: `size` is that of a tile, and the
+/// samples of tile k, row j, column i are `value(k, j, i)`; what is left over is 0. `normal` is the stated
+/// direction of the slices.
+pub(crate) fn mosaic(
+    slices: u16,
+    size: [u16; 2],
+    orientation: &str,
+    normal: &[&str; 3],
+    value: &dyn Fn(u16, u16, u16) -> u16,
+) -> Elements {
+    let across = (1..).find(|n| n * n >= slices).unwrap();
+    let [columns, rows] = size.map(|side| side * across);
+    let mut pixels = Vec::new();
+    for y in 0..rows {
+        for x in 0..columns {
+            let tile = y / size[1] * across + x / size[0];
+            let value = if tile < slices { value(tile, y % size[1], x % size[0]) } else { 0 };
+            pixels.extend(value.to_le_bytes());
+        }
+    }
+    let mut image = Elements::ct(0.0, 1, [0; 4]);
+    image.set(0x0008_0008, "CS", "ORIGINAL\\PRIMARY\\M\\ND\\MOSAIC");
+    image.set(0x0008_0016, "UI", "1.2.840.10008.5.1.4.1.1.4").set(0x0008_0060, "CS", "MR");
+    image.set(0x0018_0050, "DS", "2.5").set(0x0018_0088, "DS", "3");
+    image.set(0x0019_0010, "LO", "SIEMENS MR HEADER").us(0x0019_100a, slices);
+    image.set(0x0020_0032, "DS", "-805\\-825.5\\-75.25").set(0x0020_0037, "DS", orientation);
+    image.us(0x0028_0010, rows).us(0x0028_0011, columns).set(0x0028_0030, "DS", "1.5\\1.25");
+    image.without(0x0028_1052).without(0x0028_1053);
+    image.set(0x0029_0010, "LO", "SIEMENS CSA HEADER");
+    let number = format!("{slices:<8}");
+    let header = [
+        ("EchoLinePosition", &["64      ", "", "", "", "", ""][..]),
+        ("B_value", &[]),
+        ("NumberOfImagesInMosaic", &[&number, "", "", "", "", ""]),
+        ("SliceNormalVector", normal),
+        ("Filter1", &[]),
+    ];
+    image.raw(0x0029_1010, "OB", &csa(true, &header)).raw(0x7fe0_0010, "OW", &pixels);
+    image
 }

@@ -111,7 +111,8 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], option
             .map_err(|reason| SourceError::NoVolume { path: path.clone(), reason })
     });
     let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
-    let images = u32::try_from(slices.len()).unwrap_or(u32::MAX);
+    let each = shared.mosaic.map_or(1, |mosaic| mosaic.slices);
+    let images = u32::try_from(slices.len()).unwrap_or(u32::MAX).saturating_mul(each);
     Finding {
         path,
         stem,

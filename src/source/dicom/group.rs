@@ -7,6 +7,7 @@ use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
 use super::header::Secrets;
+use super::mosaic::Mosaic;
 use super::pixels::{PixelLayout, StatedPadding};
 use super::survey::words;
 use crate::source::files::FileList;
@@ -175,8 +176,10 @@ pub(super) struct Shared {
     pub(super) modality: String,
     pub(super) series_uid: String,
     pub(super) series_number: Option<i32>,
-    /// Columns and rows.
+    /// Columns and rows, of a tile in a mosaic.
     pub(super) size: [u32; 2],
+    /// How the slices lie in each image, where one image is a volume.
+    pub(super) mosaic: Option<Mosaic>,
     pub(super) orientation: Option<[f64; 6]>,
     pub(super) pixel_spacing: Option<[f64; 2]>,
     pub(super) slice_thickness: Option<f64>,
@@ -223,6 +226,7 @@ impl Shared {
             ("Rows and Columns (0028,0010), (0028,0011)", self.size != other.size),
             ("Image Orientation (0020,0037)", !self.turns_like(other)),
             ("Pixel Spacing (0028,0030)", !self.spaced_like(other)),
+            ("slices of the mosaic (0029,1010)", self.mosaic != other.mosaic),
         ];
         let tags: Vec<&str> = found.into_iter().filter(|(_, differs)| *differs).map(|(tag, _)| tag).collect();
         if tags.is_empty() { vec!["format of the pixels, or whether positions are stated"] } else { tags }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::mosaic::Private;
 use super::syntax::TransferSyntax;
 use crate::source::Endian;
 
@@ -63,6 +64,8 @@ pub struct Places {
     pub palette_descriptors: [Option<u64>; 3],
     /// (0028,1201) to (0028,1203): data of the red, green and blue palette.
     pub palettes: [Option<u64>; 3],
+    /// (0029,xx10) of the block `SIEMENS CSA HEADER`.
+    pub csa: Option<u64>,
     /// (7FE0,0001) Extended Offset Table.
     pub offset_table: Option<u64>,
 }
@@ -223,6 +226,8 @@ pub struct DicomHeader {
     pub cardiac_phase: Option<f64>,
     /// Acquisition Time, as the number HHMMSS.FFFFFF; only to tell images apart.
     pub acquisition_time: Option<f64>,
+    /// Private elements of mosaics.
+    pub private: Private,
     /// Whom the image shows.
     pub secrets: Secrets,
     /// Is there a Modality LUT Sequence? Then values are not linear.
@@ -285,6 +290,7 @@ impl DicomHeader {
             gradient: None,
             cardiac_phase: None,
             acquisition_time: None,
+            private: Private::default(),
             secrets: Secrets::default(),
             modality_lut: false,
             encoding: Encoding { explicit: true, endian: Endian::Little },
@@ -395,12 +401,15 @@ impl DicomHeader {
             0x0028_1053 => self.slope = number(value),
             0x0028_3000 => self.modality_lut = true,
             0x3004_000e => self.dose_scaling = number(value),
-            _ => {}
+            _ => self.private.keep(tag, value, endian),
         }
     }
 
     /// Does [`DicomHeader::keep`] look at this tag?
     pub(super) fn wants(tag: Tag) -> bool {
+        if Private::wants(tag) {
+            return true;
+        }
         matches!(
             tag,
             0x0008_0008

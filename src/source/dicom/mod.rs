@@ -10,6 +10,8 @@
 //! | `syntax` | transfer syntaxes by name |
 //! | `pixels` | how stored values are cut out of cells: [`PixelLayout`] |
 //! | `image` | what the pixels of a file are, and how they are reached: [`Image`] |
+//! | `csa` | the private header of Siemens MR images |
+//! | `mosaic` | slices tiled into one picture |
 //! | `frames` | position and meaning of every frame of a file: [`visit`] |
 //! | `encapsulated` | which fragments make which frame |
 //! | `lut` | modality tables and palettes |
@@ -26,6 +28,7 @@
 //! What is found and cannot be read is named, not guessed at. The standard is cited as PS3.x.
 
 mod convert;
+mod csa;
 mod deflated;
 mod element;
 mod encapsulated;
@@ -36,6 +39,7 @@ mod group;
 mod header;
 mod image;
 mod lut;
+mod mosaic;
 mod pixels;
 mod scan;
 mod series;
@@ -50,6 +54,7 @@ pub(crate) use findings::open_series;
 pub use frames::{FrameGeometry, Origin, visit};
 pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places, Secrets};
 pub use image::{Access, Image, Obstacle};
+pub use mosaic::Private;
 pub use pixels::{Padding, PixelLayout, StatedPadding};
 pub use scan::{ScanError, scan};
 pub(crate) use survey::{Recognised, recognise, words};

@@ -112,6 +112,8 @@ pub struct PixelLayout {
     pub columns: u32,
     /// Height in pixels.
     pub rows: u32,
+    /// Frames side by side in a picture: tiles of a mosaic, else 1.
+    across: u32,
     scalar: ScalarType,
     stored: Stored,
 }
@@ -155,7 +157,30 @@ pub struct Padding {
 impl PixelLayout {
     /// A frame of such cells, delivered as `scalar`.
     pub(super) fn new(columns: u32, rows: u32, scalar: ScalarType, stored: Stored) -> Self {
-        Self { columns, rows, scalar, stored }
+        Self { columns, rows, across: 1, scalar, stored }
+    }
+
+    /// One of the tiles of a mosaic, of as many in a row as in a column.
+    pub(super) fn tile(&self, across: u32) -> Self {
+        let across = across.max(1);
+        Self { columns: self.columns / across, rows: self.rows / across, across, ..*self }
+    }
+
+    /// Tiles in a row of the picture.
+    pub(super) fn across(&self) -> u32 {
+        self.across
+    }
+
+    /// Pixels from a row to the next in the file.
+    pub(super) fn pitch(&self) -> u32 {
+        self.columns * self.across
+    }
+
+    /// Bytes from the first pixel of the picture to that of a tile, as the cells lie in the file.
+    pub(super) fn tile_offset(&self, tile: u32) -> u64 {
+        let (down, right) = (u64::from(tile / self.across), u64::from(tile % self.across));
+        let pixels = down * u64::from(self.rows) * u64::from(self.pitch()) + right * u64::from(self.columns);
+        pixels * self.stored.bytes() as u64
     }
 
     /// Type of the delivered samples: as wide as allocated and signed as the header says, unless the values

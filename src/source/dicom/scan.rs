@@ -176,6 +176,9 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
                 return Ok(());
             }
             self.header.places.keep(element.tag, at);
+            if self.header.private.is_csa(element.tag) {
+                self.header.places.csa.get_or_insert(at);
+            }
             let wanted = DicomHeader::wants(element.tag);
             if element.length.is_some() {
                 let end = self.parser.end(&element, at)?;

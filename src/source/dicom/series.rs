@@ -2,7 +2,8 @@
 //! (PS3.3 C.7.6.2; `x` runs along a row, `y` down the columns, `z` along `x` x `y`).
 
 use super::gaps::{Grid, judge_gaps};
-use super::group::{Group, Slice};
+use super::group::{Group, Shared, Slice};
+use super::mosaic;
 use crate::geom::Affine;
 use crate::source::GapPolicy;
 
@@ -26,6 +27,8 @@ pub(super) struct Stack {
 pub(super) enum Layer {
     /// An image.
     Image(usize),
+    /// A tile of an image.
+    Tile(usize, u32),
     /// No image lies here: so much of the way from the first to the second.
     Between(usize, usize, f64),
 }
@@ -51,7 +54,12 @@ pub(super) fn assemble(
     let mut warnings = Vec::new();
     let slices: Vec<(usize, &Slice)> =
         chosen.iter().filter_map(|i| group.slices.get(*i).map(|s| (*i, s))).collect();
-    let [dx, dy] = pixel_spacing(group, &mut warnings);
+    if let Some(of_each) = &group.shared.mosaic
+        && let [(index, slice)] = slices.as_slice()
+    {
+        return mosaic::assemble(&group.shared, of_each, *index, slice);
+    }
+    let [dx, dy] = pixel_spacing(&group.shared, &mut warnings);
     let placed = slices.iter().all(|(_, s)| s.position().is_some());
     let Some(axes) = group.shared.orientation.filter(|_| placed) else {
         return without_positions(group, &slices, [dx, dy], warnings);
@@ -127,8 +135,8 @@ pub(super) fn plane(orientation: [f64; 6]) -> Option<&'static str> {
 }
 
 /// Distance of columns, then of rows: x before y, the reverse of the attribute.
-fn pixel_spacing(group: &Group, warnings: &mut Vec<String>) -> [f64; 2] {
-    match group.shared.pixel_spacing {
+pub(super) fn pixel_spacing(shared: &Shared, warnings: &mut Vec<String>) -> [f64; 2] {
+    match shared.pixel_spacing {
         Some([dy, dx]) if dx > 0.0 && dy > 0.0 => [dx, dy],
         _ => {
             warnings.push("the images state no pixel spacing; 1 mm is assumed".into());
@@ -219,7 +227,7 @@ fn judge_line(
 ///
 /// Scanners round cosines to a few digits. The equation that places pixels (PS3.3 C.7.6.2.1.1) takes them
 /// as they are, and so does every other reader; corners would be some micrometres off if they were mended.
-fn directions(axes: [f64; 6]) -> Option<([f64; 3], [f64; 3], [f64; 3])> {
+pub(super) fn directions(axes: [f64; 6]) -> Option<([f64; 3], [f64; 3], [f64; 3])> {
     let [a, b, c, d, e, f] = axes;
     let (row, column) = ([a, b, c], [d, e, f]);
     let is_unit = |v: [f64; 3]| (dot(v, v).sqrt() - 1.0).abs() < 0.01;

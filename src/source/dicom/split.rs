@@ -33,6 +33,11 @@ struct Repeats {
 }
 
 fn repeats(group: &Group, chosen: &[usize]) -> Repeats {
+    // Every mosaic is a volume of its own, wherever it lies.
+    if group.shared.mosaic.is_some() {
+        let extra = chosen.len().saturating_sub(1);
+        return Repeats { numbers: vec![0; chosen.len()], places: chosen.len().min(1), extra };
+    }
     let along = along_normal(group, chosen).unwrap_or_default();
     let (numbers, places) = positions(&along);
     // Without positions nothing repeats.
@@ -49,7 +54,7 @@ pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
     // Each split makes parts that are smaller, so this ends.
     while let Some(part) = waiting.pop() {
         let repeats = repeats(group, &part.chosen);
-        if repeats.extra == 0 || repeats.places < 2 {
+        if repeats.extra == 0 || (repeats.places < 2 && group.shared.mosaic.is_none()) {
             done.push(part);
             continue;
         }
@@ -58,6 +63,7 @@ pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
             Some((key, parts)) => named(key, parts, &part, group, types),
             None => match by_turn(group, &part, &repeats) {
                 Some(parts) => parts,
+                None if group.shared.mosaic.is_some() => one_by_one(&part),
                 None => {
                     done.push(part);
                     continue;
@@ -81,8 +87,9 @@ fn best(group: &Group, chosen: &[usize], extra: usize) -> Option<(Key, Parts)> {
                 parts.entry(key.value(slice)).or_default().push(*i);
             }
         }
-        // A number that every image has of its own (a time, say) tells nothing.
-        if parts.len() < 2 || 2 * parts.len() > chosen.len() {
+        // A number that every slice has of its own (a time, say) tells nothing.
+        let own = 2 * parts.len() > chosen.len() && group.shared.mosaic.is_none();
+        if parts.len() < 2 || own {
             continue;
         }
         let left: usize = parts.values().map(|part| repeats(group, part).extra).sum();
@@ -159,6 +166,16 @@ fn type_label(own: &str, siblings: &[&str]) -> String {
     }
     // Long types make no names: the shortest value that is its own says enough.
     special.iter().min_by_key(|p| (p.len(), **p)).map(|p| p.to_lowercase()).unwrap_or_default()
+}
+
+/// A volume of each image, where nothing tells them apart.
+fn one_by_one(whole: &Part) -> Vec<Part> {
+    let part = |(k, image): (usize, &usize)| Part {
+        chosen: vec![*image],
+        label: format!("{} set {}", whole.label, k + 1).trim().to_owned(),
+        tags: whole.tags.clone(),
+    };
+    whole.chosen.iter().enumerate().map(part).collect()
 }
 
 /// The k-th image of every position makes volume k, where all positions have equally many.

@@ -12,6 +12,7 @@ use super::frames::{FrameGeometry, Origin, visit};
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::header::{DicomHeader, Secrets};
 use super::image::{Access, Image, Obstacle, Storage};
+use super::mosaic::{Found, is_one, look};
 use super::pixels::StatedPadding;
 use super::scan::{ScanError, scan};
 use crate::source::files::FileList;
@@ -73,30 +74,38 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
     let mut obstacle = image.as_ref().err().map(Obstacle::to_string);
-    if header.image_type.split('\\').any(|part| part.trim() == "MOSAIC") {
-        obstacle = Some(
-            "Siemens mosaics (many slices tiled into one image) cannot be read; \
-             convert them to enhanced or single-slice images first"
-                .into(),
-        );
+    let mut mosaic = None;
+    if is_one(header) {
+        match look(input, header) {
+            Ok(found) => mosaic = Some(found),
+            Err(reason) => obstacle = obstacle.or(Some(reason)),
+        }
     }
     let image = image.ok().filter(|_| obstacle.is_none());
     let note = image.as_ref().and_then(|image| end_note(input, header, image));
     let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
     if plain || image.is_none() {
-        let own = FrameGeometry::of_file(header);
-        add_frame(series, file, header, image.as_ref(), &own, obstacle.as_deref()).warn(note.as_deref());
+        let mut own = FrameGeometry::of_file(header);
+        if let Some(mosaic) = &mosaic {
+            own = mosaic.first_slice(own);
+        }
+        let shared =
+            add_frame(series, file, header, image.as_ref(), mosaic.as_ref(), &own, obstacle.as_deref());
+        shared.warn(note.as_deref());
+        for warning in mosaic.iter().flat_map(|mosaic| &mosaic.warnings) {
+            shared.warn(Some(warning));
+        }
         return;
     }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
-        add_frame(series, file, header, image.as_ref(), frame, None).warn(note.as_deref());
+        add_frame(series, file, header, image.as_ref(), None, frame, None).warn(note.as_deref());
         seen += 1;
         seen < frames
     });
     if let Err(error) = visited {
         let reason = format!("its frames cannot be told apart: {error}");
-        add_frame(series, file, header, None, &FrameGeometry::of_file(header), Some(&reason));
+        add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&reason));
     }
 }
 
@@ -119,6 +128,7 @@ fn add_frame<'s>(
     file: usize,
     header: &DicomHeader,
     image: Option<&Image>,
+    mosaic: Option<&Found>,
     frame: &FrameGeometry,
     obstacle: Option<&str>,
 ) -> &'s mut Shared {
@@ -139,6 +149,14 @@ fn add_frame<'s>(
         header.pixels.map_or(0, |p| p.element as u64),
     ] {
         key = key.number(number);
+    }
+    // Volumes of their own have directions of their own, to the last digit.
+    let exact = mosaic.map(|found| (found.mosaic, frame.orientation, frame.pixel_spacing));
+    if let Some((mosaic, orientation, spacing)) = exact {
+        key = key.number(mosaic.across.into()).number(mosaic.slices.into()).number(mosaic.backwards.into());
+        let numbers =
+            orientation.iter().flatten().chain(spacing.iter().flatten()).chain([&mosaic.distance_mm]);
+        key = numbers.fold(key, |key, number| key.number((number + 0.0).to_bits()));
     }
     let key = key.part(photometric.as_bytes()).finish();
     let rescale = if header.is_dose() {
@@ -178,7 +196,9 @@ fn add_frame<'s>(
     let slice = Slice {
         file: u32::try_from(file).unwrap_or(u32::MAX),
         frame: frame.index,
-        layout: image.map_or(u32::MAX, |i| series.layout_index(i.layout)),
+        layout: image.map_or(u32::MAX, |i| {
+            series.layout_index(mosaic.map_or(i.layout, |m| i.layout.tile(m.mosaic.across)))
+        }),
         image_type: series.type_index(&frame.frame_type, &frame.complex_component),
         obstacle: obstacle.map_or(NO_OBSTACLE, |text| series.obstacle_index(text)),
         identity: if header.instance_uid.is_empty() {
@@ -204,7 +224,9 @@ fn add_frame<'s>(
         modality: header.modality.clone(),
         series_uid: header.series_uid.clone(),
         series_number: header.series_number,
-        size: [header.columns.unwrap_or(0).into(), header.rows.unwrap_or(0).into()],
+        size: mosaic
+            .map_or([header.columns.unwrap_or(0).into(), header.rows.unwrap_or(0).into()], |m| m.size),
+        mosaic: mosaic.map(|m| m.mosaic),
         orientation: frame.orientation,
         pixel_spacing: frame.pixel_spacing,
         slice_thickness: frame.slice_thickness,

@@ -54,7 +54,7 @@ pub struct DicomVolume {
     layers: Vec<Layer>,
     /// Deliver physical `f32`s?
     physical: bool,
-    /// Images that have to be decoded first, and what for.
+    /// Slices that have to be decoded first.
     coded: u32,
     unroll_bytes: u64,
     spool: Option<Spool>,
@@ -126,6 +126,8 @@ impl DicomVolume {
         let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
         files.sort_unstable();
         files.dedup();
+        // A volume is one mosaic, or none.
+        let tiles = if layout.across() > 1 { u32::try_from(layers.len()).unwrap_or(u32::MAX) } else { 1 };
         let mut paddings: Vec<Option<Padding>> = Vec::new();
         let mut places = Vec::with_capacity(slices.len());
         let mut coded = 0;
@@ -146,8 +148,8 @@ impl DicomVolume {
             let at = match slice.native() {
                 Some(offset) => At::File(offset),
                 None => {
-                    coded += 1;
-                    At::Spool(coded - 1)
+                    coded += tiles;
+                    At::Spool(coded - tiles)
                 }
             };
             places.push(Place {
@@ -205,10 +207,11 @@ impl DicomVolume {
         Some((layout.dims(self.coded as usize)?, layout.scalar()))
     }
 
-    /// Rows of an image, as they are delivered.
+    /// Rows of an image, or of a tile of one, as they are delivered.
     fn read_place(
         &self,
         index: usize,
+        tile: u32,
         rows: &Range<u32>,
         cols: &Range<u32>,
         out: &mut [u8],
@@ -223,12 +226,20 @@ impl DicomVolume {
         match place.at {
             At::File(offset) => {
                 self.files.with(place.file as usize, |f| {
-                    read_block(f, offset, layout.columns, width, rows, cols, stored)
+                    read_block(
+                        f,
+                        offset + layout.tile_offset(tile),
+                        layout.pitch(),
+                        width,
+                        rows,
+                        cols,
+                        stored,
+                    )
                 })?;
                 layout.decode_padded(stored, padding);
             }
             At::Spool(slice) => match &self.spool {
-                Some(spool) => spool.read_rows(slice, rows, cols, stored)?,
+                Some(spool) => spool.read_rows(slice + tile, rows, cols, stored)?,
                 None => return Err(io::Error::other("compressed images are read before they are unrolled")),
             },
         }
@@ -251,14 +262,14 @@ impl DicomVolume {
         if row_bytes == 0 || rows.is_empty() {
             return Ok(());
         }
-        self.read_place(from, rows, cols, out)?;
+        self.read_place(from, 0, rows, cols, out)?;
         let many = (NEIGHBOUR_BYTES / row_bytes).clamp(1, rows.len());
         let mut beside = vec![0; many * row_bytes];
         let mut first = rows.start;
         for own in out.chunks_mut(many * row_bytes) {
             let end = first + u32::try_from(own.len() / row_bytes).unwrap_or(0);
             let other = beside.get_mut(..own.len()).unwrap_or(&mut []);
-            self.read_place(to, &(first..end), cols, other)?;
+            self.read_place(to, 0, &(first..end), cols, other)?;
             blend(self.info.scalar, own, other, part);
             first = end;
         }
@@ -268,7 +279,7 @@ impl DicomVolume {
     /// The file of a slice, for messages.
     fn file_of(&self, z: u32) -> usize {
         let place = match self.layers.get(z as usize) {
-            Some(Layer::Image(at) | Layer::Between(at, ..)) => self.places.get(*at),
+            Some(Layer::Image(at) | Layer::Tile(at, _) | Layer::Between(at, ..)) => self.places.get(*at),
             None => None,
         };
         place.map_or(0, |p| p.file as usize)
@@ -288,6 +299,7 @@ fn number_images(layers: Vec<Layer>) -> (Vec<usize>, Vec<Layer>) {
     };
     let renumber = |layer| match layer {
         Layer::Image(at) => Layer::Image(number(at)),
+        Layer::Tile(at, tile) => Layer::Tile(number(at), tile),
         Layer::Between(from, to, part) => {
             let from = number(from);
             Layer::Between(from, number(to), part)
@@ -303,7 +315,10 @@ struct ToSpool<'a> {
     paddings: &'a [Option<Padding>],
     /// Frame, slice of the spool, padding; sorted by frame.
     wanted: Vec<(u32, u32, u32)>,
-    rows: u32,
+    /// Size of a slice, and how many lie in a row of a picture.
+    layout: PixelLayout,
+    /// Slices in a picture.
+    tiles: u32,
     progress: &'a dyn Progress,
 }
 
@@ -326,13 +341,19 @@ impl FrameSink for ToSpool<'_> {
 
     fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result<(), SourceError> {
         let Some((_, slice, _)) = self.find(frame) else { return Ok(()) };
-        if row >= self.rows {
-            return Ok(());
+        let (rows, across) = (self.layout.rows, self.layout.across());
+        let (down, row) = (row / rows, row % rows);
+        let bytes = (self.layout.columns as usize * self.layout.scalar().bytes()).max(1);
+        let first = down.saturating_mul(across);
+        for (tile, samples) in
+            (first..self.tiles.min(first.saturating_add(across))).zip(samples.chunks_exact(bytes))
+        {
+            if row + 1 == rows {
+                self.progress.advance(1);
+            }
+            self.spool.write(samples, self.spool.offset(row, slice + tile))?;
         }
-        if row + 1 == self.rows {
-            self.progress.advance(1);
-        }
-        self.spool.write(samples, self.spool.offset(row, slice))
+        Ok(())
     }
 }
 
@@ -360,6 +381,9 @@ impl VolumeSource for DicomVolume {
         else {
             return Ok(());
         };
+        let first = self.places.first().and_then(|p| self.layouts.get(p.layout as usize));
+        let Some(layout) = first.copied() else { return Ok(()) };
+        let tiles = if layout.across() > 1 { self.coded } else { 1 };
         let spool = Spool::create(workspace.scratch, dims, scalar)?;
         workspace.progress.stage("decode", self.coded.into());
         let mut wanted: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(self.coded as usize);
@@ -378,7 +402,7 @@ impl VolumeSource for DicomVolume {
             let header = scan(&input).map_err(|e| unusable(e.to_string()))?;
             let image = Image::of(&header).map_err(|e| unusable(e.to_string()))?;
             if (image.layout.columns, image.layout.rows, image.layout.scalar())
-                != (dims.nx(), dims.ny(), scalar)
+                != (layout.pitch(), layout.rows * layout.across(), scalar)
             {
                 return Err(unusable("was changed since it was found; start again".into()));
             }
@@ -386,7 +410,8 @@ impl VolumeSource for DicomVolume {
                 spool: &spool,
                 paddings: &self.paddings,
                 wanted: of_file.iter().map(|(_, frame, slice, padding)| (*frame, *slice, *padding)).collect(),
-                rows: dims.ny(),
+                layout,
+                tiles,
                 progress: workspace.progress,
             };
             unroll(&input, &path, &header, &image, workspace.memory_bytes, &mut sink)?;
@@ -409,7 +434,8 @@ impl VolumeSource for DicomVolume {
         };
         check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
         match self.layers.get(z as usize) {
-            Some(Layer::Image(at)) => self.read_place(*at, &rows, &cols, out),
+            Some(Layer::Image(at)) => self.read_place(*at, 0, &rows, &cols, out),
+            Some(Layer::Tile(at, tile)) => self.read_place(*at, *tile, &rows, &cols, out),
             Some(Layer::Between(from, to, part)) => self.read_between([*from, *to], *part, &rows, &cols, out),
             None => Err(io::ErrorKind::InvalidInput.into()),
         }
