@@ -23,6 +23,7 @@ import nibabel
 import nrrd
 import numpy as np
 import pydicom
+from nibabel.nicom.dicomwrappers import wrapper_from_file
 from pydicom.pixels import apply_modality_lut
 
 import check_lib as lib
@@ -178,10 +179,27 @@ def frames_of(path):
     return result
 
 
+def read_mosaic(path):
+    """A Siemens mosaic as nibabel reads it, its axes right-handed."""
+    picture = wrapper_from_file(path)
+    if not picture.is_mosaic:
+        raise ValueError("no private header of a mosaic")
+    values = np.moveaxis(picture.get_data(), 2, 0)
+    affine = np.asarray(picture.affine, float)[:3, [1, 0, 2, 3]]
+    if np.linalg.det(affine[:, :3]) < 0:
+        affine[:, 3] += (len(values) - 1) * affine[:, 2]
+        affine[:, 2] *= -1
+        values = values[::-1]
+    return Volume(np.ascontiguousarray(values), affine)
+
+
 def read_dicom(paths):
     """Every volume in the files, the largest first."""
-    parts, seen = {}, set()
+    parts, seen, volumes = {}, set(), []
     for path in paths:
+        if "MOSAIC" in (pydicom.dcmread(path, force=True, stop_before_pixels=True).get("ImageType") or []):
+            volumes.append(read_mosaic(path))
+            continue
         for frame in frames_of(path):
             if frame.instance not in seen:
                 parts.setdefault(frame.kind, []).append(frame)
@@ -192,7 +210,6 @@ def read_dicom(paths):
             del parts[kind]
             for frame in frames:
                 parts.setdefault((*kind, frame.split), []).append(frame)
-    volumes = []
     for frames in parts.values():
         dy, dx = frames[0].spacing
         placed = all(f.position is not None for f in frames) and frames[0].axes is not None

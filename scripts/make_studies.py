@@ -30,6 +30,7 @@ import SimpleITK
 import tifffile
 
 import check_lib as lib
+import study_mosaic
 from study_dicom import DicomStudies
 
 DIMS = (48, 40, 36)
@@ -561,7 +562,9 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     studies = Studies(args.out, args.seed)
     plain_studies(studies)
-    DicomStudies(studies, ISO).write()
+    dicom = DicomStudies(studies, ISO)
+    dicom.write()
+    study_mosaic.write(dicom)
     nrrd_studies(studies)
     nifti_studies(studies)
     meta_studies(studies)

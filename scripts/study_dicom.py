@@ -521,14 +521,6 @@ class DicomStudies:
         assert mapped.min() == table[0] and mapped.max() == table[-1]
         self.truth("x-modality-lut", mapped, iso=float(table[1224 - first]), warn="LUT", expect="either", reason="LUT",
                    same=None)
-        mosaic = self.slices()[:1]
-        tiles = base[:36].reshape(6, 6, *base.shape[1:]).swapaxes(1, 2).reshape(6 * base.shape[1], 6 * base.shape[2])
-        put_pixels(mosaic[0], tiles.astype(int) + 1024)
-        mosaic[0].ImageType, mosaic[0].Modality = ["ORIGINAL", "PRIMARY", "M", "ND", "MOSAIC"], "MR"
-        mosaic[0].Manufacturer = "SIEMENS"
-        self.write_series("x-mosaic", mosaic)
-        self.truth("x-mosaic", affine=None, expect="either", reason="[Mm]osaic|MOSAIC", same=None,
-                   note="split into tiles, or refused by name")
 
     def headers(self):
         """Files without preamble, meta header or known lengths."""

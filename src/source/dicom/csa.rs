@@ -12,6 +12,8 @@
 //!
 //! The text of an item has `b` bytes in the newer form. In the older one (CSA1) it has `a` bytes, less the
 //! number of items of the very first tag; where that is no possible length, the tag ends with this item.
+//! Whether a text that needs no filling up is followed by four bytes nevertheless, readers do not agree on:
+//! the 77 or 205 of what comes next decides.
 //!
 //! Everything is read through the window: nothing is allocated by what the header says, and every step
 //! goes forwards, so that a header of n bytes ends after n / 16 steps.
@@ -28,6 +30,10 @@ const MOST_BYTES: u64 = 1 << 20;
 
 /// Bytes of the text of an item that are looked at; numbers are shorter.
 const TEXT_BYTES: u64 = 64;
+
+/// Where the 77 or 205 is in the head of an item, and in that of a tag.
+const ITEM_MARK: u64 = 8;
+const TAG_MARK: u64 = 80;
 
 /// What matters here of the header of one image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -114,6 +120,12 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
         if count > MOST { Err(format!("it states {count} {what}")) } else { Ok(count) }
     }
 
+    /// Is there one of the numbers that nobody knows the meaning of, so far ahead?
+    fn is_mark(&mut self, ahead: u64) -> Result<bool, String> {
+        let found = self.window.array::<4>(self.at + ahead).map_err(|e| e.to_string())?;
+        Ok(found.is_some_and(|bytes| matches!(u32::from_le_bytes(bytes), 77 | 205)))
+    }
+
     /// Steps over the items of a tag; the first `N` of them, if they are there and are numbers.
     fn values<T: FromStr + Copy + Default, const N: usize>(
         &mut self,
@@ -143,6 +155,10 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
             }
             // The last item of all may lack what fills it up.
             self.at = self.at.saturating_add(bytes.next_multiple_of(4)).min(self.end);
+            let mark = if k + 1 < items as usize { ITEM_MARK } else { TAG_MARK };
+            if !newer && bytes.is_multiple_of(4) && !self.is_mark(mark)? && self.is_mark(mark + 4)? {
+                self.at += 4;
+            }
         }
         Ok((legible == N).then_some(values))
     }
@@ -166,6 +182,11 @@ mod tests {
 
     /// A header in the newer or the older form.
     fn write(newer: bool, tags: &[Tag<'_>]) -> Vec<u8> {
+        written(newer, false, tags)
+    }
+
+    /// As [`write`]; texts that need no filling up may be followed by four bytes nevertheless.
+    fn written(newer: bool, full: bool, tags: &[Tag<'_>]) -> Vec<u8> {
         let mut out = Vec::new();
         if newer {
             out.extend(b"SV10\x04\x03\x02\x01");
@@ -186,7 +207,9 @@ mod tests {
                 let bytes = length(text.len());
                 put(&mut out, &if newer { [bytes, bytes, 77, bytes] } else { [bytes + less, 77, 205, 0] });
                 out.extend(text.as_bytes());
-                out.resize(out.len().next_multiple_of(4), 0);
+                let fill =
+                    if full { 4 - text.len() % 4 } else { text.len().next_multiple_of(4) - text.len() };
+                out.resize(out.len() + fill, 0);
             }
         }
         out
@@ -216,6 +239,13 @@ mod tests {
             let none = parse(&write(newer, &TAGS[..2])).unwrap();
             assert_eq!(none, Csa::default());
         }
+    }
+
+    #[test]
+    fn older_texts_may_be_followed_by_four_bytes_more() {
+        let full = parse(&written(false, true, &TAGS)).unwrap();
+        assert_eq!(full, parse(&write(false, &TAGS)).unwrap());
+        assert!(written(false, true, &TAGS).len() > write(false, &TAGS).len() + 40);
     }
 
     #[test]

@@ -41,8 +41,11 @@ const NEIGHBOUR_BYTES: usize = 64 << 10;
 /// Slices that are missing, and are to be filled, are made when they are read: linear between their two
 /// neighbours in what is delivered, integers rounded half away from zero.
 ///
-/// Holds some 90 bytes a slice with its name, and no pixels; where slices are made, 64 KiB (or one row)
-/// for each thread that reads.
+/// A Siemens mosaic is a volume by itself, its slices the tiles of its picture; they are read by position
+/// where the picture can be.
+///
+/// Holds some 90 bytes a slice with its name (nothing for a tile), and no pixels; where slices are made,
+/// 64 KiB (or one row) for each thread that reads.
 #[derive(Debug)]
 pub struct DicomVolume {
     info: VolumeInfo,
@@ -50,8 +53,10 @@ pub struct DicomVolume {
     layouts: Vec<PixelLayout>,
     paddings: Vec<Option<Padding>>,
     places: Vec<Place>,
-    /// One for each slice; indices into `places`.
+    /// One for each slice; indices into `places`. Empty for a mosaic, see [`DicomVolume::layer`].
     layers: Vec<Layer>,
+    /// Is the last tile of a mosaic the first slice?
+    backwards: bool,
     /// Deliver physical `f32`s?
     physical: bool,
     /// Slices that have to be decoded first.
@@ -191,13 +196,25 @@ impl DicomVolume {
             layouts: series.layouts.clone(),
             paddings,
             places,
-            layers,
+            backwards: matches!(layers.first(), Some(Layer::Tile(_, first)) if *first > 0),
+            // A study of the brain at work has a thousand mosaics of sixty slices.
+            layers: if layout.across() > 1 { Vec::new() } else { layers },
             physical,
             coded,
             unroll_bytes: shared.unroll_bytes,
             spool: None,
             modality: shared.modality.clone(),
         })
+    }
+
+    /// What slice `z` is.
+    fn layer(&self, z: u32) -> Option<Layer> {
+        if !self.layers.is_empty() {
+            return self.layers.get(z as usize).copied();
+        }
+        let last = self.info.dims.nz() - 1;
+        let tile = if self.backwards { last.checked_sub(z) } else { Some(z) };
+        tile.map(|tile| Layer::Tile(0, tile))
     }
 
     /// Size of the images that are unrolled, and type of their samples.
@@ -278,8 +295,8 @@ impl DicomVolume {
 
     /// The file of a slice, for messages.
     fn file_of(&self, z: u32) -> usize {
-        let place = match self.layers.get(z as usize) {
-            Some(Layer::Image(at) | Layer::Tile(at, _) | Layer::Between(at, ..)) => self.places.get(*at),
+        let place = match self.layer(z) {
+            Some(Layer::Image(at) | Layer::Tile(at, _) | Layer::Between(at, ..)) => self.places.get(at),
             None => None,
         };
         place.map_or(0, |p| p.file as usize)
@@ -433,10 +450,10 @@ impl VolumeSource for DicomVolume {
             cause,
         };
         check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
-        match self.layers.get(z as usize) {
-            Some(Layer::Image(at)) => self.read_place(*at, 0, &rows, &cols, out),
-            Some(Layer::Tile(at, tile)) => self.read_place(*at, *tile, &rows, &cols, out),
-            Some(Layer::Between(from, to, part)) => self.read_between([*from, *to], *part, &rows, &cols, out),
+        match self.layer(z) {
+            Some(Layer::Image(at)) => self.read_place(at, 0, &rows, &cols, out),
+            Some(Layer::Tile(at, tile)) => self.read_place(at, tile, &rows, &cols, out),
+            Some(Layer::Between(from, to, part)) => self.read_between([from, to], part, &rows, &cols, out),
             None => Err(io::ErrorKind::InvalidInput.into()),
         }
         .map_err(failed)
