@@ -21,7 +21,7 @@ def csa(tags, newer=True):
         out += struct.pack("<64si4s3i", name.encode(), len(items), vr, 6, len(items), 77)
         for text in items:
             n = len(text)
-            head = (n, n, 77, n) if newer else (n + len(tags[0][2]), 77, 205, 0)
+            head = (n, n, 77, n) if newer else (n + len(tags[0][2]), n + len(tags[0][2]), 77, n)
             out += struct.pack("<4i", *head) + text.encode() + b"\0" * (-n % 4)
     return out
 

@@ -339,7 +339,10 @@ pub(crate) fn csa(newer: bool, tags: &[(&str, &[&str])]) -> Vec<u8> {
         put(&mut out, &[4, length_of(items.len()), 77]);
         for text in *items {
             let bytes = length_of(text.len());
-            put(&mut out, &if newer { [bytes, bytes, 77, bytes] } else { [bytes + first, 77, 205, 0] });
+            put(
+                &mut out,
+                &if newer { [bytes, bytes, 77, bytes] } else { [bytes + first, bytes + first, 77, bytes] },
+            );
             out.extend(text.as_bytes());
             out.resize(out.len().next_multiple_of(4), 0);
         }
