@@ -23,7 +23,6 @@ import nibabel
 import nrrd
 import numpy as np
 import pydicom
-from nibabel.nicom.dicomwrappers import wrapper_from_file
 from pydicom.pixels import apply_modality_lut
 
 import check_lib as lib
@@ -181,6 +180,8 @@ def frames_of(path):
 
 def read_mosaic(path):
     """A Siemens mosaic as nibabel reads it, its axes right-handed."""
+    from nibabel.nicom.dicomwrappers import wrapper_from_file  # says that it is experimental
+
     picture = wrapper_from_file(path)
     if not picture.is_mosaic:
         raise ValueError("no private header of a mosaic")
