@@ -11,6 +11,13 @@ const EVEN: f64 = 1e-3;
 /// Gaps that differ more than this make a regular grid wrong by a visible part of a voxel: refused.
 const UNEVEN: f64 = 0.05;
 
+/// Positions rounded to a tenth of a millimetre are off by at most this along any direction.
+const ROUNDED_MM: f64 = 0.0867;
+
+/// What may be put down to such rounding, as a part of the mean gap; where a slice is missing, others lie
+/// further off.
+const ROUNDED: f64 = 0.25;
+
 /// Positions closer than this part of the usual gap are the same position.
 const SAME: f64 = 0.01;
 
@@ -63,6 +70,14 @@ pub(super) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
     (numbers, if along.is_empty() { 0 } else { number + 1 })
 }
 
+/// Are positions, which may be in any order, so uneven that they would be refused?
+pub(super) fn is_uneven(along: &[f64]) -> bool {
+    let mut sorted = along.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let file = |_| String::new();
+    matches!(judge_gaps(&sorted, GapPolicy::Error, &file, &mut Vec::new()), Err(Refusal::Gaps(_)))
+}
+
 /// Judges sorted positions: refuses repeated ones, and uneven gaps unless the policy knows what to do
 /// with them; warns of small deviations. `file` names an image.
 pub(super) fn judge_gaps(
@@ -97,7 +112,7 @@ pub(super) fn judge_gaps(
     }
     let start = along.first().copied().unwrap_or(0.0);
     let off = along.iter().enumerate().map(|(i, p)| (p - start - count(i) * mean).abs()).fold(0.0, f64::max);
-    if worst <= UNEVEN {
+    if worst <= UNEVEN || (off <= ROUNDED_MM && off <= ROUNDED * mean) {
         warnings.push(format!(
             "slices are not quite evenly spaced: gaps differ by up to {:.2} % from their mean {mean:.4} mm, and \
              slices lie up to {off:.3} mm off the regular grid",

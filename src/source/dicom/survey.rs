@@ -88,6 +88,12 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         add_frame(series, file, header, image.as_ref(), &own, obstacle.as_deref()).warn(note.as_deref());
         return;
     }
+    if let Ok(true) = is_planar(input, header) {
+        let reason = "its frames are views, detectors, energy windows or points in time, not slices (there is \
+                      no Slice Vector (0054,0080)), so they form no volume";
+        add_frame(series, file, header, None, &FrameGeometry::of_file(header), Some(reason));
+        return;
+    }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
         add_frame(series, file, header, image.as_ref(), frame, None).warn(note.as_deref());
@@ -98,6 +104,20 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         let reason = format!("its frames cannot be told apart: {error}");
         add_frame(series, file, header, None, &FrameGeometry::of_file(header), Some(&reason));
     }
+}
+
+/// Do the frames of nuclear medicine differ in anything but their slice, which none of them states?
+fn is_planar(input: &File, header: &DicomHeader) -> Result<bool, ScanError> {
+    let places = &header.places;
+    if places.slice_vector.is_some() || places.frame_vectors.iter().all(Option::is_none) {
+        return Ok(false);
+    }
+    let (mut first, mut differ) = (None, false);
+    visit(input, header, &mut |frame| {
+        differ = *first.get_or_insert(frame.vectors) != frame.vectors;
+        !differ
+    })?;
+    Ok(differ)
 }
 
 /// Warns of compressed pixels whose end is missing. A file that cannot be read says so when it is decoded.
@@ -149,7 +169,7 @@ fn add_frame<'s>(
     let rescales = image.is_none_or(Image::rescales);
     let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
     let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
-    let mut keys = [f32::NAN; Key::NUMBERS];
+    let mut keys = [f32::NAN; Key::KEPT];
     for (slot, value) in keys.iter_mut().zip([
         series.stack_index(&frame.stack_id),
         frame.segment.map_or(f64::NAN, f64::from),
@@ -159,11 +179,13 @@ fn add_frame<'s>(
         value(header.flip_angle),
         number(frame.temporal_position),
         value(frame.b_value),
-        series.direction_index(header.gradient),
+        series.direction_index(frame.gradient),
         value(frame.trigger_time),
         value(header.cardiac_phase),
         number(frame.acquisition),
-        value(header.acquisition_time),
+        value(frame.acquisition_time),
+        value(header.frame_reference_time),
+        series.vectors_index(frame.vectors),
     ]) {
         #[expect(clippy::cast_possible_truncation, reason = "seven digits tell images apart")]
         let short = value as f32;
@@ -197,6 +219,7 @@ fn add_frame<'s>(
         rescales,
         padding: StatedPadding::of(header),
         keys,
+        dimensions: frame.dimensions.map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
     };
     let shared = Shared {
         kind,
