@@ -227,7 +227,7 @@ fn longs(values: &[u32]) -> Vec<u8> {
 #[test]
 fn frames_in_any_order_are_told_apart_by_dimension_gradient_or_time() {
     // Two volumes of three slices, in an order that says nothing: (volume, slice).
-    let order: [(u32, u32); 6] = [(0, 1), (1, 0), (1, 2), (0, 0), (1, 1), (0, 2)];
+    let order: [(u32, u32); 6] = [(0, 1), (1, 0), (1, 1), (0, 2), (0, 0), (1, 2)];
     type Tell = fn(u32, u32) -> Vec<u8>;
     let ways: [(&str, Tell); 4] = [
         ("dimension 1", |volume, slice| content(0x0020_9157, "UL", &longs(&[volume + 1, slice + 1]))),
@@ -244,7 +244,7 @@ fn frames_in_any_order_are_told_apart_by_dimension_gradient_or_time() {
     for (word, tell) in ways {
         let list: Vec<Frame<'_>> = order.iter().map(|(v, s)| (f64::from(*s), tell(*v, *s))).collect();
         let found = Found::in_files(&[enhanced(ENHANCED_MR, "MR", &list)]);
-        assert_eq!(found.firsts(), [[3, 0, 5], [1, 4, 2]], "{word}");
+        assert_eq!(found.firsts(), [[4, 0, 3], [1, 2, 5]], "{word}");
         assert!(found.parts().iter().all(|p| p.contains(word)), "{word}: {:?}", found.parts());
     }
     // Nothing tells: better no volume than a mixed one.
@@ -325,7 +325,7 @@ fn an_order_that_says_nothing_makes_no_volumes() {
         ([1, 2, 3, 4, 5, 6], true),
         ([3, 1, 2, 5, 6, 4], true),
         ([1, 3, 5, 2, 4, 6], true),
-        ([4, 1, 6, 2, 5, 3], false),
+        ([5, 1, 4, 2, 3, 6], false),
     ] {
         let found = Found::in_files(&series(numbers, |image, _| {
             image.set(IMAGE_TYPE, "CS", "ORIGINAL\\PRIMARY");
@@ -336,6 +336,16 @@ fn an_order_that_says_nothing_makes_no_volumes() {
             assert!(found.refusal(0).contains("nothing in their headers tells them apart"), "{numbers:?}");
         }
     }
+    // The last of three was not finished.
+    let mut images = series([1, 2, 3, 4, 5, 6], |_, _| {});
+    images.push(Elements::ct(0.0, 7, [20; 4]));
+    images.push(Elements::ct(1.0, 8, [21; 4]));
+    let found = Found::in_files(&images);
+    assert_eq!(found.firsts(), [vec![0, 1, 2], vec![10, 11, 12], vec![20, 21]]);
+    // One volume, and one image too many: which is the right one?
+    let mut images = images[..3].to_vec();
+    images.push(Elements::ct(1.0, 7, [20; 4]));
+    assert!(Found::in_files(&images).refusal(0).contains("repeat the position"));
     // The date and time of acquisition says it after all.
     let found = Found::in_files(&series([4, 1, 6, 2, 5, 3], |image, volume| {
         image.set(0x0008_002a, "DT", &format!("202001011200{}0.5", 1 - volume));
@@ -358,4 +368,61 @@ fn positions_rounded_to_tenths_are_even() {
     // And so is one of three.
     let some: Vec<Elements> = [0, 1, 3].map(|i| images[i].clone()).to_vec();
     assert!(Found::in_files(&some).refusal(0).contains("unevenly spaced"));
+}
+
+#[test]
+fn slices_that_a_segmentation_leaves_out_are_empty() {
+    let list: Vec<Frame<'_>> = [0.0, 1.0, 2.0, 5.0].iter().map(|z| (*z, Vec::new())).collect();
+    let found = Found::in_files(&[enhanced(SEGMENTATION, "SEG", &list)]);
+    assert_eq!(found.firsts(), [[0, 1, 2, 0, 0, 3]]);
+    let info = found.volume(0).info();
+    assert_eq!((info.dims.to_array(), info.spacing_mm[2]), ([2, 2, 6], 1.0));
+    assert!(info.warnings.join("\n").contains("2 slices for which the segmentation has no frame"));
+    // Of other images they would be missing.
+    let found = Found::in_files(&[enhanced(ENHANCED_MR, "MR", &list)]);
+    assert!(found.refusal(0).contains("2 slice(s) seem to be missing"), "{}", found.refusal(0));
+}
+
+#[test]
+fn parametric_maps_mean_what_their_mapping_says() {
+    let mapping = part(|w| {
+        w.element(0x0040_9224, "FD", &doubles(&[-5.0]));
+        w.element(0x0040_9225, "FD", &doubles(&[0.25]));
+    });
+    let list: Vec<Frame<'_>> = [0.0, 1.0].iter().map(|z| (*z, sequence(0x0040_9096, &mapping))).collect();
+    for (class, rescale) in [("1.2.840.10008.5.1.4.1.1.30", (0.25, -5.0)), (ENHANCED_MR, (1.0, -1024.0))] {
+        let found = Found::in_files(&[enhanced(class, "MR", &list)]);
+        let info = found.volume(0).info();
+        assert_eq!((info.rescale.slope, info.rescale.intercept), rescale, "{class}");
+    }
+}
+
+#[test]
+fn positions_without_orientation_are_still_positions() {
+    let images: Vec<Elements> = [(8, 1), (4, 2), (0, 3)]
+        .map(|(z, n)| {
+            let mut image = Elements::ct(f64::from(z), n, [u16::try_from(n).unwrap(); 4]);
+            image.set(POSITION, "DS", &format!("1\\2\\{z}")).without(ORIENTATION);
+            image
+        })
+        .to_vec();
+    let found = Found::in_files(&images);
+    assert_eq!(line(found.volume(0)), ([1.0, 2.0, 0.0], [0.0, 0.0, 4.0]));
+    assert_eq!(found.firsts(), [[3, 2, 1]]);
+    assert!(found.volume(0).info().warnings.join("\n").contains("no orientation"));
+}
+
+#[test]
+fn films_are_reported_as_such() {
+    let mut image = frames("1.2.840.10008.5.1.4.1.1.12.1", "XA", &[1, 2, 3]);
+    image.without(POSITION).without(ORIENTATION);
+    let warned = |image: &Elements| {
+        let found = Found::in_files(std::slice::from_ref(image));
+        found.volume(0).info().warnings.join("\n").contains("follow each other in time")
+    };
+    assert!(!warned(&image));
+    image.raw(0x0028_0009, "AT", &us_list(&[0x0018, 0x1063]));
+    assert!(warned(&image));
+    image.raw(0x0028_0009, "AT", &us_list(&[0x0018]));
+    assert!(!warned(&image));
 }

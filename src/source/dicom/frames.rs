@@ -45,6 +45,8 @@ pub struct FrameGeometry {
     pub slope: Option<f64>,
     /// Rescale Intercept.
     pub intercept: Option<f64>,
+    /// Slope and intercept of the first Real World Value Mapping, if it is linear.
+    pub mapping: Option<(f64, f64)>,
     /// Frame Type, or the file's Image Type; values joined by backslashes.
     pub frame_type: String,
     /// Complex Image Component: `MAGNITUDE`, `PHASE`, ...
@@ -353,6 +355,7 @@ fn is_group(tag: Tag) -> bool {
             | 0x0020_9116 // Plane Orientation
             | 0x0028_9110 // Pixel Measures
             | 0x0028_9145 // Pixel Value Transformation
+            | 0x0040_9096 // Real World Value Mapping
             | 0x0062_000a // Segment Identification
     )
 }
@@ -457,6 +460,14 @@ impl FrameGeometry {
             0x0028_0030 => self.pixel_spacing = numbers(value),
             0x0028_1052 => self.intercept = number(value),
             0x0028_1053 => self.slope = number(value),
+            0x0040_9224 => {
+                let slope = self.mapping.map_or(1.0, |(slope, _)| slope);
+                self.mapping = double(value, endian).map(|intercept| (slope, intercept));
+            }
+            0x0040_9225 => {
+                let intercept = self.mapping.map_or(0.0, |(_, intercept)| intercept);
+                self.mapping = double(value, endian).map(|slope| (slope, intercept));
+            }
             0x0062_000b => self.segment = word().map(u32::from),
             _ => {}
         }

@@ -70,6 +70,38 @@ pub(super) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
     (numbers, if along.is_empty() { 0 } else { number + 1 })
 }
 
+/// Slices of a segmentation at most, empty ones included.
+const MOST_LAYERS: f64 = 4096.0;
+
+/// Where images of a segmentation, which leaves out empty slices, lie on the grid of all slices: for each
+/// slice the number of its image. `None` if they lie evenly as they are, or on no grid.
+pub(super) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Vec<Option<usize>>> {
+    if !is_uneven(along) {
+        return None;
+    }
+    let start = *along.first()?;
+    let (usual, _) = usual_gap(along);
+    let fits = |step: &f64| {
+        let on_grid = |p: &f64| {
+            let place = (p - start) / step;
+            place < MOST_LAYERS && (place - place.round()).abs() <= UNEVEN
+        };
+        *step > SAME_MM && along.iter().all(on_grid)
+    };
+    let step = stated.map(f64::abs).into_iter().chain([usual]).find(fits)?;
+    let mut layers = Vec::new();
+    for (image, place) in along.iter().map(|p| ((p - start) / step).round()).enumerate() {
+        while count(layers.len()) < place {
+            layers.push(None);
+        }
+        if count(layers.len()) > place {
+            return None;
+        }
+        layers.push(Some(image));
+    }
+    Some(layers)
+}
+
 /// Are positions, which may be in any order, so uneven that they would be refused?
 pub(super) fn is_uneven(along: &[f64]) -> bool {
     let mut sorted = along.to_vec();
@@ -287,6 +319,20 @@ mod tests {
         assert!(gaps(&[3.0, 3.0, 3.0]).unwrap_err().contains("all 3 images are at one position"));
         let twice = gaps(&[0.0, 5.0, 5.0, 10.0]).unwrap_err();
         assert!(twice.contains("1 of 4 images") && twice.contains("f1 and f2"), "{twice}");
+    }
+
+    #[test]
+    fn segmentations_leave_out_empty_slices() {
+        let (a, none) = (Some, None);
+        assert_eq!(with_empty_slices(&[0.0, 2.0, 4.0], Some(1.0)), None);
+        assert_eq!(with_empty_slices(&[1.0, 3.0, 9.0], None), Some(vec![a(0), a(1), none, none, a(2)]));
+        assert_eq!(
+            with_empty_slices(&[1.0, 3.0, 6.0], Some(-1.0)),
+            Some(vec![a(0), none, a(1), none, none, a(2)])
+        );
+        for bad in [&[0.0, 1.0, 2.5][..], &[0.0, 1.0, 1e9], &[0.0, 0.0, 1.0, 5.0]] {
+            assert_eq!(with_empty_slices(bad, None), None, "{bad:?}");
+        }
     }
 
     #[test]

@@ -209,6 +209,8 @@ pub(super) struct Shared {
     pub(super) pixel_spacing: Option<[f64; 2]>,
     pub(super) slice_thickness: Option<f64>,
     pub(super) spacing_between: Option<f64>,
+    /// Is it a segmentation, where slices without anything need no frame?
+    pub(super) leaves_out_empty: bool,
     /// Memory that decoding takes; 0 where pixels are read by position.
     pub(super) unroll_bytes: u64,
     pub(super) warnings: Vec<String>,
@@ -515,4 +517,22 @@ fn index_of<T: PartialEq>(known: &mut Vec<T>, value: T, most: usize) -> u32 {
         known.len() - 1
     });
     u32::try_from(at).unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_are_where_their_names_say() {
+        for (key, tag) in [
+            (Key::STACK, "0020,9056"),
+            (Key::SEGMENT, "0062,000B"),
+            (Key::TRIGGER, "0018,1060"),
+            (Key::TIME, "0008,0032"),
+            (Key::VECTORS, "0054,xxxx"),
+        ] {
+            assert!(key.tag().contains(tag), "{key:?}: {}", key.tag());
+        }
+    }
 }

@@ -195,6 +195,8 @@ pub struct DicomHeader {
     pub pixel_representation: Option<u16>,
     /// Number of Frames; `Some(Err)` when present but not a number.
     pub frames: Option<Result<u32, ()>>,
+    /// Frame Increment Pointer, the first tag.
+    pub frame_increment: Option<u32>,
     /// Image Position (Patient): centre of the first pixel in LPS mm.
     pub position: Option<[f64; 3]>,
     /// Image Orientation (Patient): direction along a row, then down a column.
@@ -284,6 +286,7 @@ impl DicomHeader {
             high_bit: None,
             pixel_representation: None,
             frames: None,
+            frame_increment: None,
             position: None,
             orientation: None,
             pixel_spacing: None,
@@ -359,6 +362,16 @@ impl DicomHeader {
         self.sop_class == "1.2.840.10008.5.1.4.1.1.481.2" || self.modality == "RTDOSE"
     }
 
+    /// Is it a parametric map, whose values are what its Real World Value Mapping makes of the numbers?
+    pub fn is_parametric_map(&self) -> bool {
+        self.sop_class == "1.2.840.10008.5.1.4.1.1.30"
+    }
+
+    /// Do frames follow each other by Frame Time or Frame Time Vector?
+    pub fn is_film(&self) -> bool {
+        matches!(self.frame_increment, Some(0x0018_1063 | 0x0018_1065))
+    }
+
     /// Is it a segmentation, whose numbers are labels whatever colours they are shown in?
     pub fn is_segmentation(&self) -> bool {
         self.kind() == "segmentation"
@@ -367,10 +380,7 @@ impl DicomHeader {
     /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
     /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
     pub(super) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
-        let word = || {
-            let bytes = *value.first_chunk::<2>()?;
-            Some(if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
-        };
+        let word = || word_of(value, endian);
         match tag {
             0x0008_0008 => self.image_type = text(value),
             0x0008_0016 => self.sop_class = text(value),
@@ -409,6 +419,11 @@ impl DicomHeader {
             0x0028_0008 => {
                 let digits = text(value);
                 self.frames = (!digits.is_empty()).then(|| digits.parse().map_err(|_| ()));
+            }
+            0x0028_0009 => {
+                let element = value.get(2..).and_then(|rest| word_of(rest, endian));
+                self.frame_increment =
+                    word().zip(element).map(|(group, element)| u32::from(group) << 16 | u32::from(element));
             }
             0x0028_0010 => self.rows = word(),
             0x0028_0011 => self.columns = word(),
@@ -469,6 +484,7 @@ impl DicomHeader {
                 | 0x0028_0004
                 | 0x0028_0006
                 | 0x0028_0008
+                | 0x0028_0009
                 | 0x0028_0010
                 | 0x0028_0011
                 | 0x0028_0030
@@ -481,6 +497,12 @@ impl DicomHeader {
                     | 0x3004_000e
         )
     }
+}
+
+/// One 16-bit number (VR US or a half of AT).
+fn word_of(value: &[u8], endian: Endian) -> Option<u16> {
+    let bytes = *value.first_chunk::<2>()?;
+    Some(if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
 }
 
 /// Text without padding; bytes outside ASCII become `?` (no kept element may have any).

@@ -191,16 +191,15 @@ fn type_label(own: &str, siblings: &[&str]) -> String {
     special.iter().min_by_key(|p| (p.len(), **p)).map(|p| p.to_lowercase()).unwrap_or_default()
 }
 
-/// The k-th image of every position makes volume k, where all positions have equally many.
+/// The k-th image of every position makes volume k, where all positions have equally many, or where the
+/// last of several volumes was not finished.
 fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> {
     let mut at_place: HashMap<usize, Vec<usize>> = HashMap::new();
     for (i, number) in whole.chosen.iter().zip(&repeats.numbers) {
         at_place.entry(*number).or_default().push(*i);
     }
-    let turns = at_place.values().next()?.len();
-    if at_place.values().any(|images| images.len() != turns) {
-        return None;
-    }
+    let turns = at_place.values().map(Vec::len).max()?;
+    let complete = at_place.values().all(|images| images.len() == turns);
     let order = |i: &usize| {
         group
             .slices
@@ -232,7 +231,9 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
         sequence.push((*next, place));
         *next += 1;
     }
-    if !is_regular(&sequence, turns) {
+    let regular =
+        if complete { is_regular(&sequence, turns) } else { is_broken_off(&sequence, repeats.places, turns) };
+    if !regular {
         return None;
     }
     let part = |(k, mut chosen): (usize, Vec<usize>)| {
@@ -243,6 +244,13 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
         Part { chosen, label, tags }
     };
     Some(parts.into_iter().enumerate().map(part).collect())
+}
+
+/// Does such a sequence go through all positions several times, and through some of them at the end? After
+/// one time alone those could as well be replacements.
+fn is_broken_off(sequence: &[(usize, usize)], places: usize, turns: usize) -> bool {
+    let mut runs = sequence.chunks(places).enumerate();
+    turns > 2 && runs.all(|(k, run)| run.iter().all(|(turn, _)| *turn == k))
 }
 
 /// Does a sequence of (how often the position was met before, position) consist of blocks in which the same
@@ -299,6 +307,9 @@ mod tests {
         for bad in [&[0, 1, 2, 1, 0, 3, 2, 3][..], &[0, 1, 1, 2, 0, 2, 3, 3]] {
             assert!(!is_regular(&sequence(bad), 2), "{bad:?}");
         }
+        assert!(is_broken_off(&sequence(&[0, 1, 2, 1, 0, 2, 2, 0]), 3, 3));
+        assert!(!is_broken_off(&sequence(&[0, 1, 2, 1]), 3, 2));
+        assert!(!is_broken_off(&sequence(&[0, 1, 2, 1, 0, 0, 2, 0]), 3, 4));
     }
 
     #[test]

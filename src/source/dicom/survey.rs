@@ -164,7 +164,8 @@ fn add_frame<'s>(
     let rescale = if header.is_dose() {
         header.dose_scaling.map(|scaling| (scaling, 0.0))
     } else {
-        stated_rescale(frame)
+        // Parametric maps have an identity as rescale, and their meaning in the mapping.
+        frame.mapping.filter(|_| header.is_parametric_map()).or_else(|| stated_rescale(frame))
     };
     let rescales = image.is_none_or(Image::rescales);
     let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
@@ -232,6 +233,7 @@ fn add_frame<'s>(
         pixel_spacing: frame.pixel_spacing,
         slice_thickness: frame.slice_thickness,
         spacing_between: frame.spacing_between,
+        leaves_out_empty: header.is_segmentation(),
         unroll_bytes: 0,
         warnings: Vec::new(),
     };
@@ -245,6 +247,10 @@ fn add_frame<'s>(
         group.shared.warn(Some("the RT dose states no dose grid scaling; values are as stored, not in Gy"));
     }
     group.shared.warn(match frame.origin {
+        Origin::Stated if frame.position.is_none() && frame.index > 0 && header.is_film() => Some(
+            "frames follow each other in time (Frame Increment Pointer (0028,0009)), and are stacked as if they \
+             were slices",
+        ),
         Origin::Stated => None,
         Origin::Grid => Some("positions of frames are taken from the grid frame offset vector"),
         Origin::Stepped => {
