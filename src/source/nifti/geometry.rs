@@ -56,7 +56,7 @@ impl Placement {
         }
         let spacing = self.spacing();
         if self.pixdim.iter().skip(1).any(|step| *step == 0.0 || !step.is_finite()) {
-            warnings.push("the header states no spacing along some axis; 1 is assumed".into());
+            warnings.push("the header states no spacing along some axis; 1 mm is assumed".into());
         }
         if self.qform_code > 0 {
             let rows = self.qform(spacing);
