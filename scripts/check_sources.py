@@ -59,7 +59,7 @@ def stored_frames(ds):
     if "FloatPixelData" in ds or "DoubleFloatPixelData" in ds:
         array = ds.pixel_array
         return array.reshape(-1, ds.Rows, ds.Columns)
-    palette = ds.get("PhotometricInterpretation") == "PALETTE COLOR"
+    palette = ds.get("PhotometricInterpretation") == "PALETTE COLOR" and ds.get("Modality") != "SEG"
     if palette or ds.get("SamplesPerPixel", 1) != 1:
         colours = pydicom.pixels.apply_color_lut(ds.pixel_array, ds) if palette else ds.pixel_array
         if ds.get("PhotometricInterpretation") not in ("PALETTE COLOR", "RGB"):
@@ -117,6 +117,11 @@ def replace_padding(ds, stored, slope, intercept):
     return np.where(mask, nearest, stored), True
 
 
+#: What numbers the frames of nuclear medicine, apart from the slice.
+VECTORS = ("EnergyWindowVector", "DetectorVector", "PhaseVector", "RotationVector", "RRIntervalVector",
+           "TimeSlotVector", "AngularViewVector", "TimeSliceVector")
+
+
 @dataclass
 class Frame:
     """One image with its place."""
@@ -132,6 +137,8 @@ class Frame:
     order: float
     instance: str
     split: tuple
+    dimensions: tuple
+    sparse: bool
 
 
 def frames_of(path):
@@ -163,18 +170,28 @@ def frames_of(path):
         if offsets is not None and position is not None and axes is not None:
             n = np.cross(np.array(axes[:3], float), np.array(axes[3:], float))
             position = np.array(position, float) + n * (float(offsets[i]) - float(offsets[0]))
+        vectors = tuple(int(np.atleast_1d(ds[name].value)[i]) for name in VECTORS if name in ds)
+        if "SliceVector" in ds and "DetectorInformationSequence" in ds:
+            place = ds.DetectorInformationSequence[0]
+            axes = place.ImageOrientationPatient
+            away = (int(ds.SliceVector[i]) - int(ds.SliceVector[0])) * float(ds.SpacingBetweenSlices)
+            position = np.array(place.ImagePositionPatient, float) + away * np.cross(axes[:3], axes[3:])
+        segment = group(ds, i, "SegmentIdentificationSequence", "ReferencedSegmentNumber")
+        dimensions = group(ds, i, "FrameContentSequence", "DimensionIndexValues")
         thickness = (group(ds, i, "PixelMeasuresSequence", "SpacingBetweenSlices")
                      or group(ds, i, "PixelMeasuresSequence", "SliceThickness"))
         kind = (str(ds.get("SeriesInstanceUID")), image.shape,
                 tuple(np.round(np.array(axes, float), 4)) if axes is not None else None,
-                str(ds.get("ImageType")), str(ds.get("EchoTime")))
+                str(ds.get("ImageType")), str(ds.get("EchoTime")), segment, vectors)
         result.append(Frame(values, tuple(ends), padded,
                             None if position is None else np.array(position, float),
                             None if axes is None else np.array(axes, float),
                             [1.0, 1.0] if spacing is None else [float(v) for v in spacing],
                             float(thickness) if thickness else 1.0, kind, float(ds.get("InstanceNumber") or 0) + i,
                             f"{ds.get('SOPInstanceUID', path)}/{i}",
-                            (str(ds.get("AcquisitionNumber")), str(ds.get("TemporalPositionIdentifier")))))
+                            (str(ds.get("AcquisitionNumber")), str(ds.get("TemporalPositionIdentifier"))),
+                            tuple(np.atleast_1d([] if dimensions is None else dimensions)),
+                            ds.get("Modality") == "SEG"))
     return result
 
 
@@ -194,6 +211,32 @@ def read_mosaic(path):
     return Volume(np.ascontiguousarray(values), affine)
 
 
+def repeats(frames):
+    """Does a position occur more than once?"""
+    places = {None if f.position is None else tuple(f.position) for f in frames}
+    return None not in places and len(places) < len(frames)
+
+
+def by_dimension(frames):
+    """Frames by the first dimension index that leaves no position twice; as they are if there is none."""
+    for k in range(min(len(f.dimensions) for f in frames)):
+        parts = {}
+        for frame in frames:
+            parts.setdefault(frame.dimensions[k], []).append(frame)
+        if not any(map(repeats, parts.values())):
+            return [parts[value] for value in sorted(parts)]
+    return [frames]
+
+
+def with_empty_slices(frames, normal):
+    """Values of a segmentation in order of position, slices without a frame empty."""
+    along = np.array([f.position @ normal for f in frames])
+    places = np.rint((along - along[0]) / np.diff(along).min()).astype(int)
+    values = np.zeros((places[-1] + 1, *frames[0].values.shape))
+    values[places] = [f.values for f in frames]
+    return values
+
+
 def read_dicom(paths):
     """Every volume in the files, the largest first."""
     parts, seen, volumes = {}, set(), []
@@ -206,12 +249,13 @@ def read_dicom(paths):
                 parts.setdefault(frame.kind, []).append(frame)
             seen.add(frame.instance)
     for kind, frames in list(parts.items()):
-        places = {None if f.position is None else tuple(f.position) for f in frames}
-        if None not in places and len(places) < len(frames):  # several volumes: by acquisition and phase
+        if repeats(frames):  # several volumes: by acquisition and phase
             del parts[kind]
             for frame in frames:
                 parts.setdefault((*kind, frame.split), []).append(frame)
-    for frames in parts.values():
+    volumes = []
+    parts = [part for frames in parts.values() for part in (by_dimension(frames) if repeats(frames) else [frames])]
+    for frames in parts:
         dy, dx = frames[0].spacing
         placed = all(f.position is not None for f in frames) and frames[0].axes is not None
         notes = []
@@ -220,16 +264,20 @@ def read_dicom(paths):
             normal = np.cross(row, column)
             frames.sort(key=lambda f: f.position @ normal)
             first, last = frames[0].position, frames[-1].position
-            step = (last - first) / (len(frames) - 1) if len(frames) > 1 else normal * frames[0].thickness
+            values = np.stack([f.values for f in frames])
+            if frames[0].sparse and len(frames) > 2:
+                values = with_empty_slices(frames, normal)
+            step = (last - first) / (len(values) - 1) if len(frames) > 1 else normal * frames[0].thickness
             affine = np.column_stack([row * dx, column * dy, step, first])
         else:
             frames.sort(key=lambda f: f.order)
+            values = np.stack([f.values for f in frames])
             affine = np.column_stack([np.diag([dx, dy, frames[0].thickness]), np.zeros(3)])
             notes.append("no positions")
         raw = None
         if any(f.padded for f in frames):
             raw = (min(f.raw_range[0] for f in frames), max(f.raw_range[1] for f in frames))
-        volumes.append(Volume(np.stack([f.values for f in frames]), affine, raw, notes))
+        volumes.append(Volume(values, affine, raw, notes))
     return sorted(volumes, key=lambda v: -v.values.size)
 
 

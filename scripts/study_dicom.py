@@ -19,6 +19,7 @@ warnings.filterwarnings("ignore")
 CT, MR, PET = "1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.4", "1.2.840.10008.5.1.4.1.1.128"
 ENHANCED_CT, ENHANCED_MR = "1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.4.1"
 RT_DOSE, NM, SR = "1.2.840.10008.5.1.4.1.1.481.2", "1.2.840.10008.5.1.4.1.1.20", "1.2.840.10008.5.1.4.1.1.88.11"
+SEGMENTATION, LABEL_MAP = "1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7"
 HTJ2K = "1.2.840.10008.1.2.4.201"
 ROOT = "1.2.826.0.1.3680043.10.543."
 SPACING = (0.75, 0.875, 1.5)
@@ -673,3 +674,60 @@ class DicomStudies:
             note="offsets that begin with the position's own z")
         dose.GridFrameOffsetVector = [number(1.5 * z + (4 if z > 20 else 0)) for z in range(count)]
         one("x-rt-dose-uneven", dose, values=scaled, expect="refused", reason="missing|gap|uneven")
+        dose.GridFrameOffsetVector = [number(7 + 1.5 * z) for z in range(count)]
+        one("rt-dose-first-offset", dose, values=scaled, iso=1171.875, same="structure:base",
+            note="offsets that begin with neither 0 nor the position's z")
+        half = (base // 2).astype(np.int16)
+        both = np.stack([base, half], 1).reshape(2 * count, *base.shape[1:])
+        slots = copy.deepcopy(plain)
+        put_pixels(slots, both.astype(int) + 1024)
+        slots.NumberOfFrames, slots.FrameIncrementPointer = 2 * count, [0x00540070, 0x00540080]
+        slots.TimeSlotVector = [1, 2] * count
+        slots.SliceVector = [1 + z // 2 for z in range(2 * count)]
+        slots.DetectorInformationSequence = sequence(ImagePositionPatient=[number(v) for v in affine[:, 3]],
+                                                     ImageOrientationPatient=["1", "0", "0", "0", "1", "0"])
+        one("nm-time-slots", slots, others=[(half.astype(float), affine)], same=None, warn="frame vectors",
+            note="two time slots, slice by slice")
+        two = enhanced(ENHANCED_MR, np.concatenate([straight, straight]))
+        put_pixels(two, np.concatenate([base, half]).astype(int) + 1024)
+        for i, item in enumerate(two.PerFrameFunctionalGroupsSequence):
+            item.FrameContentSequence = sequence(DimensionIndexValues=[1 + i % count, 1 + i // count])
+        mixed = self.s.rng.permutation(2 * count)
+        pixels = np.frombuffer(two.PixelData, "<u2").reshape(2 * count, -1)
+        two.PixelData = pixels[mixed].tobytes()
+        two.PerFrameFunctionalGroupsSequence = Sequence([two.PerFrameFunctionalGroupsSequence[i] for i in mixed])
+        one("enhanced-two-by-dimension", two, others=[(half.astype(float), affine)], same=None, warn="Dimension Index",
+            note="only the dimension index values tell two volumes apart")
+        mask = base > 200
+
+        def segmentation(sop, frames, images, bits):
+            made = enhanced(sop, np.array([z for _, z in frames]))
+            made.Modality, made.ImageType = "SEG", ["DERIVED", "PRIMARY"]
+            del made.SharedFunctionalGroupsSequence[0].PixelValueTransformationSequence
+            put_pixels(made, images.astype(np.uint8), bits=8)
+            if bits == 1:
+                made.BitsAllocated, made.BitsStored, made.HighBit = 1, 1, 0
+                made.PixelData = np.packbits(images.astype(np.uint8).ravel(), bitorder="little").tobytes()
+                made.PixelData += b"\0" * (len(made.PixelData) % 2)
+                for (segment, _), item in zip(frames, made.PerFrameFunctionalGroupsSequence):
+                    item.SegmentIdentificationSequence = sequence(ReferencedSegmentNumber=segment)
+            return made
+
+        upper = affine.copy()
+        upper[:, 3] += 20 * affine[:, 2]
+        one("seg-one-above-the-other", segmentation(SEGMENTATION, [(1 + (z >= 20), z) for z in range(count)], mask, 1),
+            values=mask[:20].astype(float), others=[(mask[20:].astype(float), upper)], iso=0.5, same=None,
+            note="two segments in different slices")
+        kept = [z for z in range(count) if not 10 <= z < 14]
+        hollow = mask.astype(float)
+        hollow[10:14] = 0
+        one("seg-without-empty-frames", segmentation(SEGMENTATION, [(1, z) for z in kept], mask[kept], 1),
+            values=hollow, iso=0.5, same=None, warn="no frame", note="slices without a frame are empty")
+        labels = mask.astype(int) + (base > 700)
+        coloured = segmentation(LABEL_MAP, [(0, z) for z in range(count)], labels, 8)
+        coloured.PhotometricInterpretation = "PALETTE COLOR"
+        for tag, colours in enumerate(([0, 200, 30, 90], [0, 10, 220, 90], [0, 30, 40, 250])):
+            coloured.add_new(0x00281101 + tag, "US", [4, 0, 8])
+            coloured.add_new(0x00281201 + tag, "OW", bytes(colours))
+        one("seg-label-map-palette", coloured, values=labels.astype(float), iso=1.5, same=None,
+            note="labels are numbers whatever their colours")

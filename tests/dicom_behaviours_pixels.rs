@@ -504,7 +504,8 @@ fn behaviour_17_legacy_frames_by_spacing_grid_or_detector() {
         w.text(0x3004_000c, "DS", "3\\4\\6.5");
     })
     .unwrap();
-    assert_eq!(places(&frames), [[1.0, 2.0, 3.0], [1.0, 2.0, 4.0], [1.0, 2.0, 6.5]]);
+    // Coordinates along z are for transverse frames alone (PS3.3 C.8.8.3.2).
+    assert_eq!(places(&frames), [[1.0, 2.0, 3.0], [1.0, 3.0, 3.0], [1.0, 5.5, 3.0]]);
     let error = file(&|w| {
         w.text(0x0020_0032, "DS", "1\\2\\3");
         w.text(0x3004_000c, "DS", "0\\4");

@@ -390,6 +390,42 @@ fn image_j_tells_its_spacing_and_has_one_directory_for_a_long_stack() {
     assert!(ready(&[path], folder.path()).err().unwrap().to_string().contains("RGB"));
 }
 
+#[test]
+fn tiff_pictures_that_begin_at_another_corner_are_not_mirrored() {
+    let folder = tempfile::tempdir().unwrap();
+    let object = Object::new(DIMS, ScalarType::U16, [1.0; 3]);
+    let write = |name: &str, orientation| {
+        file(folder.path(), name, &Tiff { orientation, ..Tiff::default() }.write(&object))
+    };
+    let [nx, ny, _] = DIMS.map(f64::from);
+    for (orientation, x, y) in [
+        (1, [1.0, 0.0], [1.0, 0.0]),
+        (2, [-1.0, nx - 1.0], [1.0, 0.0]),
+        (3, [-1.0, nx - 1.0], [-1.0, ny - 1.0]),
+        (4, [1.0, 0.0], [-1.0, ny - 1.0]),
+        (9, [1.0, 0.0], [1.0, 0.0]),
+    ] {
+        let path = write(&format!("{orientation}.tif"), orientation);
+        let volume = ready(std::slice::from_ref(&path), folder.path()).unwrap();
+        let rows = volume.info().affine.rows;
+        assert_eq!(rows[0], [x[0], 0.0, 0.0, x[1]], "{orientation}");
+        assert_eq!(rows[1], [0.0, y[0], 0.0, y[1]], "{orientation}");
+        let told = volume.info().warnings.join(" ").contains("(Orientation)");
+        assert_eq!(told, (2..=4).contains(&orientation), "{orientation}");
+    }
+    let error = |paths: &[PathBuf]| ready(paths, folder.path()).err().unwrap().to_string();
+    assert!(error(&[write("6.tif", 6)]).contains("turned by 90 degrees (Orientation 6)"));
+    let mixed = folder.path().join("mixed");
+    let one = |orientation| {
+        let [x, y, _] = DIMS;
+        let slice = Object::new([x, y, 1], ScalarType::U16, [1.0; 3]);
+        Tiff { orientation, ..Tiff::default() }.write(&slice)
+    };
+    file(&mixed, "1.tif", &one(1));
+    file(&mixed, "2.tif", &one(4));
+    assert!(error(&[mixed]).contains("another corner"));
+}
+
 /// Builds and gives back the sections that do not depend on names.
 fn sections(input: &Path, extra: &[&str]) -> Vec<(SectionKind, Vec<u8>)> {
     let folder = tempfile::tempdir().unwrap();

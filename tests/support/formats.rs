@@ -246,6 +246,8 @@ pub(crate) struct Tiff {
     /// One directory for all slices.
     pub(crate) contiguous: bool,
     pub(crate) photometric: u16,
+    /// The corner that rows and columns begin at; 1 is the upper left.
+    pub(crate) orientation: u16,
     /// X and Y resolution in pixels per unit.
     pub(crate) resolution: Option<[u32; 2]>,
 }
@@ -262,6 +264,7 @@ impl Default for Tiff {
             description: String::new(),
             contiguous: false,
             photometric: 1,
+            orientation: 1,
             resolution: None,
         }
     }
@@ -335,6 +338,9 @@ impl Tiff {
         }
         if self.tile.is_none() {
             entries.push((273, long, wide, offsets.to_vec()));
+        }
+        if self.orientation != 1 {
+            entries.push((274, 3, 2, vec![self.orientation.into()]));
         }
         entries.push((277, 3, 2, vec![1]));
         if self.tile.is_none() {

@@ -2,7 +2,7 @@
 
 use super::deflated::Inflated;
 use super::element::{Element, ItemReader, Parser, damaged};
-use super::header::{DicomHeader, Encoding, Tag, double, number, numbers, text};
+use super::header::{DicomHeader, Encoding, Tag, double, number, numbers, text, time_of};
 use super::scan::ScanError;
 use super::syntax::TransferSyntax;
 use super::window::ReadAt;
@@ -45,6 +45,8 @@ pub struct FrameGeometry {
     pub slope: Option<f64>,
     /// Rescale Intercept.
     pub intercept: Option<f64>,
+    /// Slope and intercept of the first Real World Value Mapping, if it is linear.
+    pub mapping: Option<(f64, f64)>,
     /// Frame Type, or the file's Image Type; values joined by backslashes.
     pub frame_type: String,
     /// Complex Image Component: `MAGNITUDE`, `PHASE`, ...
@@ -65,6 +67,15 @@ pub struct FrameGeometry {
     pub trigger_time: Option<f64>,
     /// Referenced Segment Number of a segmentation.
     pub segment: Option<u32>,
+    /// Diffusion Gradient Orientation, a unit vector in patient coordinates.
+    pub gradient: Option<[f64; 3]>,
+    /// Time of Frame Acquisition DateTime, or the file's, as the number HHMMSS.FFFFFF.
+    pub acquisition_time: Option<f64>,
+    /// The first of the Dimension Index Values; 0 where there is none.
+    pub dimensions: [u32; 5],
+    /// What the vectors of nuclear medicine say of the frame, apart from its slice, in the order of
+    /// [`super::Places::frame_vectors`]; 0 where they say nothing.
+    pub vectors: [u16; 8],
 }
 
 /// Tells `each` of every frame of a file, in the order of the file, in constant memory and in one pass
@@ -115,21 +126,110 @@ fn walk<R: ReadAt + ?Sized>(
     } else if let Some(at) = header.places.grid_offsets.filter(|_| frames > 1) {
         told = of_grid(&mut parser, at, header.encoding, frames, &base, each)?;
     }
-    let step = base.spacing_between.filter(|mm| *mm != 0.0 && told == 0 && frames > 1);
+    let numbers = if told == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
+    // Slices of nuclear medicine may state no more than how thick they are.
+    let thickness = base.slice_thickness.filter(|_| numbers.slices.is_some());
+    let step = base.spacing_between.or(thickness).filter(|mm| *mm != 0.0 && told == 0 && frames > 1);
     let along = step.zip(base.position).zip(base.normal());
     for index in told..frames {
         base.index = index;
+        let steps = numbers.read(&mut parser, &mut base)?;
         if let Some(((step, position), normal)) = along
             && header.places.frame_groups.is_none()
         {
             base.origin = Origin::Stepped;
-            base.position = Some([0, 1, 2].map(|i| position[i] + f64::from(index) * step * normal[i]));
+            base.position = Some([0, 1, 2].map(|i| position[i] + steps * step * normal[i]));
         }
         if !each(&base) {
             break;
         }
     }
     Ok(())
+}
+
+/// The vectors that number the frames of nuclear medicine (PS3.3 C.8.4.8): which frame shows which slice, at
+/// what time, in what energy window, ...
+#[derive(Default)]
+struct Numbers {
+    vectors: [Option<Vector>; 8],
+    slices: Option<Vector>,
+    /// Number of the first frame's slice, which lies at the stated position.
+    first: u16,
+    /// Do numbers of slices fall from there?
+    falling: bool,
+}
+
+/// One of these vectors.
+#[derive(Clone, Copy)]
+struct Vector {
+    value_at: u64,
+    entries: u32,
+    big: bool,
+}
+
+impl Vector {
+    fn of<R: ReadAt + ?Sized>(
+        parser: &mut Parser<'_, R>,
+        at: Option<u64>,
+        encoding: Encoding,
+    ) -> Result<Option<Self>, ScanError> {
+        let Some(at) = at else { return Ok(None) };
+        let element = parser.element(at, encoding)?;
+        parser.skip(&element, at, encoding)?;
+        let entries = element.length.unwrap_or(0) / 2;
+        Ok(Some(Self { value_at: element.value_at, entries, big: encoding.endian == Endian::Big }))
+    }
+
+    /// Number of a frame; 0 if there is none.
+    fn number<R: ReadAt + ?Sized>(self, parser: &mut Parser<'_, R>, frame: u32) -> Result<u16, ScanError> {
+        if frame >= self.entries {
+            return Ok(0);
+        }
+        let bytes = parser.window.array::<2>(self.value_at + 2 * u64::from(frame))?.unwrap_or_default();
+        Ok(if self.big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
+    }
+}
+
+impl Numbers {
+    fn of<R: ReadAt + ?Sized>(
+        parser: &mut Parser<'_, R>,
+        header: &DicomHeader,
+        frames: u32,
+    ) -> Result<Self, ScanError> {
+        let mut own = Self {
+            slices: Vector::of(parser, header.places.slice_vector, header.encoding)?,
+            ..Self::default()
+        };
+        for (vector, place) in own.vectors.iter_mut().zip(header.places.frame_vectors) {
+            *vector = Vector::of(parser, place, header.encoding)?;
+        }
+        if let Some(slices) = own.slices {
+            own.first = slices.number(parser, 0)?;
+            for frame in 1..frames.min(slices.entries) {
+                let number = slices.number(parser, frame)?;
+                if number != own.first {
+                    own.falling = number < own.first;
+                    break;
+                }
+            }
+        }
+        Ok(own)
+    }
+
+    /// Notes what the vectors say of a frame; returns how many slices away from the first it lies.
+    fn read<R: ReadAt + ?Sized>(
+        &self,
+        parser: &mut Parser<'_, R>,
+        frame: &mut FrameGeometry,
+    ) -> Result<f64, ScanError> {
+        for (number, vector) in frame.vectors.iter_mut().zip(self.vectors) {
+            *number = vector.map_or(Ok(0), |vector| vector.number(parser, frame.index))?;
+        }
+        let Some(slices) = self.slices else { return Ok(frame.index.into()) };
+        let number = slices.number(parser, frame.index)?;
+        let away = f64::from(number) - f64::from(self.first);
+        Ok(if self.falling { -away } else { away })
+    }
 }
 
 /// Tells of the frames that have a group of their own; returns how many were told of, all if `each` has
@@ -169,7 +269,8 @@ fn of_groups<R: ReadAt + ?Sized>(
 const ENOUGH: ScanError = ScanError::NotDicom;
 
 /// Frames of an RT dose, by the Grid Frame Offset Vector (PS3.3 C.8.8.3.2): offsets along the normal if
-/// the first is 0, else coordinates along z.
+/// the first is 0, else coordinates along z. The first frame lies at the stated position, also where its
+/// coordinate says otherwise, and where z is no normal of the frames.
 fn of_grid<R: ReadAt + ?Sized>(
     parser: &mut Parser<'_, R>,
     at: u64,
@@ -183,6 +284,7 @@ fn of_grid<R: ReadAt + ?Sized>(
     let Some((position, normal)) = base.position.zip(base.normal()) else { return Ok(0) };
     let mut frame = base.clone();
     frame.origin = Origin::Grid;
+    let axial = normal[2].abs() > 1.0 - 1e-6;
     let mut at = element.value_at;
     let mut first = None;
     for index in 0..frames {
@@ -195,11 +297,9 @@ fn of_grid<R: ReadAt + ?Sized>(
         };
         at += length as u64 + 1;
         frame.index = index;
-        frame.position = Some(if *first.get_or_insert(offset) == 0.0 {
-            [0, 1, 2].map(|i| position[i] + offset * normal[i])
-        } else {
-            [position[0], position[1], offset]
-        });
+        let first = *first.get_or_insert(offset);
+        let direction = if first != 0.0 && axial { [0.0, 0.0, 1.0] } else { normal };
+        frame.position = Some([0, 1, 2].map(|i| position[i] + (offset - first) * direction[i]));
         if !each(&frame) {
             return Ok(frames);
         }
@@ -234,6 +334,9 @@ fn first_item_of<'a, R: ReadAt + ?Sized>(
     })
 }
 
+/// Diffusion Gradient Direction Sequence, inside the MR Diffusion Sequence.
+const DIFFUSION_DIRECTION: Tag = 0x0018_9076;
+
 /// Is this one of the functional groups that say where a frame is and what it shows?
 fn is_group(tag: Tag) -> bool {
     matches!(
@@ -252,6 +355,7 @@ fn is_group(tag: Tag) -> bool {
             | 0x0020_9116 // Plane Orientation
             | 0x0028_9110 // Pixel Measures
             | 0x0028_9145 // Pixel Value Transformation
+            | 0x0040_9096 // Real World Value Mapping
             | 0x0062_000a // Segment Identification
     )
 }
@@ -274,6 +378,8 @@ impl FrameGeometry {
             echo_time: header.echo_time,
             b_value: header.b_value,
             trigger_time: header.trigger_time,
+            gradient: header.gradient,
+            acquisition_time: header.acquisition_time,
             ..Self::default()
         }
     }
@@ -299,7 +405,16 @@ impl FrameGeometry {
                 return Ok(None);
             }
             let mut read = |parser: &mut Parser<'_, R>, at, end, encoding: Encoding| {
-                parser.elements(at, end, encoding, &mut |parser, element, _| {
+                parser.elements(at, end, encoding, &mut |parser, element, at| {
+                    if element.tag == DIFFUSION_DIRECTION {
+                        let mut inner = |parser: &mut Parser<'_, R>, at, end, encoding: Encoding| {
+                            parser.elements(at, end, encoding, &mut |parser, element, _| {
+                                self.keep(element.tag, parser.value(element)?, encoding.endian);
+                                Ok(None)
+                            })
+                        };
+                        return first_item_of(parser, element, at, encoding, &mut inner).map(Some);
+                    }
                     self.keep(element.tag, parser.value(element)?, encoding.endian);
                     Ok(None)
                 })
@@ -325,7 +440,9 @@ impl FrameGeometry {
             0x0018_0050 => self.slice_thickness = number(value),
             0x0018_0088 => self.spacing_between = number(value),
             0x0018_9082 => self.echo_time = double(value, endian),
+            0x0018_9074 => self.acquisition_time = time_of(value),
             0x0018_9087 => self.b_value = double(value, endian),
+            0x0018_9089 => self.gradient = doubles(value, endian),
             0x0020_0032 => self.position = numbers(value),
             0x0020_0037 => self.orientation = numbers(value),
             0x0020_9056 => self.stack_id = text(value),
@@ -333,11 +450,24 @@ impl FrameGeometry {
             0x0020_9128 => self.temporal_position = long().and_then(|n| i32::try_from(n).ok()),
             0x0020_9153 => self.trigger_time = double(value, endian),
             0x0020_9156 => self.acquisition = word().map(i32::from),
+            0x0020_9157 => {
+                for (slot, bytes) in self.dimensions.iter_mut().zip(value.as_chunks::<4>().0) {
+                    *slot = if big { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
+                }
+            }
             0x0020_9301 => self.position = doubles(value, endian),
             0x0020_9302 => self.orientation = doubles(value, endian),
             0x0028_0030 => self.pixel_spacing = numbers(value),
             0x0028_1052 => self.intercept = number(value),
             0x0028_1053 => self.slope = number(value),
+            0x0040_9224 => {
+                let slope = self.mapping.map_or(1.0, |(slope, _)| slope);
+                self.mapping = double(value, endian).map(|intercept| (slope, intercept));
+            }
+            0x0040_9225 => {
+                let intercept = self.mapping.map_or(0.0, |(_, intercept)| intercept);
+                self.mapping = double(value, endian).map(|slope| (slope, intercept));
+            }
             0x0062_000b => self.segment = word().map(u32::from),
             _ => {}
         }

@@ -11,6 +11,13 @@ const EVEN: f64 = 1e-3;
 /// Gaps that differ more than this make a regular grid wrong by a visible part of a voxel: refused.
 const UNEVEN: f64 = 0.05;
 
+/// Positions rounded to a tenth of a millimetre are off by at most this along any direction.
+const ROUNDED_MM: f64 = 0.0867;
+
+/// What may be put down to such rounding, as a part of the mean gap; where a slice is missing, others lie
+/// further off.
+const ROUNDED: f64 = 0.25;
+
 /// Positions closer than this part of the usual gap are the same position.
 const SAME: f64 = 0.01;
 
@@ -63,6 +70,46 @@ pub(super) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
     (numbers, if along.is_empty() { 0 } else { number + 1 })
 }
 
+/// Slices of a segmentation at most, empty ones included.
+const MOST_LAYERS: f64 = 4096.0;
+
+/// Where images of a segmentation, which leaves out empty slices, lie on the grid of all slices: for each
+/// slice the number of its image. `None` if they lie evenly as they are, or on no grid.
+pub(super) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Vec<Option<usize>>> {
+    if !is_uneven(along) {
+        return None;
+    }
+    let start = *along.first()?;
+    let (usual, _) = usual_gap(along);
+    let fits = |step: &f64| {
+        let on_grid = |p: &f64| {
+            let place = (p - start) / step;
+            place < MOST_LAYERS && (place - place.round()).abs() <= UNEVEN
+        };
+        *step > SAME_MM && along.iter().all(on_grid)
+    };
+    let step = stated.map(f64::abs).into_iter().chain([usual]).find(fits)?;
+    let mut layers = Vec::new();
+    for (image, place) in along.iter().map(|p| ((p - start) / step).round()).enumerate() {
+        while count(layers.len()) < place {
+            layers.push(None);
+        }
+        if count(layers.len()) > place {
+            return None;
+        }
+        layers.push(Some(image));
+    }
+    Some(layers)
+}
+
+/// Are positions, which may be in any order, so uneven that they would be refused?
+pub(super) fn is_uneven(along: &[f64]) -> bool {
+    let mut sorted = along.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let file = |_| String::new();
+    matches!(judge_gaps(&sorted, GapPolicy::Error, &file, &mut Vec::new()), Err(Refusal::Gaps(_)))
+}
+
 /// Judges sorted positions: refuses repeated ones, and uneven gaps unless the policy knows what to do
 /// with them; warns of small deviations. `file` names an image.
 pub(super) fn judge_gaps(
@@ -97,7 +144,7 @@ pub(super) fn judge_gaps(
     }
     let start = along.first().copied().unwrap_or(0.0);
     let off = along.iter().enumerate().map(|(i, p)| (p - start - count(i) * mean).abs()).fold(0.0, f64::max);
-    if worst <= UNEVEN {
+    if worst <= UNEVEN || (off <= ROUNDED_MM && off <= ROUNDED * mean) {
         warnings.push(format!(
             "slices are not quite evenly spaced: gaps differ by up to {:.2} % from their mean {mean:.4} mm, and \
              slices lie up to {off:.3} mm off the regular grid",
@@ -272,6 +319,20 @@ mod tests {
         assert!(gaps(&[3.0, 3.0, 3.0]).unwrap_err().contains("all 3 images are at one position"));
         let twice = gaps(&[0.0, 5.0, 5.0, 10.0]).unwrap_err();
         assert!(twice.contains("1 of 4 images") && twice.contains("f1 and f2"), "{twice}");
+    }
+
+    #[test]
+    fn segmentations_leave_out_empty_slices() {
+        let (a, none) = (Some, None);
+        assert_eq!(with_empty_slices(&[0.0, 2.0, 4.0], Some(1.0)), None);
+        assert_eq!(with_empty_slices(&[1.0, 3.0, 9.0], None), Some(vec![a(0), a(1), none, none, a(2)]));
+        assert_eq!(
+            with_empty_slices(&[1.0, 3.0, 6.0], Some(-1.0)),
+            Some(vec![a(0), none, a(1), none, none, a(2)])
+        );
+        for bad in [&[0.0, 1.0, 2.5][..], &[0.0, 1.0, 1e9], &[0.0, 0.0, 1.0, 5.0]] {
+            assert_eq!(with_empty_slices(bad, None), None, "{bad:?}");
+        }
     }
 
     #[test]

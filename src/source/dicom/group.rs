@@ -40,7 +40,7 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Key {
     ImageType,
-    /// Index in [`Slice::keys`].
+    /// Index in [`NUMBERS`].
     Number(usize),
     Rescale,
 }
@@ -60,11 +60,28 @@ const NUMBERS: [(&str, &str); Key::NUMBERS] = [
     ("phase", "Cardiac Phase (0020,9241)"),
     ("acquisition", "Acquisition Number (0020,0012)"),
     ("acquired", "Acquisition Time (0008,0032)"),
+    ("reference time", "Frame Reference Time (0054,1300)"),
+    ("frames", "the frame vectors of nuclear medicine (0054,xxxx)"),
+    ("dimension 1 index", "Dimension Index Values (0020,9157)"),
+    ("dimension 2 index", "Dimension Index Values (0020,9157)"),
+    ("dimension 3 index", "Dimension Index Values (0020,9157)"),
+    ("dimension 4 index", "Dimension Index Values (0020,9157)"),
+    ("dimension 5 index", "Dimension Index Values (0020,9157)"),
 ];
 
 impl Key {
-    /// Numbers that a slice keeps.
-    pub(super) const NUMBERS: usize = 13;
+    /// Numbers that a slice has: those of [`Slice::keys`], then [`Slice::dimensions`].
+    pub(super) const NUMBERS: usize = Self::KEPT + 5;
+
+    /// Numbers that a slice keeps as such.
+    pub(super) const KEPT: usize = 15;
+
+    pub(super) const STACK: Self = Self::Number(0);
+    pub(super) const SEGMENT: Self = Self::Number(1);
+    pub(super) const TRIGGER: Self = Self::Number(9);
+    pub(super) const TIME: Self = Self::Number(12);
+    /// What the vectors of nuclear medicine say, apart from the slice.
+    pub(super) const VECTORS: Self = Self::Number(14);
 
     /// Every key, the preferred ones first.
     pub(super) fn all() -> impl Iterator<Item = Self> {
@@ -88,7 +105,8 @@ impl Key {
             Self::Rescale => ("rescale", true),
             Self::Number(at) => {
                 let (word, tag) = NUMBERS.get(at).copied().unwrap_or_default();
-                (word, tag.contains("0020,9056") || tag.contains("9089") || tag.contains("0008,0032"))
+                let ranked = ["0020,9056", "9089", "0008,0032", "0054,xxxx"];
+                (word, ranked.iter().any(|own| tag.contains(own)))
             }
         }
     }
@@ -105,7 +123,7 @@ impl Key {
         };
         match self {
             Self::ImageType => [slice.image_type.into(), 0],
-            Self::Number(at) => [slice.keys.get(at).map_or(0, |v| bits((*v).into())), 0],
+            Self::Number(at) => [slice.number(at).map_or(0, bits), 0],
             Self::Rescale => {
                 slice.rescale().map_or([0, 0], |(slope, intercept)| [bits(slope), bits(intercept)])
             }
@@ -142,13 +160,23 @@ pub(super) struct Slice {
     /// Stored values that mean "no pixel".
     pub(super) padding: StatedPadding,
     /// Numbers that tell images at one position apart; NaN where not stated.
-    pub(super) keys: [f32; Key::NUMBERS],
+    pub(super) keys: [f32; Key::KEPT],
+    /// The first Dimension Index Values; 0 where there is none.
+    pub(super) dimensions: [u16; 5],
 }
 
 impl Slice {
     /// Image Position (Patient), if stated.
     pub(super) fn position(&self) -> Option<[f64; 3]> {
         Some(self.at).filter(|p| !p[0].is_nan())
+    }
+
+    /// A number that may tell it from others, if stated.
+    pub(super) fn number(&self, at: usize) -> Option<f64> {
+        match at.checked_sub(Key::KEPT) {
+            None => self.keys.get(at).map(|v| f64::from(*v)).filter(|v| !v.is_nan()),
+            Some(dimension) => self.dimensions.get(dimension).map(|v| f64::from(*v)).filter(|v| *v > 0.0),
+        }
     }
 
     /// Slope and intercept, if stated and to be applied.
@@ -184,6 +212,8 @@ pub(super) struct Shared {
     pub(super) pixel_spacing: Option<[f64; 2]>,
     pub(super) slice_thickness: Option<f64>,
     pub(super) spacing_between: Option<f64>,
+    /// Is it a segmentation, where slices without anything need no frame?
+    pub(super) leaves_out_empty: bool,
     /// Memory that decoding takes; 0 where pixels are read by position.
     pub(super) unroll_bytes: u64,
     pub(super) warnings: Vec<String>,
@@ -272,6 +302,7 @@ pub(super) struct Series {
     pub(super) secrets: Vec<String>,
     directions: Vec<[i64; 3]>,
     stacks: Vec<String>,
+    vectors: Vec<[u16; 8]>,
     index: HashMap<(u64, i64), Vec<u32>>,
 }
 
@@ -289,6 +320,7 @@ impl Series {
             secrets: Vec::new(),
             directions: Vec::new(),
             stacks: Vec::new(),
+            vectors: Vec::new(),
             index: HashMap::new(),
         }
     }
@@ -333,6 +365,11 @@ impl Series {
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
         let rounded = direction.map(|c| (c * DIGITS).round() as i64);
         index_of(&mut self.directions, rounded, 4 * MAX_TEXTS).into()
+    }
+
+    /// Number of what the vectors of nuclear medicine say of a frame, in the order in which they were met.
+    pub(super) fn vectors_index(&mut self, vectors: [u16; 8]) -> f64 {
+        if vectors == [0; 8] { f64::NAN } else { index_of(&mut self.vectors, vectors, 4 * MAX_TEXTS).into() }
     }
 
     /// Number of a stack, in the order in which they were met.
@@ -484,4 +521,22 @@ fn index_of<T: PartialEq>(known: &mut Vec<T>, value: T, most: usize) -> u32 {
         known.len() - 1
     });
     u32::try_from(at).unwrap_or(u32::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_are_where_their_names_say() {
+        for (key, tag) in [
+            (Key::STACK, "0020,9056"),
+            (Key::SEGMENT, "0062,000B"),
+            (Key::TRIGGER, "0018,1060"),
+            (Key::TIME, "0008,0032"),
+            (Key::VECTORS, "0054,xxxx"),
+        ] {
+            assert!(key.tag().contains(tag), "{key:?}: {}", key.tag());
+        }
+    }
 }

@@ -12,6 +12,9 @@ pub(super) type Tag = u32;
 /// Longest value that is looked at; every kept element is far shorter in a sound file.
 pub(super) const MAX_VALUE_BYTES: usize = 1024;
 
+/// SOP class of label map segmentations, without the root of the standard's own.
+const LABEL_MAP: &str = "5.1.4.1.1.66.7";
+
 /// Which of the three pixel elements a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PixelElement {
@@ -22,6 +25,10 @@ pub enum PixelElement {
     /// (7FE0,0009) Double Float Pixel Data.
     Double,
 }
+
+/// Tags of [`Places::frame_vectors`].
+const FRAME_VECTORS: [Tag; 8] =
+    [0x0054_0010, 0x0054_0020, 0x0054_0030, 0x0054_0050, 0x0054_0060, 0x0054_0070, 0x0054_0090, 0x0054_0100];
 
 /// Where the pixels lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +65,11 @@ pub struct Places {
     pub detectors: Option<u64>,
     /// (3004,000C) Grid Frame Offset Vector.
     pub grid_offsets: Option<u64>,
+    /// (0054,0080) Slice Vector of nuclear medicine.
+    pub slice_vector: Option<u64>,
+    /// The other vectors that number the frames of nuclear medicine: energy windows, detectors, phases,
+    /// rotations, R-R intervals, time slots, angular views, time slices.
+    pub frame_vectors: [Option<u64>; 8],
     /// (0028,3000) Modality LUT Sequence.
     pub modality_lut: Option<u64>,
     /// (0028,1101) to (0028,1103): descriptors of the red, green and blue palette.
@@ -78,6 +90,14 @@ impl Places {
             0x5200_9230 => &mut self.frame_groups,
             0x0054_0022 => &mut self.detectors,
             0x3004_000c => &mut self.grid_offsets,
+            0x0054_0080 => &mut self.slice_vector,
+            _ if FRAME_VECTORS.contains(&tag) => {
+                let at = FRAME_VECTORS.iter().position(|vector| *vector == tag);
+                match at.and_then(|at| self.frame_vectors.get_mut(at)) {
+                    Some(slot) => slot,
+                    None => return,
+                }
+            }
             0x0028_3000 => &mut self.modality_lut,
             0x0028_1101..=0x0028_1103 | 0x0028_1201..=0x0028_1203 => {
                 let list = if tag < 0x0028_1200 { &mut self.palette_descriptors } else { &mut self.palettes };
@@ -178,6 +198,8 @@ pub struct DicomHeader {
     pub pixel_representation: Option<u16>,
     /// Number of Frames; `Some(Err)` when present but not a number.
     pub frames: Option<Result<u32, ()>>,
+    /// Frame Increment Pointer, the first tag.
+    pub frame_increment: Option<u32>,
     /// Image Position (Patient): centre of the first pixel in LPS mm.
     pub position: Option<[f64; 3]>,
     /// Image Orientation (Patient): direction along a row, then down a column.
@@ -224,10 +246,13 @@ pub struct DicomHeader {
     pub gradient: Option<[f64; 3]>,
     /// Nominal Percentage of Cardiac Phase.
     pub cardiac_phase: Option<f64>,
-    /// Acquisition Time, as the number HHMMSS.FFFFFF; only to tell images apart.
+    /// Acquisition Time, or the time of Acquisition DateTime, as the number HHMMSS.FFFFFF; only to tell
+    /// images apart.
     pub acquisition_time: Option<f64>,
     /// Private elements of mosaics.
     pub private: Private,
+    /// Frame Reference Time of PET in ms; only to tell images apart.
+    pub frame_reference_time: Option<f64>,
     /// Whom the image shows.
     pub secrets: Secrets,
     /// Is there a Modality LUT Sequence? Then values are not linear.
@@ -266,6 +291,7 @@ impl DicomHeader {
             high_bit: None,
             pixel_representation: None,
             frames: None,
+            frame_increment: None,
             position: None,
             orientation: None,
             pixel_spacing: None,
@@ -291,6 +317,7 @@ impl DicomHeader {
             cardiac_phase: None,
             acquisition_time: None,
             private: Private::default(),
+            frame_reference_time: None,
             secrets: Secrets::default(),
             modality_lut: false,
             encoding: Encoding { explicit: true, endian: Endian::Little },
@@ -318,7 +345,7 @@ impl DicomHeader {
             "5.1.4.1.1.13.1.1" | "5.1.4.1.1.13.1.2" | "5.1.4.1.1.13.1.3" => "X-ray 3D image",
             "5.1.4.1.1.20" => "NM image",
             "5.1.4.1.1.130" => "enhanced PET",
-            "5.1.4.1.1.66.4" => "segmentation",
+            "5.1.4.1.1.66.4" | LABEL_MAP => "segmentation",
             "5.1.4.1.1.30" => "parametric map",
             "5.1.4.1.1.128" => "PET image",
             "5.1.4.1.1.481.2" => "RT dose",
@@ -341,19 +368,34 @@ impl DicomHeader {
         self.sop_class == "1.2.840.10008.5.1.4.1.1.481.2" || self.modality == "RTDOSE"
     }
 
+    /// Is it a parametric map, whose values are what its Real World Value Mapping makes of the numbers?
+    pub fn is_parametric_map(&self) -> bool {
+        self.sop_class == "1.2.840.10008.5.1.4.1.1.30"
+    }
+
+    /// Do frames follow each other by Frame Time or Frame Time Vector?
+    pub fn is_film(&self) -> bool {
+        matches!(self.frame_increment, Some(0x0018_1063 | 0x0018_1065))
+    }
+
+    /// Is it a segmentation, whose numbers are labels whatever colours they are shown in?
+    pub fn is_segmentation(&self) -> bool {
+        self.kind() == "segmentation"
+    }
+
     /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
     /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
     pub(super) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
-        let word = || {
-            let bytes = *value.first_chunk::<2>()?;
-            Some(if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
-        };
+        let word = || word_of(value, endian);
         match tag {
             0x0008_0008 => self.image_type = text(value),
             0x0008_0016 => self.sop_class = text(value),
             0x0008_0018 => self.instance_uid = text(value),
             0x0008_9208 => self.complex_component = text(value),
-            0x0008_0032 => self.acquisition_time = number(value),
+            0x0008_002a => self.acquisition_time = self.acquisition_time.or(time_of(value)),
+            // It comes behind the other, and is preferred.
+            0x0008_0032 => self.acquisition_time = number(value).or(self.acquisition_time),
+            0x0054_1300 => self.frame_reference_time = number(value),
             0x0010_0010 => self.secrets.name = any_text(value),
             0x0010_0020 => self.secrets.id = any_text(value),
             0x0010_0030 => self.secrets.birth_date = digits_of_date(value),
@@ -383,6 +425,11 @@ impl DicomHeader {
             0x0028_0008 => {
                 let digits = text(value);
                 self.frames = (!digits.is_empty()).then(|| digits.parse().map_err(|_| ()));
+            }
+            0x0028_0009 => {
+                let element = value.get(2..).and_then(|rest| word_of(rest, endian));
+                self.frame_increment =
+                    word().zip(element).map(|(group, element)| u32::from(group) << 16 | u32::from(element));
             }
             0x0028_0010 => self.rows = word(),
             0x0028_0011 => self.columns = word(),
@@ -417,7 +464,9 @@ impl DicomHeader {
                 | 0x0008_0018
                 | 0x0008_0060
                 | 0x0008_9208
+                | 0x0008_002a
                 | 0x0008_0032
+                | 0x0054_1300
                 | 0x0010_0010
                 | 0x0010_0020
                 | 0x0010_0030
@@ -444,6 +493,7 @@ impl DicomHeader {
                 | 0x0028_0004
                 | 0x0028_0006
                 | 0x0028_0008
+                | 0x0028_0009
                 | 0x0028_0010
                 | 0x0028_0011
                 | 0x0028_0030
@@ -458,6 +508,12 @@ impl DicomHeader {
     }
 }
 
+/// One 16-bit number (VR US or a half of AT).
+fn word_of(value: &[u8], endian: Endian) -> Option<u16> {
+    let bytes = *value.first_chunk::<2>()?;
+    Some(if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
+}
+
 /// Text without padding; bytes outside ASCII become `?` (no kept element may have any).
 pub(super) fn text(value: &[u8]) -> String {
     let plain: String = value
@@ -470,6 +526,14 @@ pub(super) fn text(value: &[u8]) -> String {
 /// One finite decimal; the first of several.
 pub(super) fn number(value: &[u8]) -> Option<f64> {
     text(value).split('\\').next().and_then(|part| part.trim().parse().ok()).filter(|v: &f64| v.is_finite())
+}
+
+/// The time of day of a date and time (VR DT), as the number HHMMSS.FFFFFF.
+pub(super) fn time_of(value: &[u8]) -> Option<f64> {
+    const DATE: usize = 8;
+    let text = text(value);
+    let end = text.find(['+', '-']).unwrap_or(text.len());
+    text.get(DATE..end)?.parse().ok().filter(|v: &f64| v.is_finite())
 }
 
 /// One integer; the first of several.

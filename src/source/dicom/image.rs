@@ -324,6 +324,8 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
     match (photometric, samples) {
         ("" | "MONOCHROME1" | "MONOCHROME2", 1) if header.modality_lut => Ok(Mapping::ModalityLut),
         ("" | "MONOCHROME1" | "MONOCHROME2", 1) => Ok(Mapping::Values),
+        // The palette only colours the labels (PS3.3 C.8.20.2).
+        ("PALETTE COLOR", 1) if header.is_segmentation() => Ok(Mapping::Values),
         ("PALETTE COLOR", 1) => {
             let places = &header.places;
             let all = places.palettes.iter().chain(&places.palette_descriptors).all(Option::is_some);

@@ -1,7 +1,7 @@
 //! Orders the images of a group by position and judges whether they form a volume
 //! (PS3.3 C.7.6.2; `x` runs along a row, `y` down the columns, `z` along `x` x `y`).
 
-use super::gaps::{Grid, judge_gaps};
+use super::gaps::{Grid, judge_gaps, with_empty_slices};
 use super::group::{Group, Shared, Slice};
 use super::mosaic;
 use crate::geom::Affine;
@@ -29,6 +29,8 @@ pub(super) enum Layer {
     Image(usize),
     /// A tile of an image.
     Tile(usize, u32),
+    /// Nothing: a slice that a segmentation leaves out.
+    Empty,
     /// No image lies here: so much of the way from the first to the second.
     Between(usize, usize, f64),
 }
@@ -61,7 +63,12 @@ pub(super) fn assemble(
     }
     let [dx, dy] = pixel_spacing(&group.shared, &mut warnings);
     let placed = slices.iter().all(|(_, s)| s.position().is_some());
-    let Some(axes) = group.shared.orientation.filter(|_| placed) else {
+    let mut orientation = group.shared.orientation;
+    if orientation.is_none() && placed && rises(&slices) {
+        warnings.push("the images state positions, but no orientation; rows are taken as running to the left, columns to the back".into());
+        orientation = Some([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    }
+    let Some(axes) = orientation.filter(|_| placed) else {
         return without_positions(group, &slices, [dx, dy], warnings);
     };
     let (row, column, normal) = directions(axes).ok_or_else(|| {
@@ -79,11 +86,21 @@ pub(super) fn assemble(
     } else {
         let along: Vec<f64> = placed.iter().map(|p| p.0).collect();
         let file = |at: usize| placed.get(at).map(|p| name(p.3)).unwrap_or_default();
-        let grid = judge_gaps(&along, gaps, &file, &mut warnings)?;
         let image = |at: usize| placed.get(at).map_or(0, |p| p.2);
-        let layers: Vec<Layer> = match grid {
-            Grid::AsTheyAre => (0..placed.len()).map(|at| Layer::Image(image(at))).collect(),
-            Grid::Filled(places) => {
+        let sparse = group.shared.leaves_out_empty && gaps != GapPolicy::Keep;
+        let sparse = if sparse { with_empty_slices(&along, group.shared.spacing_between) } else { None };
+        let grid = match &sparse {
+            Some(_) => Grid::AsTheyAre,
+            None => judge_gaps(&along, gaps, &file, &mut warnings)?,
+        };
+        let layers: Vec<Layer> = match (sparse, grid) {
+            (Some(places), _) => {
+                let empty = places.iter().filter(|p| p.is_none()).count();
+                warnings.push(format!("{empty} slices for which the segmentation has no frame are empty"));
+                places.iter().map(|place| place.map_or(Layer::Empty, |at| Layer::Image(image(at)))).collect()
+            }
+            (None, Grid::AsTheyAre) => (0..placed.len()).map(|at| Layer::Image(image(at))).collect(),
+            (None, Grid::Filled(places)) => {
                 let layer = |place: &(usize, f64)| match *place {
                     (at, 0.0) => Layer::Image(image(at)),
                     (at, part) => Layer::Between(image(at), image(at + 1), part),
@@ -112,6 +129,13 @@ pub(super) fn assemble(
         return Err(Refusal::Other("the positions do not span a volume".into()));
     }
     Ok(Stack { layers, affine, warnings })
+}
+
+/// Do positions differ along z?
+fn rises(slices: &[(usize, &Slice)]) -> bool {
+    let mut heights = slices.iter().map(|(_, s)| s.at[2]);
+    let first = heights.next().unwrap_or(0.0);
+    heights.any(|z| (z - first).abs() > 1e-3)
 }
 
 /// Positions of the chosen slices along their common normal; `None` without directions or positions.

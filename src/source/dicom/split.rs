@@ -3,11 +3,15 @@
 //! A series that repeats positions holds several volumes. It is split by the attribute that leaves the
 //! fewest repeats, then the fewest parts; parts that still repeat positions are split again. Where no
 //! attribute helps, but every position occurs equally often, the images of a position are numbered by
-//! time and instance, and each number makes a volume.
+//! time and instance, and each number makes a volume, provided that the images follow each other volume by
+//! volume, position by position, or so within slabs: any other order says nothing.
+//!
+//! Segments, and frames of nuclear medicine that differ in more than their slice, are volumes of their own
+//! wherever they lie; stacks are, where they leave a gap between them.
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::gaps::positions;
+use super::gaps::{is_uneven, positions};
 use super::group::{Group, Key, Slice};
 use super::series::along_normal;
 
@@ -53,6 +57,10 @@ pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
     let mut waiting = vec![whole];
     // Each split makes parts that are smaller, so this ends.
     while let Some(part) = waiting.pop() {
+        if let Some((key, parts)) = apart(group, &part.chosen) {
+            waiting.extend(named(key, parts, &part, group, types).into_iter().rev());
+            continue;
+        }
         let repeats = repeats(group, &part.chosen);
         if repeats.extra == 0 || (repeats.places < 2 && group.shared.mosaic.is_none()) {
             done.push(part);
@@ -77,17 +85,37 @@ pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
 
 type Parts = BTreeMap<[u64; 2], Vec<usize>>;
 
+/// Images by the value of an attribute.
+fn by_key(group: &Group, chosen: &[usize], key: Key) -> Parts {
+    let mut parts = Parts::new();
+    for i in chosen {
+        if let Some(slice) = group.slices.get(*i) {
+            parts.entry(key.value(slice)).or_default().push(*i);
+        }
+    }
+    parts
+}
+
+/// What is never one volume, whether positions repeat or not.
+fn apart(group: &Group, chosen: &[usize]) -> Option<(Key, Parts)> {
+    for key in [Key::SEGMENT, Key::VECTORS] {
+        let parts = by_key(group, chosen, key);
+        if parts.len() > 1 {
+            return Some((key, parts));
+        }
+    }
+    let along = along_normal(group, chosen)?;
+    let stacks = by_key(group, chosen, Key::STACK);
+    (stacks.len() > 1 && 2 * stacks.len() <= chosen.len() && is_uneven(&along))
+        .then_some((Key::STACK, stacks))
+}
+
 /// The attribute that leaves the fewest repeats, with the parts it makes, in the order of its values.
 fn best(group: &Group, chosen: &[usize], extra: usize) -> Option<(Key, Parts)> {
     let mut best: Option<(usize, usize, Key, Parts)> = None;
     for key in Key::all() {
-        let mut parts = Parts::new();
-        for i in chosen {
-            if let Some(slice) = group.slices.get(*i) {
-                parts.entry(key.value(slice)).or_default().push(*i);
-            }
-        }
-        // A number that every slice has of its own (a time, say) tells nothing.
+        let parts = by_key(group, chosen, key);
+        // A number that every image has of its own (a time, say) tells nothing.
         let own = 2 * parts.len() > chosen.len() && group.shared.mosaic.is_none();
         if parts.len() < 2 || own {
             continue;
@@ -134,8 +162,10 @@ fn label_of(key: Key, slice: &Slice, rank: usize, siblings: &[&str], types: &[St
             type_label(types.get(slice.image_type as usize).map_or("", String::as_str), siblings)
         }
         _ if ranked => format!("{word} {}", rank + 1),
-        Key::Number(at) => match slice.keys.get(at).copied().filter(|v| !v.is_nan()) {
-            Some(value) => format!("{word} {value}"),
+        Key::Number(at) => match slice.number(at) {
+            // Kept as a single, and shown as one.
+            #[expect(clippy::cast_possible_truncation, reason = "it was a single")]
+            Some(value) => format!("{word} {}", value as f32),
             None => format!("no {word}"),
         },
         Key::Rescale => format!("{word} {}", rank + 1),
@@ -178,22 +208,20 @@ fn one_by_one(whole: &Part) -> Vec<Part> {
     whole.chosen.iter().enumerate().map(part).collect()
 }
 
-/// The k-th image of every position makes volume k, where all positions have equally many.
+/// The k-th image of every position makes volume k, where all positions have equally many, or where the
+/// last of several volumes was not finished.
 fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> {
     let mut at_place: HashMap<usize, Vec<usize>> = HashMap::new();
     for (i, number) in whole.chosen.iter().zip(&repeats.numbers) {
         at_place.entry(*number).or_default().push(*i);
     }
-    let turns = at_place.values().next()?.len();
-    if at_place.values().any(|images| images.len() != turns) {
-        return None;
-    }
-    const TIME: usize = Key::NUMBERS - 1;
-    const TRIGGER: usize = 9;
+    let turns = at_place.values().map(Vec::len).max()?;
+    let complete = at_place.values().all(|images| images.len() == turns);
     let order = |i: &usize| {
-        group.slices.get(*i).map(|s| {
-            (Key::Number(TIME).value(s), Key::Number(TRIGGER).value(s), s.instance, s.frame, s.identity)
-        })
+        group
+            .slices
+            .get(*i)
+            .map(|s| (Key::TIME.value(s), Key::TRIGGER.value(s), s.instance, s.frame, s.identity))
     };
     let numbered = |i: &usize| group.slices.get(*i).is_some_and(|s| s.instance.is_some() || s.frame > 0);
     if !whole.chosen.iter().all(numbered) {
@@ -210,6 +238,21 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
             part.push(*image);
         }
     }
+    let mut sequence: Vec<(usize, usize)> = Vec::with_capacity(whole.chosen.len());
+    let mut ordered: Vec<(usize, usize)> =
+        whole.chosen.iter().copied().zip(repeats.numbers.iter().copied()).collect();
+    ordered.sort_by_key(|(i, _)| order(i));
+    let mut turn: HashMap<usize, usize> = HashMap::new();
+    for (_, place) in ordered {
+        let next = turn.entry(place).or_default();
+        sequence.push((*next, place));
+        *next += 1;
+    }
+    let regular =
+        if complete { is_regular(&sequence, turns) } else { is_broken_off(&sequence, repeats.places, turns) };
+    if !regular {
+        return None;
+    }
     let part = |(k, mut chosen): (usize, Vec<usize>)| {
         chosen.sort_unstable();
         let label = format!("{} set {} of {turns}", whole.label, k + 1).trim().to_owned();
@@ -220,9 +263,71 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
     Some(parts.into_iter().enumerate().map(part).collect())
 }
 
+/// Does such a sequence go through all positions several times, and through some of them at the end? After
+/// one time alone those could as well be replacements.
+fn is_broken_off(sequence: &[(usize, usize)], places: usize, turns: usize) -> bool {
+    let mut runs = sequence.chunks(places).enumerate();
+    turns > 2 && runs.all(|(k, run)| run.iter().all(|(turn, _)| *turn == k))
+}
+
+/// Does a sequence of (how often the position was met before, position) consist of blocks in which the same
+/// positions are met once, then all of them once more, and so on?
+fn is_regular(sequence: &[(usize, usize)], turns: usize) -> bool {
+    let mut rest = sequence;
+    while let Some((first, _)) = rest.first() {
+        if *first != 0 {
+            return false;
+        }
+        let mut places: Option<Vec<usize>> = None;
+        for turn in 0..turns {
+            let length = match &places {
+                Some(known) => known.len(),
+                None => rest.iter().take_while(|(t, _)| *t == 0).count(),
+            };
+            let Some((run, after)) = rest.split_at_checked(length) else { return false };
+            let mut own: Vec<usize> = run.iter().map(|(_, place)| *place).collect();
+            own.sort_unstable();
+            if run.iter().any(|(t, _)| *t != turn) || places.as_ref().is_some_and(|known| *known != own) {
+                return false;
+            }
+            places = Some(own);
+            rest = after;
+        }
+    }
+    true
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_an_order_that_says_something_is_regular() {
+        let sequence = |places: &[usize]| {
+            let mut met = HashMap::new();
+            let mut turn = |place: &usize| {
+                let next = met.entry(*place).or_insert(0);
+                *next += 1;
+                (*next - 1, *place)
+            };
+            places.iter().map(&mut turn).collect::<Vec<_>>()
+        };
+        for good in [
+            &[0, 1, 2, 3, 0, 1, 2, 3][..],
+            &[0, 2, 1, 3, 3, 1, 0, 2],
+            &[0, 0, 1, 1, 2, 2, 3, 3],
+            &[0, 2, 0, 2, 1, 3, 1, 3],
+        ] {
+            assert!(is_regular(&sequence(good), 2), "{good:?}");
+        }
+        assert!(is_regular(&sequence(&[0, 1, 0, 1, 0, 1, 2, 2, 2]), 3));
+        for bad in [&[0, 1, 2, 1, 0, 3, 2, 3][..], &[0, 1, 1, 2, 0, 2, 3, 3]] {
+            assert!(!is_regular(&sequence(bad), 2), "{bad:?}");
+        }
+        assert!(is_broken_off(&sequence(&[0, 1, 2, 1, 0, 2, 2, 0]), 3, 3));
+        assert!(!is_broken_off(&sequence(&[0, 1, 2, 1]), 3, 2));
+        assert!(!is_broken_off(&sequence(&[0, 1, 2, 1, 0, 0, 2, 0]), 3, 4));
+    }
 
     #[test]
     fn types_are_told_apart_in_words() {

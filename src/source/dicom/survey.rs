@@ -97,6 +97,12 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         }
         return;
     }
+    if let Ok(true) = is_planar(input, header) {
+        let reason = "its frames are views, detectors, energy windows or points in time, not slices (there is \
+                      no Slice Vector (0054,0080)), so they form no volume";
+        add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(reason));
+        return;
+    }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
         add_frame(series, file, header, image.as_ref(), None, frame, None).warn(note.as_deref());
@@ -107,6 +113,20 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         let reason = format!("its frames cannot be told apart: {error}");
         add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&reason));
     }
+}
+
+/// Do the frames of nuclear medicine differ in anything but their slice, which none of them states?
+fn is_planar(input: &File, header: &DicomHeader) -> Result<bool, ScanError> {
+    let places = &header.places;
+    if places.slice_vector.is_some() || places.frame_vectors.iter().all(Option::is_none) {
+        return Ok(false);
+    }
+    let (mut first, mut differ) = (None, false);
+    visit(input, header, &mut |frame| {
+        differ = *first.get_or_insert(frame.vectors) != frame.vectors;
+        !differ
+    })?;
+    Ok(differ)
 }
 
 /// Warns of compressed pixels whose end is missing. A file that cannot be read says so when it is decoded.
@@ -162,12 +182,13 @@ fn add_frame<'s>(
     let rescale = if header.is_dose() {
         header.dose_scaling.map(|scaling| (scaling, 0.0))
     } else {
-        stated_rescale(frame)
+        // Parametric maps have an identity as rescale, and their meaning in the mapping.
+        frame.mapping.filter(|_| header.is_parametric_map()).or_else(|| stated_rescale(frame))
     };
     let rescales = image.is_none_or(Image::rescales);
     let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
     let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
-    let mut keys = [f32::NAN; Key::NUMBERS];
+    let mut keys = [f32::NAN; Key::KEPT];
     for (slot, value) in keys.iter_mut().zip([
         series.stack_index(&frame.stack_id),
         frame.segment.map_or(f64::NAN, f64::from),
@@ -177,11 +198,13 @@ fn add_frame<'s>(
         value(header.flip_angle),
         number(frame.temporal_position),
         value(frame.b_value),
-        series.direction_index(header.gradient),
+        series.direction_index(frame.gradient),
         value(frame.trigger_time),
         value(header.cardiac_phase),
         number(frame.acquisition),
-        value(header.acquisition_time),
+        value(frame.acquisition_time),
+        value(header.frame_reference_time),
+        series.vectors_index(frame.vectors),
     ]) {
         #[expect(clippy::cast_possible_truncation, reason = "seven digits tell images apart")]
         let short = value as f32;
@@ -217,6 +240,7 @@ fn add_frame<'s>(
         rescales,
         padding: StatedPadding::of(header),
         keys,
+        dimensions: frame.dimensions.map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
     };
     let shared = Shared {
         kind,
@@ -231,6 +255,7 @@ fn add_frame<'s>(
         pixel_spacing: frame.pixel_spacing,
         slice_thickness: frame.slice_thickness,
         spacing_between: frame.spacing_between,
+        leaves_out_empty: header.is_segmentation(),
         unroll_bytes: 0,
         warnings: Vec::new(),
     };
@@ -244,6 +269,10 @@ fn add_frame<'s>(
         group.shared.warn(Some("the RT dose states no dose grid scaling; values are as stored, not in Gy"));
     }
     group.shared.warn(match frame.origin {
+        Origin::Stated if frame.position.is_none() && frame.index > 0 && header.is_film() => Some(
+            "frames follow each other in time (Frame Increment Pointer (0028,0009)), and are stacked as if they \
+             were slices",
+        ),
         Origin::Stated => None,
         Origin::Grid => Some("positions of frames are taken from the grid frame offset vector"),
         Origin::Stepped => {

@@ -38,6 +38,8 @@ const NEIGHBOUR_BYTES: usize = 64 << 10;
 /// -1000 HU in CT and to 0 elsewhere, as far as Bits Stored reach: background, but no outlier. So do
 /// floating-point pixels that equal theirs, which may be NaN.
 ///
+/// Slices that a segmentation leaves out are 0.
+///
 /// Slices that are missing, and are to be filled, are made when they are read: linear between their two
 /// neighbours in what is delivered, integers rounded half away from zero.
 ///
@@ -297,7 +299,7 @@ impl DicomVolume {
     fn file_of(&self, z: u32) -> usize {
         let place = match self.layer(z) {
             Some(Layer::Image(at) | Layer::Tile(at, _) | Layer::Between(at, ..)) => self.places.get(at),
-            None => None,
+            Some(Layer::Empty) | None => None,
         };
         place.map_or(0, |p| p.file as usize)
     }
@@ -317,6 +319,7 @@ fn number_images(layers: Vec<Layer>) -> (Vec<usize>, Vec<Layer>) {
     let renumber = |layer| match layer {
         Layer::Image(at) => Layer::Image(number(at)),
         Layer::Tile(at, tile) => Layer::Tile(number(at), tile),
+        Layer::Empty => Layer::Empty,
         Layer::Between(from, to, part) => {
             let from = number(from);
             Layer::Between(from, number(to), part)
@@ -453,6 +456,10 @@ impl VolumeSource for DicomVolume {
         match self.layer(z) {
             Some(Layer::Image(at)) => self.read_place(at, 0, &rows, &cols, out),
             Some(Layer::Tile(at, tile)) => self.read_place(at, tile, &rows, &cols, out),
+            Some(Layer::Empty) => {
+                out.fill(0);
+                Ok(())
+            }
             Some(Layer::Between(from, to, part)) => self.read_between([from, to], part, &rows, &cols, out),
             None => Err(io::ErrorKind::InvalidInput.into()),
         }

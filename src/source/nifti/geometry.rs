@@ -43,14 +43,21 @@ impl Placement {
     fn ras(&self, warnings: &mut Vec<String>) -> [[f64; 4]; 3] {
         if self.sform_code > 0 {
             if (Affine { rows: self.rows }).inverse().is_some() {
+                if self.qform_code > 0 && differ(&self.rows, &self.qform(self.spacing())) {
+                    warnings.push(
+                        "sform and qform of the header place the volume differently; the sform is used, and \
+                         other programs may use the qform"
+                            .into(),
+                    );
+                }
                 return self.rows;
             }
             warnings.push("the sform of the header is singular and is not used".into());
         }
-        let spacing = [1, 2, 3].map(|i: usize| {
-            let step = self.pixdim.get(i).copied().unwrap_or(1.0).abs();
-            if step > 0.0 && step.is_finite() { step } else { 1.0 }
-        });
+        let spacing = self.spacing();
+        if self.pixdim.iter().skip(1).any(|step| *step == 0.0 || !step.is_finite()) {
+            warnings.push("the header states no spacing along some axis; 1 mm is assumed".into());
+        }
         if self.qform_code > 0 {
             let rows = self.qform(spacing);
             if (Affine { rows }).inverse().is_some() {
@@ -66,6 +73,14 @@ impl Placement {
             row[axis] = step;
         }
         rows
+    }
+
+    /// The spacing by `pixdim`; 1 where it makes no sense.
+    fn spacing(&self) -> [f64; 3] {
+        [1, 2, 3].map(|i: usize| {
+            let step = self.pixdim.get(i).copied().unwrap_or(1.0).abs();
+            if step > 0.0 && step.is_finite() { step } else { 1.0 }
+        })
     }
 
     /// Rotation by the unit quaternion (a, b, c, d), with the third axis reversed where `pixdim[0]` < 0.
@@ -93,4 +108,15 @@ impl Placement {
         }
         rows
     }
+}
+
+/// Do two placements differ by more than singles and rounded quaternions do: by a hundredth of a step in
+/// directions or spacing, or half a step in position?
+fn differ(a: &[[f64; 4]; 3], b: &[[f64; 4]; 3]) -> bool {
+    let step = |column: usize| a.iter().map(|row| row[column] * row[column]).sum::<f64>().sqrt();
+    let smallest = (0..3).map(step).fold(f64::INFINITY, f64::min);
+    (0..4).any(|column| {
+        let most = if column == 3 { smallest / 2.0 } else { step(column) / 100.0 };
+        a.iter().zip(b).any(|(a, b)| (a[column] - b[column]).abs() > most)
+    })
 }

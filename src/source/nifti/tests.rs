@@ -144,3 +144,27 @@ fn other_gzip_files_are_left_alone() {
     assert!(!recognise(&gzip(&[7; 5000]), Path::new("a.nii.gz")));
     assert!(!recognise(&plain()[..300], Path::new("a.dat")));
 }
+
+#[test]
+fn forms_that_disagree_and_steps_that_are_missing_are_reported() {
+    let warned = |bytes: &[u8], what: &str| one(bytes).warnings.iter().any(|w| w.contains(what));
+    let mut bytes = plain();
+    (bytes[252], bytes[254]) = (1, 2);
+    for (row, at) in [(0, 280), (1, 296), (2, 312)] {
+        put(&mut bytes, at + 4 * row, [2.0, 3.0, 4.0][row]);
+    }
+    // The qform is no rotation, at the origin: the same.
+    assert!(!warned(&bytes, "differently"));
+    put(&mut bytes, 268, 0.9);
+    assert!(!warned(&bytes, "differently"), "less than half a step");
+    put(&mut bytes, 268, 1.1);
+    assert!(warned(&bytes, "differently"));
+    put(&mut bytes, 268, 0.0);
+    put(&mut bytes, 264, 0.02);
+    assert!(warned(&bytes, "differently"));
+    assert!(!warned(&plain(), "no spacing along"));
+    let mut bytes = plain();
+    put(&mut bytes, 84, 0.0);
+    assert!(warned(&bytes, "no spacing along"));
+    assert_eq!(one(&bytes).spacing_mm, [2.0, 1.0, 4.0]);
+}

@@ -43,6 +43,7 @@ const DESCRIPTION: u16 = 270;
 const X_RESOLUTION: u16 = 282;
 const Y_RESOLUTION: u16 = 283;
 const SUBFILE_TYPE: u16 = 254;
+const ORIENTATION: u16 = 274;
 
 /// Is this a TIFF picture?
 pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
@@ -178,6 +179,8 @@ struct Stack {
     memory_bytes: u64,
     file_bytes: u64,
     inverted: bool,
+    /// Are columns, or rows, stored from the other end?
+    backwards: Option<[bool; 2]>,
     thumbnails: usize,
     /// Were the pages of an ImageJ stack behind one directory?
     contiguous: bool,
@@ -239,6 +242,7 @@ impl Stack {
         }
         self.memory_bytes = self.memory_bytes.max(raster.memory_bytes());
         self.inverted |= raster.inverted;
+        self.turned(backwards(tiff.value(directory, ORIENTATION, 1)?).map_err(damaged)?).map_err(damaged)?;
         if self.pages.len() >= Dims::MAX_SIDE as usize {
             return Err(damaged(format!("it has more than {} pages", Dims::MAX_SIDE)));
         }
@@ -281,10 +285,22 @@ impl Stack {
         ))
     }
 
+    /// Is a slice stored from the same corner as those before?
+    fn turned(&mut self, backwards: [bool; 2]) -> Result<(), String> {
+        if *self.backwards.get_or_insert(backwards) == backwards {
+            return Ok(());
+        }
+        Err("a page is stored from another corner than the first (Orientation); save all of them alike"
+            .into())
+    }
+
     /// Adds the slices of another file.
     fn append(&mut self, other: Self) -> Result<(), String> {
         if let Some(shape) = other.shape {
             self.same(shape)?;
+        }
+        if let Some(backwards) = other.backwards {
+            self.turned(backwards)?;
         }
         self.pages.extend(other.pages);
         self.spacing_mm = self.spacing_mm.or(other.spacing_mm);
@@ -318,6 +334,14 @@ impl Stack {
         if self.inverted {
             warnings.push("0 is white in these pictures; the numbers are kept as they are".into());
         }
+        let mut affine = Affine::from_spacing(spacing_mm);
+        for (axis, _) in self.backwards.unwrap_or_default().iter().enumerate().filter(|(_, back)| **back) {
+            let row = &mut affine.rows[axis];
+            row[3] = row[axis] * f64::from(shape.size[axis] - 1);
+            row[axis] = -row[axis];
+            let what = ["columns are stored from right to left", "rows are stored from the bottom up"][axis];
+            warnings.push(format!("{what} (Orientation), and are placed so"));
+        }
         if self.thumbnails > 0 {
             warnings.push(format!("{} pages of reduced size (thumbnails) are left out", self.thumbnails));
         }
@@ -327,7 +351,7 @@ impl Stack {
             scalar: shape.samples.delivered(),
             rescale: Rescale::IDENTITY,
             spacing_mm,
-            affine: Affine::from_spacing(spacing_mm),
+            affine,
             description: SourceDescription { format: "tiff".into(), name, files: list.len() as u64, bytes },
             warnings,
         };
@@ -345,6 +369,20 @@ impl Stack {
         let pages = self.pages.iter().map(|p| (p.file, p.offset)).collect();
         let recipe = Pages { files, pages, memory_bytes: self.memory_bytes };
         Ok(Box::new(StoredVolume::sequential(info, Box::new(recipe))))
+    }
+}
+
+/// Whether columns, and rows, are stored from the other end, by the tag Orientation.
+fn backwards(orientation: u64) -> Result<[bool; 2], String> {
+    match orientation {
+        2 => Ok([true, false]),
+        3 => Ok([true, true]),
+        4 => Ok([false, true]),
+        5..=8 => Err(format!(
+            "its pictures are stored turned by 90 degrees (Orientation {orientation}); save them upright"
+        )),
+        // Others mean nothing.
+        _ => Ok([false, false]),
     }
 }
 
