@@ -187,9 +187,16 @@ fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
     }
 }
 
+/// Memory that `oct scan`, which has no cap of its own, takes for the images of one series: some 600,000.
+const SCAN_OPENING_BYTES: u64 = 256 << 20;
+
 fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
     let mut first = true;
-    let how = OpenOptions { gaps: args.gaps.policy(), ..OpenOptions::default() };
+    let how = OpenOptions {
+        gaps: args.gaps.policy(),
+        opening_bytes: Some(SCAN_OPENING_BYTES),
+        ..OpenOptions::default()
+    };
     let report = jobs::scan::scan(&args.input, &how, args.keep_names, &mut |listed| {
         let before = match (args.json, std::mem::take(&mut first)) {
             (true, true) => "{\"items\":[\n",

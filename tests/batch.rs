@@ -20,7 +20,7 @@ mod dicom;
 mod lcg;
 
 use command::{binary, names, oct, smallest_budget, text};
-use dicom::Image;
+use dicom::{Elements, Image};
 use lcg::Lcg;
 
 const SIDE: u16 = 32;
@@ -243,6 +243,39 @@ fn long_series_that_are_opened_by_several_jobs_stay_within_the_cap() {
         let (peak, used) = (report["peak_rss_bytes"].as_u64().unwrap(), report["jobs"].as_u64().unwrap());
         assert!(peak <= allowed && used >= jobs, "{cap} allowed, peak {peak}, {used} jobs");
     }
+}
+
+#[test]
+fn a_small_file_of_very_many_frames_is_refused_before_they_are_looked_at() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    write_ball(&top.join("good"), "1.2.3.1", 8.0);
+    let film = top.join("film.dcm");
+    let mut image = Elements::ct(0.0, 1, [0; 4]);
+    for tag in [0x0028_0010, 0x0028_0011] {
+        image.us(tag, 1);
+    }
+    for (tag, bits) in [(0x0028_0100, 8), (0x0028_0101, 8), (0x0028_0102, 7)] {
+        image.us(tag, bits);
+    }
+    image.set(0x0008_0016, "UI", "1.2.840.10008.5.1.4.1.1.7.2").set(0x0020_000e, "UI", "1.2.3.2");
+    let frames = 1 << 20;
+    image.set(0x0028_0008, "IS", &frames.to_string()).raw(0x7fe0_0010, "OB", &vec![1; frames]);
+    fs::write(&film, image.bytes()).unwrap();
+
+    let sentence = &["film.dcm", "1048576 images", "--memory"];
+    let model = folder.path().join("m.oct");
+    let cap = 10 << 20;
+    let run = oct(&["build", &text(&film), "-o", &text(&model), "--memory", "10MiB"]);
+    run.refused(4, sentence);
+    let (code, report) = batch(&top, &out, &["--iso", "100", "--memory", "10MiB"]);
+    assert_eq!((code, counts(&report)), (8, [1, 0, 1]), "{report}");
+    assert!(report.to_string().contains("1048576 images"), "{report}");
+    let peak = report["peak_rss_bytes"].as_u64().unwrap();
+    assert!(peak <= cap, "{peak} of {cap}");
+    // A scan has no cap, and lists it.
+    let listed = oct(&["scan", &text(&top)]);
+    assert!(listed.stdout.contains("1048576 images"), "{listed:?}");
 }
 
 #[test]

@@ -65,7 +65,8 @@ pub fn build_cleaned(
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
     give_back();
-    let source = source::open_in(inputs, how, &options.scratch_folder(output))?;
+    let how = OpenOptions { opening_bytes: Some(options.memory.left()), ..how.clone() };
+    let source = source::open_in(inputs, &how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
     build_cleaned_source(source, input, cleaning, options, output, progress, started)

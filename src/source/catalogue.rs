@@ -39,6 +39,9 @@ pub struct OpenOptions {
     pub skip: Option<PathBuf>,
     /// Spacing and directions that come before what the files state; of [`OpenOptions::raw`] its own count.
     pub placement: Placement,
+    /// Memory that putting the images of one series in order may take; not bounded if nothing is said. A
+    /// small file can hold very many frames.
+    pub opening_bytes: Option<u64>,
 }
 
 /// What to do where slices of a series are missing.
@@ -149,6 +152,28 @@ pub(super) struct Item {
     /// The record whose path comes first; items are in the order of these.
     pub(super) first: u64,
     pub(super) files: u32,
+    pub(super) weight: Weight,
+}
+
+/// What it takes to open an item.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Weight {
+    /// Files, or the frames in them.
+    pub(super) images: u32,
+    /// Memory that is taken for a moment, about.
+    pub(super) opening_bytes: u64,
+}
+
+impl Weight {
+    /// A file of which no more is known than that it is there.
+    pub(super) const FILE: Self = Self { images: 1, opening_bytes: 400 };
+
+    pub(super) fn and(self, other: Self) -> Self {
+        Self {
+            images: self.images.saturating_add(other.images),
+            opening_bytes: self.opening_bytes.saturating_add(other.opening_bytes),
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -163,9 +188,6 @@ pub(super) enum What {
     Sidecar,
     Raw,
 }
-
-/// Memory that opening takes for each file: what is known of an image while a series is put in order.
-const OPENING_BYTES: u64 = 400;
 
 /// How deep the folders below an input are searched, if nothing else is said: deep enough for every
 /// archive, and an end for a file system that contains itself.
@@ -264,7 +286,12 @@ impl Catalogue {
     /// Memory that opening item `index` takes for a moment, about; a third of it stays while its volumes are
     /// held.
     pub fn opening_bytes(&self, index: usize) -> u64 {
-        self.items.get(index).map_or(0, |item| u64::from(item.files) * OPENING_BYTES)
+        self.items.get(index).map_or(0, |item| item.weight.opening_bytes)
+    }
+
+    /// Bounds what [`Catalogue::open`] may take for a moment; items that need more are refused.
+    pub fn allow_opening(&mut self, bytes: u64) {
+        self.options.opening_bytes = Some(bytes);
     }
 
     /// Words that tell who the patients of all images are.
@@ -281,6 +308,14 @@ impl Catalogue {
         let first = self.log.get(item.first).map_err(|e| (PathBuf::new(), e))?;
         let path = full_path(&self.inputs, &first);
         let failed = |e| (path.clone(), e);
+        let Weight { images, opening_bytes: needed_bytes } = item.weight;
+        let allowed_bytes = self.options.opening_bytes.unwrap_or(u64::MAX);
+        // What one image takes is there always.
+        if needed_bytes > allowed_bytes && images > 1 {
+            let images = images.into();
+            let path = path.clone();
+            return Err(failed(SourceError::ManyImages { path, images, needed_bytes, allowed_bytes }));
+        }
         let findings = |path: &Path, format, files, opened| findings(path, format, files, opened, hide);
         let one = || {
             let mut files = InputFiles::default();

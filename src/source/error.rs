@@ -79,6 +79,18 @@ pub enum SourceError {
         /// Bytes that it may take.
         allowed_bytes: u64,
     },
+    /// Putting the images of a series in order needs more memory than allowed.
+    #[error("{path}: has {images} images, which take {needed} to be put in order, where {allowed} is left for that; convert it with a larger --memory", path = path.display(), needed = Bytes(*needed_bytes), allowed = Bytes(*allowed_bytes))]
+    ManyImages {
+        /// The series' first file.
+        path: PathBuf,
+        /// Files, or frames where files have several.
+        images: u64,
+        /// Bytes that ordering takes, about.
+        needed_bytes: u64,
+        /// Bytes that it may take.
+        allowed_bytes: u64,
+    },
     /// The request does not fit the input (for example no --dims for a raw file).
     #[error("{path}: {reason}", path = path.display())]
     Usage {
@@ -95,7 +107,7 @@ impl SourceError {
         match self {
             Self::Usage { .. } => ExitKind::Usage,
             Self::Scratch { .. } => ExitKind::Io,
-            Self::Memory { .. } => ExitKind::Budget,
+            Self::Memory { .. } | Self::ManyImages { .. } => ExitKind::Budget,
             _ => ExitKind::Input,
         }
     }

@@ -9,7 +9,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use super::beside::Beside;
-use super::catalogue::{Item, LeftOut, OpenOptions, What, full_path, precedes};
+use super::catalogue::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
 use super::dicom::{Recognised, recognise};
 use super::formats::{FORMATS, HEAD_BYTES, STACKS, known};
 use super::log::{Log, NONE, Record};
@@ -63,7 +63,7 @@ pub(super) struct Surveyor<'a> {
 /// What a file is.
 enum Class {
     /// A volume of its own, or with `Some` key a part of one.
-    Item(What, Option<u64>),
+    Item(What, Option<u64>, Weight),
     LeftOut(String),
     /// Part of something that is counted elsewhere.
     Part,
@@ -111,7 +111,7 @@ impl<'a> Surveyor<'a> {
             Err(cause) => return Ok(Class::LeftOut(format!("cannot be read ({})", cause.kind()))),
         };
         match recognise(&file) {
-            Recognised::Image { series, secrets } => {
+            Recognised::Image { series, secrets, frames, opening_bytes } => {
                 let folder = path.parent().unwrap_or(Path::new(""));
                 self.patients.note(&secrets);
                 self.beside.note(folder, secrets, &mut self.log)?;
@@ -122,10 +122,14 @@ impl<'a> Surveyor<'a> {
                 } else {
                     StableHash::new().part(b"series").part(series.as_bytes())
                 };
-                return Ok(Class::Item(What::Series, Some(key.finish())));
+                return Ok(Class::Item(
+                    What::Series,
+                    Some(key.finish()),
+                    Weight { images: frames, opening_bytes },
+                ));
             }
             Recognised::NoImage(kind) => return Ok(Class::LeftOut(kind)),
-            Recognised::Damaged(_) => return Ok(Class::Item(What::Damaged, None)),
+            Recognised::Damaged(_) => return Ok(Class::Item(What::Damaged, None, Weight::FILE)),
             Recognised::Unreadable(cause) if named => {
                 return Err(SourceError::Unreadable { path: path.to_path_buf(), cause });
             }
@@ -136,7 +140,7 @@ impl<'a> Surveyor<'a> {
         }
         let index = |at: usize| u8::try_from(at).unwrap_or(u8::MAX);
         if let Some(at) = FORMATS.iter().position(|f| (f.recognise)(&head, path)) {
-            return Ok(Class::Item(What::Format(index(at)), None));
+            return Ok(Class::Item(What::Format(index(at)), None, Weight::FILE));
         }
         if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
             if path.extension().is_some_and(|e| e == "png") && path.with_extension("oct").is_file() {
@@ -144,7 +148,7 @@ impl<'a> Surveyor<'a> {
             }
             let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
             let key = StableHash::new().part(folder).finish();
-            return Ok(Class::Item(What::Stack(index(at)), Some(key)));
+            return Ok(Class::Item(What::Stack(index(at)), Some(key), Weight::FILE));
         }
         if let Some(what) = known(&head) {
             return left_out(what);
@@ -153,7 +157,7 @@ impl<'a> Surveyor<'a> {
             if sidecar::is_outdone(path) {
                 return left_out("another side-car describes the same data");
             }
-            return Ok(Class::Item(What::Sidecar, None));
+            return Ok(Class::Item(What::Sidecar, None, Weight::FILE));
         }
         if sidecar::is_named_so(path)
             && let Some(reason) = sidecar::unparsed(path)
@@ -166,13 +170,18 @@ impl<'a> Surveyor<'a> {
         if let Some(raw) = &self.options.raw {
             let expected = raw.dims.voxels() * raw.scalar.bytes() as u64;
             if named || expected.checked_add(raw.skip) == Some(meta.len()) {
-                return Ok(Class::Item(What::Raw, None));
+                return Ok(Class::Item(What::Raw, None, Weight::FILE));
             }
         }
         left_out("not a volume")
     }
 
-    fn add(&mut self, what: What, key: Option<u64>, mut record: Record) -> Result<(), SourceError> {
+    fn add(
+        &mut self,
+        (what, key): (What, Option<u64>),
+        weight: Weight,
+        mut record: Record,
+    ) -> Result<(), SourceError> {
         let known = key.and_then(|key| self.index.get(&(what, key))).copied();
         let item = known.and_then(|at| self.items.get_mut(at as usize));
         let Some(item) = item else {
@@ -180,13 +189,14 @@ impl<'a> Surveyor<'a> {
             if let (Some(key), Ok(index)) = (key, u32::try_from(self.items.len())) {
                 self.index.insert((what, key), index);
             }
-            self.items.push(Item { what, last: at, first: at, files: 1 });
+            self.items.push(Item { what, last: at, first: at, files: 1, weight });
             return Ok(());
         };
         let comes_first = precedes(self.inputs, &record, &self.log.get(item.first)?).is_lt();
         record.before = item.last;
         item.last = self.log.push(&record)?;
         item.files = item.files.saturating_add(1);
+        item.weight = item.weight.and(weight);
         if comes_first {
             item.first = item.last;
         }
@@ -203,7 +213,7 @@ impl Visitor for Surveyor<'_> {
                 leave_out(&mut self.left_out, reason, full);
                 Ok(())
             }
-            Class::Item(what, key) => {
+            Class::Item(what, key, weight) => {
                 let record = Record {
                     before: NONE,
                     size: meta.len(),
@@ -211,7 +221,7 @@ impl Visitor for Surveyor<'_> {
                     input,
                     path: path.to_path_buf(),
                 };
-                self.add(what, key, record)
+                self.add((what, key), weight, record)
             }
         }
     }

@@ -57,6 +57,9 @@ const MORE_CODE: u64 = 1 << 20;
 const JOB_OVERHEAD: u64 = 704 << 10;
 /// Least memory that a job is of use with.
 const LEAST_SHARE: u64 = 1536 << 10;
+/// Series that take more to be opened, of some 40,000 images, are left aside where the least memory for a batch
+/// is stated.
+const USUAL_OPENING_BYTES: u64 = 16 << 20;
 /// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
 const THUMBNAIL_PAGES: u64 = 5 << 20;
 
@@ -116,7 +119,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     sweep(&request.out);
     let scratch = request.build.scratch_folder(&request.out.join("x"));
     let how = OpenOptions { skip: request.out.canonicalize().ok(), ..request.how.clone() };
-    let catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;
+    let mut catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
         let path = request.inputs.first().cloned().unwrap_or_default();
@@ -127,14 +130,22 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let limit = request.build.memory.bytes();
     give_back();
     let resident = request.build.memory.held() + MORE_CODE;
-    let base_of = |jobs: usize| resident + JOB_OVERHEAD * jobs as u64 + opening_bytes(&catalogue, jobs);
+    // One series too large to be opened is refused alone.
+    let room = limit.saturating_sub(resident + JOB_OVERHEAD + LEAST_SHARE);
+    let openable = room / 4 * 3;
+    catalogue.allow_opening(openable);
+    let base = |jobs: usize, openable| {
+        resident + JOB_OVERHEAD * jobs as u64 + opening_bytes(&catalogue, openable, jobs)
+    };
+    let base_of = |jobs: usize| base(jobs, openable);
     let fits = |jobs: &usize| base_of(*jobs) + LEAST_SHARE * *jobs as u64 <= limit;
     // Fewer jobs where the memory is not enough for all.
     let Some(jobs) = (1..=request.jobs.clamp(1, catalogue.len())).rev().find(fits) else {
         return Err(Error::Build(BuildError::BudgetTooSmall {
             name: request.out.display().to_string(),
             limit_bytes: limit,
-            minimum_bytes: (base_of(1) + LEAST_SHARE + HELD_SPREAD).next_multiple_of(1 << 16),
+            minimum_bytes: (base(1, USUAL_OPENING_BYTES) + LEAST_SHARE + HELD_SPREAD)
+                .next_multiple_of(1 << 16),
         }));
     };
     let base = base_of(jobs);
@@ -191,11 +202,12 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     Ok(report)
 }
 
-/// What the items take beside their builds: the largest one while it is opened, and what stays of the largest
-/// ones while they are worked on.
-fn opening_bytes(catalogue: &Catalogue, jobs: usize) -> u64 {
+/// What the items that can be opened within `openable` bytes take beside their builds: the largest one while it
+/// is opened, and what stays of the largest ones while they are worked on.
+fn opening_bytes(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     let mut largest = vec![0; jobs];
-    for bytes in (0..catalogue.len()).map(|at| catalogue.opening_bytes(at)) {
+    for bytes in (0..catalogue.len()).map(|at| catalogue.opening_bytes(at)).filter(|bytes| *bytes <= openable)
+    {
         if let Some(least) = largest.last_mut().filter(|least| bytes > **least) {
             *least = bytes;
             largest.sort_unstable_by(|a, b| b.cmp(a));

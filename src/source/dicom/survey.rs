@@ -18,6 +18,11 @@ use super::scan::{ScanError, scan};
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
 
+/// What is known of a frame while a series is put in order; measured, with some room.
+const FRAME_BYTES: u64 = 400;
+/// What is known of a mosaic, whose slices are a volume of their own.
+const MOSAIC_BYTES: u64 = 2600;
+
 /// What a file is, as far as DICOM is concerned.
 #[derive(Debug)]
 pub(crate) enum Recognised {
@@ -27,6 +32,10 @@ pub(crate) enum Recognised {
         series: String,
         /// Whom it shows.
         secrets: Secrets,
+        /// Its frames.
+        frames: u32,
+        /// Memory that is taken for a moment when the series is opened, about.
+        opening_bytes: u64,
     },
     /// A report, a plan, a directory, ...; in words.
     NoImage(String),
@@ -43,7 +52,15 @@ pub(crate) fn recognise(file: &File) -> Recognised {
     match scan(file) {
         // An image that ends before its pixels is still an image; it is refused when it is opened.
         Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
-            Recognised::Image { series: header.series_uid, secrets: header.secrets }
+            // No more than lie in the file.
+            let frames = Image::of(&header).map_or(1, |image| image.frames);
+            let each = if is_one(&header) { MOSAIC_BYTES } else { FRAME_BYTES };
+            Recognised::Image {
+                series: header.series_uid,
+                secrets: header.secrets,
+                frames,
+                opening_bytes: u64::from(frames) * each,
+            }
         }
         Ok(header) => Recognised::NoImage(Obstacle::NoPixels(header.kind()).to_string()),
         Err(ScanError::Io(cause)) => Recognised::Unreadable(cause),
