@@ -71,7 +71,7 @@ impl fmt::Display for SizeArgument {
 /// Code and constants of the program, and of the libraries it uses, that one stage of a job has resident at
 /// most, if the stages before it gave theirs back; larger where they are not optimised. Measured over every
 /// reader, cleaning and range, with room for where the system happens to place them.
-pub const CODE_BYTES: u64 = if cfg!(debug_assertions) { 4 << 20 } else { 2560 << 10 };
+pub const CODE_BYTES: u64 = if cfg!(debug_assertions) { 6 << 20 } else { 4 << 20 };
 /// By how much [`MemoryCap::held`] may differ between two runs of the same job; added where the smallest cap
 /// is stated, so that it does work.
 pub const HELD_SPREAD: u64 = 192 << 10;

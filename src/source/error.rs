@@ -70,7 +70,7 @@ pub enum SourceError {
         cause: io::Error,
     },
     /// Unrolling the input needs more memory than allowed.
-    #[error("{path}: needs {needed} to be decoded, and --memory leaves {allowed} for that; allow more memory", path = path.display(), needed = Bytes(*needed_bytes), allowed = Bytes(*allowed_bytes))]
+    #[error("{path}: needs {needed} to be decoded, and --memory leaves {allowed} for that; allow at least {more} more", path = path.display(), needed = Bytes(*needed_bytes), allowed = Bytes(*allowed_bytes), more = Bytes(needed_bytes.saturating_sub(*allowed_bytes)))]
     Memory {
         /// The file.
         path: PathBuf,
@@ -80,7 +80,7 @@ pub enum SourceError {
         allowed_bytes: u64,
     },
     /// Putting the images of a series in order needs more memory than allowed.
-    #[error("{path}: has {images} images, which take {needed} to be put in order, where {allowed} is left for that; convert it with a larger --memory", path = path.display(), needed = Bytes(*needed_bytes), allowed = Bytes(*allowed_bytes))]
+    #[error("{path}: has {images} images, which take {needed} to be put in order, where {allowed} is left for that; allow at least {more} more with --memory", path = path.display(), needed = Bytes(*needed_bytes), allowed = Bytes(*allowed_bytes), more = Bytes(needed_bytes.saturating_sub(*allowed_bytes)))]
     ManyImages {
         /// The series' first file.
         path: PathBuf,
