@@ -2,10 +2,12 @@
 //!
 //! A decoder reads a [`std::io::Read`] and hands rows to a [`RowSink`]; it never sees a file, a volume or a
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
-//! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
+//! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so. Only
+//! JPEG XL is decoded by a crate, whose bounds are wider; [`jpegxl`] says how wide.
 
 pub mod jpeg;
 pub mod jpegls;
+pub mod jpegxl;
 pub mod rle;
 
 use std::io;
