@@ -98,6 +98,10 @@ fn too_little_memory_is_said_and_what_is_asked_for_suffices() {
         let CodecError::Memory { needed_bytes, allowed_bytes: 1000 } = error else { panic!("{error}") };
         assert!(try_decode(stream, needed_bytes - 1).is_err() && try_decode(stream, needed_bytes).is_ok());
     }
+    // What follows a codestream is not read, but a long one would be held.
+    let long = [SIXTEEN, &[0; 100_000]].concat();
+    let error = try_decode(&long, memory_bytes_for(9, 7, 1)).err().expect("it is longer than planned");
+    assert!(matches!(error, CodecError::Memory { .. }), "{error}");
     // What a slice of 512 by 512 is planned with.
     assert_eq!(memory_bytes_for(512, 512, 1), 6 << 20);
 }

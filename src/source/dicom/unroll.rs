@@ -69,8 +69,8 @@ pub fn unroll<R: ReadAt + ?Sized>(
 
 impl Image {
     /// Bytes of memory that [`unroll`] holds for this image: an upper bound for all but JPEG 2000, which
-    /// takes what its codestream needs, and for JPEG whose components come one after another, which is held
-    /// whole.
+    /// takes what its codestream needs, JPEG XL whose codestream is longer than noise is, and JPEG whose
+    /// components come one after another, which is held whole.
     pub fn unroll_bytes(&self) -> u64 {
         let samples = u64::from(self.layout.columns) * u64::from(self.samples);
         let frame = u64::from(self.layout.rows) * samples;
