@@ -15,9 +15,12 @@ use infobyte::source::{ScalarType, SourceError};
 mod dicom;
 #[path = "support/frames.rs"]
 mod frames;
+#[path = "support/lcg.rs"]
+mod lcg;
 #[path = "support/jpegxl.rs"]
 mod streams;
 use frames::{Collected, Spec, encapsulated, header_of, words};
+use lcg::Lcg;
 
 const LOSSLESS: &str = "1.2.840.10008.1.2.4.110";
 const RECOMPRESSED: &str = "1.2.840.10008.1.2.4.111";
@@ -226,21 +229,9 @@ impl RowSink for Only {
     }
 }
 
-/// Small and deterministic (Marsaglia's xorshift).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, limit: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        usize::try_from(self.0 % limit as u64).unwrap()
-    }
-}
-
 #[test]
 fn damaged_streams_end_in_time_and_within_what_is_planned() {
-    let mut random = Random(0x5eed);
+    let mut random = Lcg(0x5eed);
     let (mut refused, mut all, mut most) = (0_u32, 0_u32, 0);
     for (stream, sink) in [
         (streams::EIGHT, Only(9, 7, 1)),
@@ -265,7 +256,7 @@ fn damaged_streams_end_in_time_and_within_what_is_planned() {
                     changed[at] = match random.below(3) {
                         0 => 0xff,
                         1 => changed[at] ^ 1 << random.below(8),
-                        _ => u8::try_from(random.below(256)).unwrap(),
+                        _ => u8::try_from(random.below(256_u32)).unwrap(),
                     };
                 }
             }
