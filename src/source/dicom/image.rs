@@ -16,7 +16,7 @@ pub enum Obstacle {
     #[error("{0} without pixels")]
     NoPixels(String),
     /// Compressed in a way that is not decoded here.
-    #[error("compressed pixels ({0}) cannot be read")]
+    #[error("compressed pixels ({0}) cannot be read{remedy}", remedy = .0.remedy())]
     Codec(TransferSyntax),
     /// A transfer syntax that is not known here.
     #[error("pixels in an {0} cannot be read")]

@@ -128,8 +128,18 @@ impl TransferSyntax {
             ".4.53" | ".4.55" => Some(Codec::JpegPasses),
             ".4.80" | ".4.81" => Some(Codec::JpegLs),
             ".4.90" | ".4.91" | ".4.92" | ".4.93" | ".4.201" | ".4.202" | ".4.203" => Some(Codec::Jpeg2000),
-            ".4.110" | ".4.111" | ".4.112" => Some(Codec::JpegXl),
+            ".4.110" | ".4.111" | ".4.112" if cfg!(feature = "jpeg-xl") => Some(Codec::JpegXl),
             _ => None,
+        }
+    }
+
+    /// What can be done about pixels that are not decoded, as the end of a sentence.
+    pub(super) fn remedy(&self) -> &'static str {
+        match self.uid().strip_prefix(ROOT) {
+            Some(".4.110" | ".4.111" | ".4.112") => {
+                " by this build; build with --features jpeg-xl, or convert the file first"
+            }
+            _ => "",
         }
     }
 
