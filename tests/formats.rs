@@ -20,7 +20,7 @@ mod formats;
 #[path = "support/volume.rs"]
 mod volume;
 
-use command::{oct, text};
+use command::{oct, smallest_budget, text};
 use data::real_data;
 use formats::{Object, Tiff, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
 use volume::Random;
@@ -497,6 +497,29 @@ fn summary(source: &dyn VolumeSource) -> (f64, f64, f64) {
         }
     }
     (low, high, sum)
+}
+
+#[test]
+fn the_smallest_budget_of_a_packed_input_is_told_before_it_is_unrolled_and_works() {
+    let folder = tempfile::tempdir().unwrap();
+    let object = Object::new([60, 50, 40], ScalarType::U16, STEP);
+    for encoding in ["gzip", "bzip2"] {
+        let input = folder.path().join(format!("{encoding}.nrrd"));
+        fs::write(&input, nrrd(&object, encoding, false, "")).unwrap();
+        let output = text(&folder.path().join("m.oct"));
+        for cleaning in [&[][..], &["--close", "1", "--keep-largest", "1"]] {
+            let build = |memory: &str| {
+                let args =
+                    ["build", &text(&input), "-o", &output, "--iso", "300", "--json", "--memory", memory];
+                oct(&[&args[..], cleaning].concat())
+            };
+            let refusal = build("64KiB");
+            refusal.refused(4, &["smallest that works"]);
+            let report = build(smallest_budget(&refusal.stderr)).json();
+            let number = |key: &str| report[key].as_u64().unwrap();
+            assert!(number("peak_rss_bytes") <= number("memory_budget_bytes"), "{report}");
+        }
+    }
 }
 
 /// Figures of nibabel and pynrrd, the affine turned to LPS.

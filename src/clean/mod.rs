@@ -196,7 +196,14 @@ impl CleanOptions {
         self.smallest_cap(source, options, MemoryCap::Share(0))
     }
 
-    fn smallest_cap(&self, source: &dyn VolumeSource, options: &BuildOptions, none: MemoryCap) -> u64 {
+    /// The smallest cap of the kind of `none`, which allows nothing, within which a (reshaped) volume can be
+    /// cleaned and built.
+    pub(crate) fn smallest_cap(
+        &self,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        none: MemoryCap,
+    ) -> u64 {
         let build = build::smallest_cap(source, options, none);
         if !self.works_on_bits() {
             return build;

@@ -8,8 +8,8 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::info::{Info, info, static_facts};
-use crate::budget::{Bytes, peak_rss_bytes};
-use crate::build::{self, BuildOptions, BuildReport, Progress, Threshold};
+use crate::budget::{Bytes, HELD_SPREAD, MemoryCap, peak_rss_bytes};
+use crate::build::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::clean::{CleanOptions, CleanReport};
 use crate::error::Error;
 use crate::format::MAGIC;
@@ -36,6 +36,9 @@ pub struct BuildSummary {
     /// Seconds from opening the input to the model's name on disk.
     pub wall_s: f64,
 }
+
+/// Putting the images of a series in order may always take this: some 2,600 images.
+const LEAST_OPENING_BYTES: u64 = 1 << 20;
 
 /// Opens the inputs and builds the model.
 ///
@@ -65,7 +68,9 @@ pub fn build_cleaned(
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
     give_back();
-    let how = OpenOptions { opening_bytes: Some(options.memory.left()), ..how.clone() };
+    // Where not even a little is left, the builder says it better.
+    let opening_bytes = options.memory.left().max(LEAST_OPENING_BYTES);
+    let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
     let source = source::open_in(inputs, &how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
@@ -106,7 +111,7 @@ pub fn build_source(
     progress: &dyn Progress,
     started: Instant,
 ) -> Result<BuildSummary, Error> {
-    prepare(source, options, output, progress)?;
+    prepare(source, &CleanOptions::default(), options, output, progress)?;
     give_back();
     let report = build::build(source, options, output, progress)?;
     let wall_s = started.elapsed().as_secs_f64();
@@ -156,7 +161,7 @@ pub fn build_reshaped_source(
         options.threshold = preset.threshold();
         preset.doubt(source.modality())
     });
-    prepare(&mut *source, &options, output, progress)?;
+    prepare(&mut *source, cleaning, &options, output, progress)?;
     give_back();
     let cleaned = cleaning.clean(&*source, &options, output, progress)?;
     if cleaned.is_some() {
@@ -184,9 +189,10 @@ pub fn build_reshaped_source(
     })
 }
 
-/// Unrolls a source that has to be.
+/// Unrolls a source that has to be, unless the cap would be too small for that or for what follows.
 fn prepare(
     source: &mut dyn VolumeSource,
+    cleaning: &CleanOptions,
     options: &BuildOptions,
     output: &Path,
     progress: &dyn Progress,
@@ -198,6 +204,18 @@ fn prepare(
     give_back();
     let scratch = options.scratch_folder(output);
     let memory_bytes = options.memory.left();
+    let cap = options.memory;
+    if matches!(cap, MemoryCap::Process(_))
+        && (needs.memory_bytes > memory_bytes || !build::fits(source, options, cap))
+    {
+        let unrolling = cap.held() + needs.memory_bytes + HELD_SPREAD;
+        let minimum_bytes = cleaning.smallest_cap(source, options, MemoryCap::Process(0)).max(unrolling);
+        return Err(Error::Build(BuildError::BudgetTooSmall {
+            name: source.info().description.name.clone(),
+            limit_bytes: cap.bytes(),
+            minimum_bytes: minimum_bytes.next_multiple_of(1 << 16),
+        }));
+    }
     Ok(source.prepare(&Workspace { scratch: &scratch, memory_bytes, progress })?)
 }
 
