@@ -18,7 +18,7 @@ pub enum BuildError {
     #[error(transparent)]
     Source(#[from] SourceError),
     /// The cap is too small even for one thread.
-    #[error("{name}: --memory {limit} is too small for this volume; the smallest that works is --memory {minimum}", limit = SizeArgument(*limit_bytes), minimum = SizeArgument(*minimum_bytes))]
+    #[error("{name}: --memory {limit} is too small; the smallest that works is --memory {minimum}", limit = SizeArgument(*limit_bytes), minimum = SizeArgument(*minimum_bytes))]
     BudgetTooSmall {
         /// The input.
         name: String,

@@ -112,10 +112,19 @@ impl<'a> Masked<'a> {
 
 /// Does one of our own words, or a short number, stand alone at a place of a sentence?
 fn is_our_own(text: &str, at: Range<usize>) -> bool {
-    let before = text.get(..at.start).and_then(|t| t.chars().next_back());
-    let mut behind = text.get(at.end..).unwrap_or_default().chars();
+    let (Some(before), Some(found), Some(behind)) =
+        (text.get(..at.start), text.get(at.clone()), text.get(at.end..))
+    else {
+        return false;
+    };
+    // A name may be a part of a word: Head of `header`.
+    let is_word = found.chars().all(char::is_alphabetic);
+    let letter = |c: char| is_word && c.is_alphabetic();
+    let (before, behind) = (before.trim_end_matches(letter), behind.trim_start_matches(letter));
+    let Some(word) = text.get(before.len()..text.len() - behind.len()) else { return false };
+    let before = before.strip_suffix("--").unwrap_or(before).chars().next_back();
+    let mut behind = behind.chars();
     let (next, then) = (behind.next(), behind.next());
-    let Some(word) = text.get(at) else { return false };
     let is_number = word.len() <= LONGEST_NUMBER && word.bytes().all(|b| b.is_ascii_digit());
     // `512x512`, `(0020,0012)`; a full stop ends a sentence, or begins the ending of a file's name.
     let sign = |c: char| c.is_whitespace() || "(),:;=".contains(c) || (is_number && "x.".contains(c));
@@ -195,6 +204,10 @@ mod tests {
             "the [name] of [name].dcm, [name]_1 and IM[name]"
         );
         assert_eq!(text("it has 1.512 mm: long"), "it has 1.512 mm: long");
+        let parts = ["slice", "head", "memory"].map(str::to_owned);
+        let text = |text: &str| masked.text(text.into(), &parts);
+        assert_eq!(text("the header of slices; --memory 8MiB"), "the header of slices; --memory 8MiB");
+        assert_eq!(text("headless, slice_1, -memory"), "[name]less, [name]_1, -[name]");
         assert_eq!(masked.path(Path::new("/data/in/slices/x"), &own), "[name]/x");
     }
 

@@ -28,6 +28,9 @@ pub(super) struct Gathered {
     full: bool,
 }
 
+/// Digits of the shortest number that tells who a patient is, wherever it stands.
+const LEAST_DIGITS: usize = 5;
+
 impl Gathered {
     /// Takes note of whom an image shows.
     pub(super) fn note(&mut self, secrets: &Secrets) {
@@ -37,7 +40,9 @@ impl Gathered {
         self.latest = Some(secrets.clone());
         let mut all = Vec::new();
         words(secrets, &mut all);
-        for word in all {
+        // Short numbers count images and series everywhere; beside its own images one is masked all the same.
+        let counts = |word: &String| word.len() < LEAST_DIGITS && word.bytes().all(|b| b.is_ascii_digit());
+        for word in all.into_iter().filter(|word| !counts(word)) {
             let word: String = folded(&word).take(MOST_LETTERS).collect();
             let entry = (word.chars().count(), word.into_boxed_str());
             let is_short = self.kept.first().is_some_and(|shortest| entry <= *shortest);

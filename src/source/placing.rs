@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 
 use super::catalogue::InputFiles;
 use super::placement::{Placement, place};
-use super::sidecar::{candidates, file_of, is_named_so, placement, unknown, value_of, with_unknown};
+use super::sidecar::{
+    candidates, file_of, is_named_so, placement, unknown, unparsed, value_of, with_unknown,
+};
 use super::walk::changed;
 use super::{SourceError, VolumeSource};
 
@@ -52,6 +54,10 @@ pub(super) fn placing_of(data: &[&Path]) -> Option<Placing> {
             inside.extend(candidates(&data.join(name)).chain(candidates(&data.join(INSIDE))));
         }
         candidates(data).chain(inside).find_map(|path| {
+            // What is named like the data, and cannot be read, would have said where it lies.
+            if let Some(reason) = unparsed(&path) {
+                return Some(Placing { path, said: Err(reason) });
+            }
             let (placing, file) = read_placing(&path)?;
             // Inside, the data is the folder, whatever is said of a file.
             file.is_none_or(|file| name == OsStr::new(&file)).then_some(placing)

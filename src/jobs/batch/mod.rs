@@ -129,13 +129,14 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
 
     let limit = request.build.memory.bytes();
     give_back();
-    let resident = request.build.memory.held() + MORE_CODE;
+    let resident = request.build.memory.held();
     // One series too large to be opened is refused alone.
     let room = limit.saturating_sub(resident + JOB_OVERHEAD + LEAST_SHARE);
     let openable = room / 4 * 3;
     catalogue.allow_opening(openable);
     let base = |jobs: usize, openable| {
-        resident + JOB_OVERHEAD * jobs as u64 + opening_bytes(&catalogue, openable, jobs)
+        let code = if jobs > 1 { MORE_CODE } else { 0 };
+        resident + code + JOB_OVERHEAD * jobs as u64 + opening_bytes(&catalogue, openable, jobs)
     };
     let base_of = |jobs: usize| base(jobs, openable);
     let fits = |jobs: &usize| base_of(*jobs) + LEAST_SHARE * *jobs as u64 <= limit;
@@ -148,6 +149,8 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
                 .next_multiple_of(1 << 16),
         }));
     };
+    // With more memory more jobs fit, which take more beside their builds.
+    let base_at_most = base_of(request.jobs.clamp(1, catalogue.len())).saturating_add(HELD_SPREAD);
     let base = base_of(jobs);
     let masked = Masked::new(request.keep_names, &request.inputs, catalogue.patient_words());
     let run = Run {
@@ -155,7 +158,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         catalogue: &catalogue,
         watcher,
         ledger: Ledger::new(limit.saturating_sub(base)),
-        base,
+        base_at_most,
         share: limit.saturating_sub(base) / jobs as u64,
         threads: (request.build.threads / jobs).max(1),
         options: options_fingerprint(request),
@@ -232,8 +235,8 @@ struct Run<'a> {
     catalogue: &'a Catalogue,
     watcher: &'a dyn Watcher,
     ledger: Ledger,
-    /// Memory of the process beside its jobs.
-    base: u64,
+    /// Memory of the process beside as many jobs as were asked for.
+    base_at_most: u64,
     /// Memory of a job that needs no more.
     share: u64,
     threads: usize,
@@ -434,7 +437,7 @@ impl Run<'_> {
             return Err(Error::Build(BuildError::BudgetTooSmall {
                 name: source.info().description.name.clone(),
                 limit_bytes: self.request.build.memory.bytes(),
-                minimum_bytes: (self.base + least).next_multiple_of(1 << 16),
+                minimum_bytes: (self.base_at_most + least).next_multiple_of(1 << 16),
             }));
         };
         let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..template };
@@ -454,7 +457,7 @@ impl Run<'_> {
                 thumbnail_bytes = fs::metadata(out.join(&file)).map_or(0, |meta| meta.len());
                 thumbnail = Some(file);
             } else {
-                let enough = SizeArgument((self.base + needed).next_multiple_of(1 << 16));
+                let enough = SizeArgument((self.base_at_most + needed).next_multiple_of(1 << 16));
                 warnings.push(format!("there is no memory for its thumbnail; --memory {enough} is enough"));
             }
         }

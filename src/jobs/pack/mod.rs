@@ -82,6 +82,14 @@ fn convert(
     let unreadable = |cause| LoadError::Unreadable { path: input.to_path_buf(), cause };
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let source = open_regular(input).map_err(unreadable)?;
+    if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
+        && from == to
+    {
+        let path = output.display();
+        return Err(Error::Usage(format!(
+            "{path}: is the input, and would be replaced; name another file with --output"
+        )));
+    }
     // The input's frame first: a foreign file is refused before anything is said about the output.
     Frame::read(&source).map_err(|fault| fault.at(input))?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
