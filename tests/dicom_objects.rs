@@ -398,6 +398,38 @@ fn parametric_maps_mean_what_their_mapping_says() {
 }
 
 #[test]
+fn times_that_differ_from_slice_to_slice_tear_no_volume_apart() {
+    // A beating heart, slice by slice: beats differ in length, and some slices share one.
+    let cine = |beats: [f64; 6]| -> Vec<Elements> {
+        let all = (0..6_u16).flat_map(|slice| (0..20_u16).map(move |phase| (slice, phase)));
+        let image = |(slice, phase): (u16, u16)| {
+            let n = i32::from(20 * slice + phase);
+            let mut image = Elements::ct(f64::from(slice), n, [100 * phase + slice; 4]);
+            let trigger = beats[usize::from(slice)] * f64::from(phase) / 20.0;
+            image.set(MODALITY, "CS", "MR").set(0x0018_1060, "DS", &format!("{trigger:.2}"));
+            image
+        };
+        all.map(image).collect()
+    };
+    // Two slices at a time.
+    let bands = |at: (u16, u16)| {
+        let (time, slice) = at;
+        let mut image = Elements::ct(f64::from(slice), i32::from(6 * time + slice), [100 * time + slice; 4]);
+        image.set(0x0008_0032, "TM", &format!("1200{:02}", 3 * time + slice % 3));
+        image
+    };
+    let bands: Vec<Elements> = (0..20).flat_map(|t| (0..6).map(move |s| (t, s))).map(bands).collect();
+    let expected: Vec<Vec<u16>> = (0..20).map(|t| (0..6).map(|slice| 100 * t + slice).collect()).collect();
+    for images in [
+        cine([900.0, 910.0, 920.0, 900.0, 910.0, 920.0]),
+        cine([900.0, 907.3, 914.6, 1021.9, 929.2, 836.5]),
+        bands,
+    ] {
+        assert_eq!(Found::in_files(&images).firsts(), expected);
+    }
+}
+
+#[test]
 fn positions_without_orientation_are_still_positions() {
     let images: Vec<Elements> = [(8, 1), (4, 2), (0, 3)]
         .map(|(z, n)| {
@@ -410,6 +442,10 @@ fn positions_without_orientation_are_still_positions() {
     assert_eq!(line(found.volume(0)), ([1.0, 2.0, 0.0], [0.0, 0.0, 4.0]));
     assert_eq!(found.firsts(), [[3, 2, 1]]);
     assert!(found.volume(0).info().warnings.join("\n").contains("no orientation"));
+    let found = Found::in_files(&series([4, 1, 6, 2, 5, 3], |image, volume| {
+        image.without(ORIENTATION).set(0x0020_0100, "IS", &volume.to_string());
+    }));
+    assert_eq!(found.firsts(), [[0, 1, 2], [10, 11, 12]]);
 }
 
 #[test]

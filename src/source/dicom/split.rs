@@ -67,7 +67,14 @@ pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
             continue;
         }
         let found = best(group, &part.chosen, repeats.extra);
+        // Times that differ from position to position are not those of volumes.
+        let ragged = |(key, parts): &(Key, Parts)| {
+            key.is_time() && parts.values().any(|own| self::repeats(group, own).places < repeats.places)
+        };
+        let turns =
+            found.as_ref().filter(|found| ragged(found)).and_then(|_| by_turn(group, &part, &repeats));
         let smaller = match found {
+            _ if turns.is_some() => turns.unwrap_or_default(),
             Some((key, parts)) => named(key, parts, &part, group, types),
             None => match by_turn(group, &part, &repeats) {
                 Some(parts) => parts,
@@ -238,20 +245,28 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
             part.push(*image);
         }
     }
-    let mut sequence: Vec<(usize, usize)> = Vec::with_capacity(whole.chosen.len());
     let mut ordered: Vec<(usize, usize)> =
         whole.chosen.iter().copied().zip(repeats.numbers.iter().copied()).collect();
+    let is_sound = |ordered: &[(usize, usize)]| {
+        let mut turn: HashMap<usize, usize> = HashMap::new();
+        let count = |(_, place): &(usize, usize)| {
+            let next = turn.entry(*place).or_default();
+            *next += 1;
+            (*next - 1, *place)
+        };
+        let sequence: Vec<(usize, usize)> = ordered.iter().map(count).collect();
+        if complete { is_regular(&sequence, turns) } else { is_broken_off(&sequence, repeats.places, turns) }
+    };
     ordered.sort_by_key(|(i, _)| order(i));
-    let mut turn: HashMap<usize, usize> = HashMap::new();
-    for (_, place) in ordered {
-        let next = turn.entry(place).or_default();
-        sequence.push((*next, place));
-        *next += 1;
-    }
-    let regular =
-        if complete { is_regular(&sequence, turns) } else { is_broken_off(&sequence, repeats.places, turns) };
-    if !regular {
-        return None;
+    if !is_sound(&ordered) {
+        // Times since the beat of a heart differ from slice to slice: then the order of instances counts, if
+        // times follow it at every position.
+        let instance = |i: &usize| group.slices.get(*i).map(|s| (s.instance, s.frame, s.identity));
+        let agrees = |images: &Vec<usize>| images.is_sorted_by_key(instance);
+        ordered.sort_by_key(|(i, _)| instance(i));
+        if !at_place.values().all(agrees) || !is_sound(&ordered) {
+            return None;
+        }
     }
     let part = |(k, mut chosen): (usize, Vec<usize>)| {
         chosen.sort_unstable();
