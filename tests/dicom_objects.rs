@@ -430,6 +430,20 @@ fn times_that_differ_from_slice_to_slice_tear_no_volume_apart() {
 }
 
 #[test]
+fn a_series_that_goes_on_past_midnight_keeps_its_order() {
+    // Four volumes of four slices, a second each; the third volume is half done at midnight.
+    let image = |n: u16| {
+        let mut image = Elements::ct(f64::from(n % 4), i32::from(n), [n; 4]);
+        let time = if n < 10 { format!("2359{}", 50 + n) } else { format!("0000{:02}", n - 10) };
+        image.set(0x0008_0032, "TM", &time);
+        image
+    };
+    let images: Vec<Elements> = (0..16).map(image).collect();
+    let expected: Vec<Vec<u16>> = (0..4).map(|t| (4 * t..4 * t + 4).collect()).collect();
+    assert_eq!(Found::in_files(&images).firsts(), expected);
+}
+
+#[test]
 fn positions_without_orientation_are_still_positions() {
     let images: Vec<Elements> = [(8, 1), (4, 2), (0, 3)]
         .map(|(z, n)| {

@@ -117,6 +117,11 @@ impl Key {
         }
     }
 
+    /// The number that a slice states, if it is one.
+    pub(super) fn number(self, slice: &Slice) -> Option<f64> {
+        if let Self::Number(at) = self { slice.number(at) } else { None }
+    }
+
     /// The value as bits that are equal when the values are, and in their order.
     pub(super) fn value(self, slice: &Slice) -> [u64; 2] {
         // Missing values come first.

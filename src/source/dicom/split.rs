@@ -224,11 +224,17 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
     }
     let turns = at_place.values().map(Vec::len).max()?;
     let complete = at_place.values().all(|images| images.len() == turns);
+    // Times of day: a series that goes on past midnight begins with the late ones.
+    const HALF_A_DAY: f64 = 12e4;
+    let time = |s: &Slice| Key::TIME.number(s);
+    let times = || whole.chosen.iter().filter_map(|i| group.slices.get(*i).and_then(time));
+    let past_midnight = times().fold(0.0, f64::max) - times().fold(f64::MAX, f64::min) > HALF_A_DAY;
+    let is_late = |s: &Slice| past_midnight && time(s).is_some_and(|time| time < HALF_A_DAY);
     let order = |i: &usize| {
         group
             .slices
             .get(*i)
-            .map(|s| (Key::TIME.value(s), Key::TRIGGER.value(s), s.instance, s.frame, s.identity))
+            .map(|s| (is_late(s), Key::TIME.value(s), Key::TRIGGER.value(s), s.instance, s.frame, s.identity))
     };
     let numbered = |i: &usize| group.slices.get(*i).is_some_and(|s| s.instance.is_some() || s.frame > 0);
     if !whole.chosen.iter().all(numbered) {
