@@ -400,11 +400,11 @@ fn parametric_maps_mean_what_their_mapping_says() {
 #[test]
 fn times_that_differ_from_slice_to_slice_tear_no_volume_apart() {
     // A beating heart, slice by slice: beats differ in length, and some slices share one.
-    let cine = |beats: [f64; 6]| -> Vec<Elements> {
+    let cine = |beats: [f64; 6], more: u16| -> Vec<Elements> {
         let all = (0..6_u16).flat_map(|slice| (0..20_u16).map(move |phase| (slice, phase)));
         let image = |(slice, phase): (u16, u16)| {
             let n = i32::from(20 * slice + phase);
-            let mut image = Elements::ct(f64::from(slice), n, [100 * phase + slice; 4]);
+            let mut image = Elements::ct(f64::from(slice), n, [more + 100 * phase + slice; 4]);
             let trigger = beats[usize::from(slice)] * f64::from(phase) / 20.0;
             image.set(MODALITY, "CS", "MR").set(0x0018_1060, "DS", &format!("{trigger:.2}"));
             image
@@ -421,12 +421,28 @@ fn times_that_differ_from_slice_to_slice_tear_no_volume_apart() {
     let bands: Vec<Elements> = (0..20).flat_map(|t| (0..6).map(move |s| (t, s))).map(bands).collect();
     let expected: Vec<Vec<u16>> = (0..20).map(|t| (0..6).map(|slice| 100 * t + slice).collect()).collect();
     for images in [
-        cine([900.0, 910.0, 920.0, 900.0, 910.0, 920.0]),
-        cine([900.0, 907.3, 914.6, 1021.9, 929.2, 836.5]),
+        cine([900.0, 910.0, 920.0, 900.0, 910.0, 920.0], 0),
+        cine([900.0, 907.3, 914.6, 1021.9, 929.2, 836.5], 0),
         bands,
     ] {
         assert_eq!(Found::in_files(&images).firsts(), expected);
     }
+    // Magnitude and phase of each, now the one first and now the other.
+    let both = [("M", 0), ("P", 5000)].map(|(part, more)| {
+        let mut images = cine([900.0, 910.0, 920.0, 900.0, 910.0, 920.0], more);
+        for (n, image) in (0..).zip(&mut images) {
+            let number = 2 * n + (n / 20 + i32::from(part == "P")) % 2;
+            image.set(IMAGE_TYPE, "CS", &format!("ORIGINAL\\PRIMARY\\{part}"));
+            image.set(0x0020_0013, "IS", &number.to_string());
+            image.set(0x0008_0018, "UI", &format!("1.2.3.{number}"));
+        }
+        images
+    });
+    let found = Found::in_files(&both.into_iter().flatten().collect::<Vec<_>>());
+    let later = expected.iter().map(|own| own.iter().map(|v| v + 5000).collect());
+    assert_eq!(found.firsts(), expected.iter().cloned().chain(later).collect::<Vec<Vec<u16>>>());
+    let parts = found.parts();
+    assert!(parts[0].contains("magnitude") && parts[20].contains("phase"), "{parts:?}");
 }
 
 #[test]

@@ -66,15 +66,15 @@ pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
             done.push(part);
             continue;
         }
-        let found = best(group, &part.chosen, repeats.extra);
+        let mut found = best(group, &part.chosen, repeats.extra, true);
         // Times that differ from position to position are not those of volumes.
         let ragged = |(key, parts): &(Key, Parts)| {
             key.is_time() && parts.values().any(|own| self::repeats(group, own).places < repeats.places)
         };
-        let turns =
-            found.as_ref().filter(|found| ragged(found)).and_then(|_| by_turn(group, &part, &repeats));
+        if found.as_ref().is_some_and(ragged) && by_turn(group, &part, &repeats).is_some() {
+            found = best(group, &part.chosen, repeats.extra, false);
+        }
         let smaller = match found {
-            _ if turns.is_some() => turns.unwrap_or_default(),
             Some((key, parts)) => named(key, parts, &part, group, types),
             None => match by_turn(group, &part, &repeats) {
                 Some(parts) => parts,
@@ -117,10 +117,11 @@ fn apart(group: &Group, chosen: &[usize]) -> Option<(Key, Parts)> {
         .then_some((Key::STACK, stacks))
 }
 
-/// The attribute that leaves the fewest repeats, with the parts it makes, in the order of its values.
-fn best(group: &Group, chosen: &[usize], extra: usize) -> Option<(Key, Parts)> {
+/// The attribute that leaves the fewest repeats, with the parts it makes, in the order of its values; times
+/// count if `timed`.
+fn best(group: &Group, chosen: &[usize], extra: usize, timed: bool) -> Option<(Key, Parts)> {
     let mut best: Option<(usize, usize, Key, Parts)> = None;
-    for key in Key::all() {
+    for key in Key::all().filter(|key| timed || !key.is_time()) {
         let parts = by_key(group, chosen, key);
         // A number that every image has of its own (a time, say) tells nothing.
         let own = 2 * parts.len() > chosen.len() && group.shared.mosaic.is_none();
