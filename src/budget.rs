@@ -120,9 +120,18 @@ pub fn current_rss_bytes() -> u64 {
     proc_status_bytes("VmRSS:")
 }
 
-/// Resident memory of this process that is no file's, in bytes; 0 where the system does not tell.
+/// Resident memory of this process that is no file's, in bytes; all of it where the system does not tell them
+/// apart (old kernels, some sandboxes), and 0 where it does not tell that either.
 pub fn own_rss_bytes() -> u64 {
-    proc_status_bytes("RssAnon:") + proc_status_bytes("RssShmem:")
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    own_rss_of(&status)
+}
+
+fn own_rss_of(status: &str) -> u64 {
+    let own = |key| status_bytes(status, key);
+    own("RssAnon:")
+        .map_or_else(|| own("VmRSS:"), |anon| Some(anon + own("RssShmem:").unwrap_or(0)))
+        .unwrap_or(0)
 }
 
 /// Resident pages of files in this process (`RssFile`), its own code above all, in bytes; 0 where the system
@@ -150,11 +159,12 @@ fn resident_of(smaps: &str, address: usize) -> Option<u64> {
 
 fn proc_status_bytes(key: &str) -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    status
-        .lines()
-        .find_map(|line| line.strip_prefix(key))
-        .and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
-        .map_or(0, |kib| kib * 1024)
+    status_bytes(&status, key).unwrap_or(0)
+}
+
+fn status_bytes(status: &str, key: &str) -> Option<u64> {
+    let rest = status.lines().find_map(|line| line.strip_prefix(key))?;
+    rest.trim().trim_end_matches("kB").trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
 #[cfg(test)]
@@ -179,6 +189,16 @@ mod tests {
             assert_eq!(SizeArgument(bytes).to_string(), text);
             assert!(parse_size(text).unwrap() >= bytes);
         }
+    }
+
+    #[test]
+    fn own_memory_is_counted_where_files_are_not_told_apart() {
+        assert_eq!(
+            own_rss_of("VmRSS:\t 9 kB\nRssAnon:\t 4 kB\nRssFile:\t 3 kB\nRssShmem:\t 2 kB\n"),
+            6 << 10
+        );
+        assert_eq!(own_rss_of("VmRSS:\t 9 kB\n"), 9 << 10);
+        assert_eq!(own_rss_of(""), 0);
     }
 
     #[test]

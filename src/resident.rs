@@ -45,21 +45,54 @@ pub fn give_back() {
 ///
 /// The kernel maps sixteen pages around every one that runs, so that starting a program, reading its
 /// arguments and opening its input leave three to four MiB of code behind that a long job never calls again.
-/// How much differs from run to run, by where the program lies in memory. Only mappings of files that may not
-/// be written and hold no changed page are let go, so that nothing but time can be lost. Other systems are
-/// left as they are.
+/// How much differs from run to run, by where the program lies in memory. Only the program's and its libraries'
+/// mappings that may not be written and hold no changed page are let go, so that nothing but time can be lost.
+/// Other systems are left as they are.
 fn give_code_back() {
     #[cfg(target_os = "linux")]
-    for Mapping { start, len } in unchanged_files(&fs::read_to_string("/proc/self/smaps").unwrap_or_default())
     {
-        // SAFETY: the range is a private mapping of a file without write permission and without a page that
-        // differs from the file (the kernel has just told so), so that reading it again, by this thread or any
-        // other, finds the same bytes. Code is not written while it runs. A range that is no longer mapped is
-        // an error that is told by the return value and changes nothing.
+        let mut unchanged = unchanged_files(&fs::read_to_string("/proc/self/smaps").unwrap_or_default());
+        // SAFETY: the callback takes the list that is passed with it, which outlives the call; nothing else
+        // refers to the list meanwhile.
         unsafe {
-            libc::madvise(std::ptr::without_provenance_mut(start), len, libc::MADV_DONTNEED);
+            libc::dl_iterate_phdr(Some(let_code_go), (&raw mut unchanged).cast());
         }
     }
+}
+
+/// Lets go those of a list of mappings that are segments of one loaded object: the program, or a library.
+///
+/// # Safety
+/// To be called by `dl_iterate_phdr` with a `Vec<Mapping>`.
+#[cfg(target_os = "linux")]
+unsafe extern "C" fn let_code_go(
+    object: *mut libc::dl_phdr_info,
+    _: libc::size_t,
+    unchanged: *mut libc::c_void,
+) -> libc::c_int {
+    // SAFETY: the caller's promises: both are valid for this call, and the list is what was passed.
+    let (object, unchanged) = unsafe { (&*object, &*unchanged.cast::<Vec<Mapping>>()) };
+    if object.dlpi_phdr.is_null() {
+        return 0;
+    }
+    // SAFETY: the loader says so of its own table, which lives as long as the object is loaded.
+    let segments = unsafe { std::slice::from_raw_parts(object.dlpi_phdr, object.dlpi_phnum.into()) };
+    for segment in segments.iter().filter(|s| s.p_type == libc::PT_LOAD && s.p_flags & libc::PF_W == 0) {
+        let start = usize::try_from(object.dlpi_addr.wrapping_add(segment.p_vaddr));
+        let (Ok(start), Ok(len)) = (start, usize::try_from(segment.p_memsz)) else { continue };
+        for Mapping { start, len } in unchanged.iter().filter(|mapping| mapping.lies_in(start, len)) {
+            // SAFETY: the range is a segment of an object that stays loaded during this call, as the loader
+            // takes no object off its list meanwhile: no other thread can have unmapped it and mapped something
+            // of its own there since the kernel was asked, as it could with any other file. It is a private
+            // mapping of a file without write permission and without a page that differs from the file (the
+            // kernel has just told so), so that reading it again, by this thread or any other, finds the same
+            // bytes. Code is not written while it runs.
+            unsafe {
+                libc::madvise(std::ptr::without_provenance_mut(*start), *len, libc::MADV_DONTNEED);
+            }
+        }
+    }
+    0
 }
 
 /// Addresses of one mapping.
@@ -67,6 +100,17 @@ fn give_code_back() {
 struct Mapping {
     start: usize,
     len: usize,
+}
+
+impl Mapping {
+    /// Does it lie in the pages of these bytes, of which the first and the last may be in part?
+    fn lies_in(self, start: usize, len: usize) -> bool {
+        // Of the largest pages that any system has.
+        const PAGE: usize = 64 << 10;
+        let end = start.saturating_add(len);
+        let (own_end, last) = (self.start.saturating_add(self.len), end.saturating_add(PAGE));
+        self.start < end && start < own_end && self.start.saturating_add(PAGE) > start && own_end < last
+    }
 }
 
 /// The private mappings of files in `/proc/PID/smaps` that cannot be written and equal their files.
@@ -126,6 +170,31 @@ Anonymous:             0 kB
             [Mapping { start: 0x5_500a_a000, len: 4096 }, Mapping { start: 0x5_500a_b000, len: 3 * 4096 }];
         assert_eq!(unchanged_files(SMAPS), expected);
         assert_eq!(unchanged_files("no\nsuch-thing r--p\nAnonymous: 0 kB\n"), []);
+    }
+
+    #[test]
+    fn only_segments_of_programs_are_let_go() {
+        let mapping = Mapping { start: 0x5000, len: 0x3000 };
+        assert!(mapping.lies_in(0x5000, 0x3000) && mapping.lies_in(0x5abc, 0x2001));
+        for (start, len) in [(0x8000, 0x3000), (0x2000, 0x3000), (0x5000, 0), (usize::MAX, usize::MAX)] {
+            assert!(!mapping.lies_in(start, len), "{start:x}");
+        }
+        assert!(!Mapping { start: 0x5000, len: 0x30_0000 }.lies_in(0x5000, 0x3000));
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_mapped_file_that_is_no_program_stays() {
+        use std::io::Write as _;
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(&vec![7; 1 << 20]).unwrap();
+        // SAFETY: the file has no name, and nobody else writes it.
+        let map = unsafe { memmap2::MmapOptions::new().map_copy_read_only(&file).unwrap() };
+        assert!(map.iter().all(|b| *b == 7));
+        let before = crate::budget::mapped_rss_bytes(&map);
+        give_code_back();
+        assert_eq!(crate::budget::mapped_rss_bytes(&map), before);
+        assert_eq!(before, Some(1 << 20));
     }
 
     #[test]

@@ -398,6 +398,68 @@ fn parametric_maps_mean_what_their_mapping_says() {
 }
 
 #[test]
+fn times_that_differ_from_slice_to_slice_tear_no_volume_apart() {
+    // A beating heart, slice by slice: beats differ in length, and some slices share one.
+    let cine = |beats: [f64; 6], more: u16| -> Vec<Elements> {
+        let all = (0..6_u16).flat_map(|slice| (0..20_u16).map(move |phase| (slice, phase)));
+        let image = |(slice, phase): (u16, u16)| {
+            let n = i32::from(20 * slice + phase);
+            let mut image = Elements::ct(f64::from(slice), n, [more + 100 * phase + slice; 4]);
+            let trigger = beats[usize::from(slice)] * f64::from(phase) / 20.0;
+            image.set(MODALITY, "CS", "MR").set(0x0018_1060, "DS", &format!("{trigger:.2}"));
+            image
+        };
+        all.map(image).collect()
+    };
+    // Two slices at a time.
+    let bands = |at: (u16, u16)| {
+        let (time, slice) = at;
+        let mut image = Elements::ct(f64::from(slice), i32::from(6 * time + slice), [100 * time + slice; 4]);
+        image.set(0x0008_0032, "TM", &format!("1200{:02}", 3 * time + slice % 3));
+        image
+    };
+    let bands: Vec<Elements> = (0..20).flat_map(|t| (0..6).map(move |s| (t, s))).map(bands).collect();
+    let expected: Vec<Vec<u16>> = (0..20).map(|t| (0..6).map(|slice| 100 * t + slice).collect()).collect();
+    for images in [
+        cine([900.0, 910.0, 920.0, 900.0, 910.0, 920.0], 0),
+        cine([900.0, 907.3, 914.6, 1021.9, 929.2, 836.5], 0),
+        bands,
+    ] {
+        assert_eq!(Found::in_files(&images).firsts(), expected);
+    }
+    // Magnitude and phase of each, now the one first and now the other.
+    let both = [("M", 0), ("P", 5000)].map(|(part, more)| {
+        let mut images = cine([900.0, 910.0, 920.0, 900.0, 910.0, 920.0], more);
+        for (n, image) in (0..).zip(&mut images) {
+            let number = 2 * n + (n / 20 + i32::from(part == "P")) % 2;
+            image.set(IMAGE_TYPE, "CS", &format!("ORIGINAL\\PRIMARY\\{part}"));
+            image.set(0x0020_0013, "IS", &number.to_string());
+            image.set(0x0008_0018, "UI", &format!("1.2.3.{number}"));
+        }
+        images
+    });
+    let found = Found::in_files(&both.into_iter().flatten().collect::<Vec<_>>());
+    let later = expected.iter().map(|own| own.iter().map(|v| v + 5000).collect());
+    assert_eq!(found.firsts(), expected.iter().cloned().chain(later).collect::<Vec<Vec<u16>>>());
+    let parts = found.parts();
+    assert!(parts[0].contains("magnitude") && parts[20].contains("phase"), "{parts:?}");
+}
+
+#[test]
+fn a_series_that_goes_on_past_midnight_keeps_its_order() {
+    // Four volumes of four slices, a second each; the third volume is half done at midnight.
+    let image = |n: u16| {
+        let mut image = Elements::ct(f64::from(n % 4), i32::from(n), [n; 4]);
+        let time = if n < 10 { format!("2359{}", 50 + n) } else { format!("0000{:02}", n - 10) };
+        image.set(0x0008_0032, "TM", &time);
+        image
+    };
+    let images: Vec<Elements> = (0..16).map(image).collect();
+    let expected: Vec<Vec<u16>> = (0..4).map(|t| (4 * t..4 * t + 4).collect()).collect();
+    assert_eq!(Found::in_files(&images).firsts(), expected);
+}
+
+#[test]
 fn positions_without_orientation_are_still_positions() {
     let images: Vec<Elements> = [(8, 1), (4, 2), (0, 3)]
         .map(|(z, n)| {
@@ -410,6 +472,10 @@ fn positions_without_orientation_are_still_positions() {
     assert_eq!(line(found.volume(0)), ([1.0, 2.0, 0.0], [0.0, 0.0, 4.0]));
     assert_eq!(found.firsts(), [[3, 2, 1]]);
     assert!(found.volume(0).info().warnings.join("\n").contains("no orientation"));
+    let found = Found::in_files(&series([4, 1, 6, 2, 5, 3], |image, volume| {
+        image.without(ORIENTATION).set(0x0020_0100, "IS", &volume.to_string());
+    }));
+    assert_eq!(found.firsts(), [[0, 1, 2], [10, 11, 12]]);
 }
 
 #[test]

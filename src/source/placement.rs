@@ -23,6 +23,9 @@ const NO_SPACING: &str = "; 1 mm is assumed";
 /// Ends of warnings that tell of assumed directions.
 const NO_DIRECTIONS: [&str; 2] = [" taken as LPS", " so left and right may be swapped"];
 
+/// End of a warning that tells of axes that run backwards.
+const PLACED_SO: &str = " (Orientation), and are placed so";
+
 /// Relative difference of spacings that are the same; headers print six digits.
 const TOLERANCE: f64 = 1e-5;
 
@@ -34,6 +37,11 @@ pub(super) fn no_spacing(what: &str) -> String {
 /// The warning of a format whose files state no directions.
 pub(super) fn no_directions(what: &str) -> String {
     format!("{what} states no directions; its axes are{}", NO_DIRECTIONS[0])
+}
+
+/// The warning of a format that states from which end columns or rows are stored, which is heeded.
+pub(super) fn placed_so(what: &str) -> String {
+    format!("{what}{PLACED_SO}")
 }
 
 fn assumes_spacing(warning: &str) -> bool {
@@ -123,12 +131,14 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, who: &str) {
     if old == new {
         return;
     }
+    let backwards = info.warnings.iter().any(|w| w.ends_with(PLACED_SO));
+    info.warnings.retain(|w| !w.ends_with(PLACED_SO));
     let origin = info.affine.origin();
     info.affine = orientation.affine(info.spacing_mm);
     for (row, at) in info.affine.rows.iter_mut().zip(origin) {
         row[3] = at;
     }
-    if !assumed {
+    if !assumed || backwards {
         info.description.note("directions replaced");
         info.warnings.push(format!(
             "{who} gives {new}; the directions that the file states, about {old}, are not used"
@@ -231,6 +241,19 @@ mod tests {
         let info = placed.info();
         assert_eq!((info.affine.orientation_letters(), info.affine.origin()), ("RAS".into(), old.origin()));
         assert!(info.warnings[0].contains("RAS") && info.warnings[0].contains("LPS"), "{:?}", info.warnings);
+    }
+
+    #[test]
+    fn axes_that_run_backwards_are_not_told_of_where_others_were_asked_for() {
+        let old = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 5.0], [0.0, 0.0, 1.0, 0.0]] };
+        let notes = [no_directions("TIFF"), placed_so("rows are stored from the bottom up")];
+        let asked = |letters: &str| Placement { spacing_mm: None, orientation: Orientation::parse(letters) };
+        let letters = old.orientation_letters();
+        let placed = place(with(old, &notes), asked(&letters), WHO).unwrap();
+        assert_eq!((placed.info().affine, &placed.info().warnings[..]), (old, &notes[1..]));
+        let placed = place(with(old, &notes), asked("LPS"), WHO).unwrap();
+        let [warning] = placed.info().warnings.as_slice() else { panic!("{:?}", placed.info().warnings) };
+        assert!(warning.contains("LPS") && warning.contains(&letters), "{warning}");
     }
 
     #[test]

@@ -80,6 +80,7 @@ impl Key {
     pub(super) const SEGMENT: Self = Self::Number(1);
     pub(super) const TRIGGER: Self = Self::Number(9);
     pub(super) const TIME: Self = Self::Number(12);
+    pub(super) const REFERENCE: Self = Self::Number(13);
     /// What the vectors of nuclear medicine say, apart from the slice.
     pub(super) const VECTORS: Self = Self::Number(14);
 
@@ -87,6 +88,11 @@ impl Key {
     pub(super) fn all() -> impl Iterator<Item = Self> {
         let last = [Self::Rescale].into_iter();
         [Self::ImageType].into_iter().chain((0..Self::NUMBERS).map(Self::Number)).chain(last)
+    }
+
+    /// Is it a moment, which may differ from slice to slice of one volume?
+    pub(super) fn is_time(self) -> bool {
+        [Self::TRIGGER, Self::TIME, Self::REFERENCE].contains(&self)
     }
 
     /// The attribute, for people.
@@ -109,6 +115,11 @@ impl Key {
                 (word, ranked.iter().any(|own| tag.contains(own)))
             }
         }
+    }
+
+    /// The number that a slice states, if it is one.
+    pub(super) fn number(self, slice: &Slice) -> Option<f64> {
+        if let Self::Number(at) = self { slice.number(at) } else { None }
     }
 
     /// The value as bits that are equal when the values are, and in their order.
@@ -534,6 +545,7 @@ mod tests {
             (Key::SEGMENT, "0062,000B"),
             (Key::TRIGGER, "0018,1060"),
             (Key::TIME, "0008,0032"),
+            (Key::REFERENCE, "0054,1300"),
             (Key::VECTORS, "0054,xxxx"),
         ] {
             assert!(key.tag().contains(tag), "{key:?}: {}", key.tag());

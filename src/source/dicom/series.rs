@@ -13,6 +13,9 @@ const TILT_DEGREES: f64 = 0.1;
 /// Sideways deviation of a slice from the common line, in pixels, from which it is worth a sentence.
 const SIDEWAYS_PIXELS: f64 = 0.1;
 
+/// Directions of rows and columns that are assumed where slices state positions alone.
+const UPRIGHT: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
 /// Images in order, with their place in the patient.
 #[derive(Debug)]
 pub(super) struct Stack {
@@ -66,7 +69,7 @@ pub(super) fn assemble(
     let mut orientation = group.shared.orientation;
     if orientation.is_none() && placed && rises(&slices) {
         warnings.push("the images state positions, but no orientation; rows are taken as running to the left, columns to the back".into());
-        orientation = Some([1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        orientation = Some(UPRIGHT);
     }
     let Some(axes) = orientation.filter(|_| placed) else {
         return without_positions(group, &slices, [dx, dy], warnings);
@@ -140,9 +143,11 @@ fn rises(slices: &[(usize, &Slice)]) -> bool {
 
 /// Positions of the chosen slices along their common normal; `None` without directions or positions.
 pub(super) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> {
-    let (_, _, normal) = directions(group.shared.orientation?)?;
-    let slices = chosen.iter().filter_map(|i| group.slices.get(*i));
-    slices.map(|s| s.position().map(|p| dot(p, normal))).collect()
+    let slices: Vec<(usize, &Slice)> =
+        chosen.iter().filter_map(|i| group.slices.get(*i).map(|s| (*i, s))).collect();
+    let axes = group.shared.orientation.or_else(|| rises(&slices).then_some(UPRIGHT));
+    let (_, _, normal) = directions(axes?)?;
+    slices.iter().map(|(_, s)| s.position().map(|p| dot(p, normal))).collect()
 }
 
 /// `axial`, `coronal` or `sagittal`, by the nearest axis of the patient.

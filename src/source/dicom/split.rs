@@ -66,7 +66,14 @@ pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
             done.push(part);
             continue;
         }
-        let found = best(group, &part.chosen, repeats.extra);
+        let mut found = best(group, &part.chosen, repeats.extra, true);
+        // Times that differ from position to position are not those of volumes.
+        let ragged = |(key, parts): &(Key, Parts)| {
+            key.is_time() && parts.values().any(|own| self::repeats(group, own).places < repeats.places)
+        };
+        if found.as_ref().is_some_and(ragged) && by_turn(group, &part, &repeats).is_some() {
+            found = best(group, &part.chosen, repeats.extra, false);
+        }
         let smaller = match found {
             Some((key, parts)) => named(key, parts, &part, group, types),
             None => match by_turn(group, &part, &repeats) {
@@ -110,10 +117,11 @@ fn apart(group: &Group, chosen: &[usize]) -> Option<(Key, Parts)> {
         .then_some((Key::STACK, stacks))
 }
 
-/// The attribute that leaves the fewest repeats, with the parts it makes, in the order of its values.
-fn best(group: &Group, chosen: &[usize], extra: usize) -> Option<(Key, Parts)> {
+/// The attribute that leaves the fewest repeats, with the parts it makes, in the order of its values; times
+/// count if `timed`.
+fn best(group: &Group, chosen: &[usize], extra: usize, timed: bool) -> Option<(Key, Parts)> {
     let mut best: Option<(usize, usize, Key, Parts)> = None;
-    for key in Key::all() {
+    for key in Key::all().filter(|key| timed || !key.is_time()) {
         let parts = by_key(group, chosen, key);
         // A number that every image has of its own (a time, say) tells nothing.
         let own = 2 * parts.len() > chosen.len() && group.shared.mosaic.is_none();
@@ -217,11 +225,17 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
     }
     let turns = at_place.values().map(Vec::len).max()?;
     let complete = at_place.values().all(|images| images.len() == turns);
+    // Times of day: a series that goes on past midnight begins with the late ones.
+    const HALF_A_DAY: f64 = 12e4;
+    let time = |s: &Slice| Key::TIME.number(s);
+    let times = || whole.chosen.iter().filter_map(|i| group.slices.get(*i).and_then(time));
+    let past_midnight = times().fold(0.0, f64::max) - times().fold(f64::MAX, f64::min) > HALF_A_DAY;
+    let is_late = |s: &Slice| past_midnight && time(s).is_some_and(|time| time < HALF_A_DAY);
     let order = |i: &usize| {
         group
             .slices
             .get(*i)
-            .map(|s| (Key::TIME.value(s), Key::TRIGGER.value(s), s.instance, s.frame, s.identity))
+            .map(|s| (is_late(s), Key::TIME.value(s), Key::TRIGGER.value(s), s.instance, s.frame, s.identity))
     };
     let numbered = |i: &usize| group.slices.get(*i).is_some_and(|s| s.instance.is_some() || s.frame > 0);
     if !whole.chosen.iter().all(numbered) {
@@ -238,20 +252,28 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
             part.push(*image);
         }
     }
-    let mut sequence: Vec<(usize, usize)> = Vec::with_capacity(whole.chosen.len());
     let mut ordered: Vec<(usize, usize)> =
         whole.chosen.iter().copied().zip(repeats.numbers.iter().copied()).collect();
+    let is_sound = |ordered: &[(usize, usize)]| {
+        let mut turn: HashMap<usize, usize> = HashMap::new();
+        let count = |(_, place): &(usize, usize)| {
+            let next = turn.entry(*place).or_default();
+            *next += 1;
+            (*next - 1, *place)
+        };
+        let sequence: Vec<(usize, usize)> = ordered.iter().map(count).collect();
+        if complete { is_regular(&sequence, turns) } else { is_broken_off(&sequence, repeats.places, turns) }
+    };
     ordered.sort_by_key(|(i, _)| order(i));
-    let mut turn: HashMap<usize, usize> = HashMap::new();
-    for (_, place) in ordered {
-        let next = turn.entry(place).or_default();
-        sequence.push((*next, place));
-        *next += 1;
-    }
-    let regular =
-        if complete { is_regular(&sequence, turns) } else { is_broken_off(&sequence, repeats.places, turns) };
-    if !regular {
-        return None;
+    if !is_sound(&ordered) {
+        // Times since the beat of a heart differ from slice to slice: then the order of instances counts, if
+        // times follow it at every position.
+        let instance = |i: &usize| group.slices.get(*i).map(|s| (s.instance, s.frame, s.identity));
+        let agrees = |images: &Vec<usize>| images.is_sorted_by_key(instance);
+        ordered.sort_by_key(|(i, _)| instance(i));
+        if !at_place.values().all(agrees) || !is_sound(&ordered) {
+            return None;
+        }
     }
     let part = |(k, mut chosen): (usize, Vec<usize>)| {
         chosen.sort_unstable();

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
-use super::placement::{no_directions, no_spacing};
+use super::placement::{no_directions, no_spacing, placed_so};
 use super::raw::base_name;
 use super::stored::{Placed, Places, Samples, StoredVolume, Target, Unroll};
 use super::{Endian, OpenOptions, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
@@ -340,7 +340,7 @@ impl Stack {
             row[3] = row[axis] * f64::from(shape.size[axis] - 1);
             row[axis] = -row[axis];
             let what = ["columns are stored from right to left", "rows are stored from the bottom up"][axis];
-            warnings.push(format!("{what} (Orientation), and are placed so"));
+            warnings.push(placed_so(what));
         }
         if self.thumbnails > 0 {
             warnings.push(format!("{} pages of reduced size (thumbnails) are left out", self.thumbnails));
