@@ -154,7 +154,10 @@ fn slices_of_nuclear_medicine_begin_where_the_first_frame_lies() {
     // No distance but the thickness.
     let found = Found::in_files(&[image.without(0x0018_0088).with(0x0018_0050, "DS", "2")]);
     assert_eq!(line(found.volume(0)).1, [0.0, 0.0, 2.0]);
-    // A vector that is too short, or of nonsense: an answer, no panic.
+    // A vector that is too short would put the frames it leaves out somewhere.
+    let found = Found::in_files(&[nuclear(&[10, 20, 30], &[(SLICE, &[1, 2])])]);
+    assert!(found.refusal(0).contains("numbers 2 of 3 frames"), "{}", found.refusal(0));
+    // Nonsense: an answer, no panic.
     for numbers in [&[][..], &[1], &[1, 1, 1], &[65535, 0, 65535]] {
         Found::in_files(&[nuclear(&[10, 20, 30], &[(SLICE, numbers), (SLOT, numbers)])]);
     }

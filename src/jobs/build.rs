@@ -205,9 +205,8 @@ fn prepare(
     let scratch = options.scratch_folder(output);
     let memory_bytes = options.memory.left();
     let cap = options.memory;
-    if matches!(cap, MemoryCap::Process(_))
-        && (needs.memory_bytes > memory_bytes || !build::fits(source, options, cap))
-    {
+    // What unrolling is said to need is the most it can be; it refuses for itself.
+    if matches!(cap, MemoryCap::Process(_)) && !build::fits(source, options, cap) {
         let unrolling = cap.held() + needs.memory_bytes + HELD_SPREAD;
         let minimum_bytes = cleaning.smallest_cap(source, options, MemoryCap::Process(0)).max(unrolling);
         return Err(Error::Build(BuildError::BudgetTooSmall {

@@ -204,6 +204,11 @@ impl Numbers {
             *vector = Vector::of(parser, place, header.encoding)?;
         }
         if let Some(slices) = own.slices {
+            if slices.entries < frames {
+                let reason =
+                    format!("the Slice Vector (0054,0080) numbers {} of {frames} frames", slices.entries);
+                return Err(damaged(slices.value_at, reason));
+            }
             own.first = slices.number(parser, 0)?;
             for frame in 1..frames.min(slices.entries) {
                 let number = slices.number(parser, frame)?;
