@@ -6,8 +6,9 @@ use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use infobyte::catalogue::open;
 use infobyte::source::dicom::{Access, Image, PixelLayout, ScanError, scan};
-use infobyte::source::{ScalarType, VolumeSource, open};
+use infobyte::volume::{ScalarType, VolumeSource};
 
 #[path = "support/data.rs"]
 mod data;

@@ -4,8 +4,10 @@
 
 use std::path::PathBuf;
 
+use infobyte::catalogue::Catalogue;
 use infobyte::progress::Silent;
-use infobyte::source::{Catalogue, Finding, GapPolicy, OpenOptions, ScalarType, VolumeSource, Workspace};
+use infobyte::source::{Finding, GapPolicy, OpenOptions};
+use infobyte::volume::{ScalarType, VolumeSource, Workspace};
 
 #[path = "support/data.rs"]
 mod data;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use infobyte::codec::{CodecError, FrameFormat, RowSink, jpegxl};
 use infobyte::source::dicom::{Image, unroll};
-use infobyte::source::{ScalarType, SourceError};
+use infobyte::volume::{ScalarType, SourceError};
 
 #[path = "support/dicom.rs"]
 mod dicom;

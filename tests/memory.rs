@@ -24,7 +24,7 @@ mod volume;
 use command::{binary, text};
 use dicom::Image;
 use formats::{Object, Tiff};
-use infobyte::source::ScalarType;
+use infobyte::volume::ScalarType;
 use volume::{Random, encode};
 
 const MIB: u64 = 1 << 20;

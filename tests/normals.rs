@@ -28,11 +28,11 @@
 use std::ops::Range;
 
 use infobyte::budget::MemoryCap;
-use infobyte::build::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
+use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
 use infobyte::format::normal;
 use infobyte::geom::{Affine, Dims, morton};
 use infobyte::load::{Model, NodeView};
-use infobyte::source::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use infobyte::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// A volume held in memory.
 struct Held {

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use infobyte::source::ScalarType;
+use infobyte::volume::ScalarType;
 
 use super::volume::encode;
 

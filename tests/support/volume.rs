@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use infobyte::geom::{Affine, Dims, Orientation};
-use infobyte::source::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use infobyte::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// Numbers from a seed, the same on every machine (xorshift with a multiplied output).
 pub(crate) struct Random(u64);
