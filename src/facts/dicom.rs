@@ -1,4 +1,6 @@
-//! What is odd about DICOM series.
+//! What is odd or wrong about DICOM series.
+
+use thiserror::Error;
 
 /// Something about a DICOM series that can be used.
 #[non_exhaustive]
@@ -7,6 +9,19 @@ pub enum DicomNote {
     /// In words.
     Text(String),
 }
+
+/// Why a DICOM file or series cannot be used.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum DicomFault {
+    /// It is damaged; in words.
+    Damaged(String),
+    /// It forms no volume; in words.
+    NoVolume(String),
+}
+
+/// What a DICOM file is that is not an image, in words.
+pub type NotImage = String;
 
 /// End of a sentence that tells of an assumed spacing.
 const NO_SPACING: &str = "; 1 mm is assumed";
@@ -17,6 +32,13 @@ impl DicomNote {
         match self {
             Self::Text(text) => text.ends_with(NO_SPACING),
         }
+    }
+}
+
+impl DicomFault {
+    /// Is the input broken, rather than of a kind that is not used?
+    pub fn is_damage(&self) -> bool {
+        matches!(self, Self::Damaged(_))
     }
 }
 

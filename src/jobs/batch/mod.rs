@@ -45,6 +45,7 @@ use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::catalogue::{Catalogue, PatientWords};
 use crate::clean::CleanOptions;
 use crate::error::Error;
+use crate::facts::Instead;
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
 use crate::resident::give_back;
@@ -126,8 +127,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
         let path = request.inputs.first().cloned().unwrap_or_default();
-        let reason = "no volume was found below it; `oct scan` says what is there".into();
-        return Err(SourceError::NoVolume { path, reason }.into());
+        return Err(SourceError::NoVolume { path, found: Instead::Nothing }.into());
     }
 
     let limit = request.build.memory.bytes();

@@ -7,6 +7,7 @@ use super::series::{Refusal, Stack, assemble, plane};
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
+use crate::facts::dicom::DicomFault;
 use crate::source::files::FileList;
 use crate::source::safe_name;
 use crate::source::stable_hash::StableHash;
@@ -43,9 +44,11 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             size: None,
             files: InputFiles::default(),
             secrets: series.secrets.clone(),
-            volume: Err(SourceError::Unusable {
+            volume: Err(SourceError::Dicom {
                 path: path.clone(),
-                reason: format!("{reason}; was it changed while the folders were searched?"),
+                fault: DicomFault::Damaged(format!(
+                    "{reason}; was it changed while the folders were searched?"
+                )),
             }),
         });
     }
@@ -109,7 +112,7 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], option
     let stem = stem(shared, &part.label);
     let volume = open(series, group, part, &path, options).and_then(|stack| {
         DicomVolume::build(series, group, stack, &stem, notes)
-            .map_err(|reason| SourceError::NoVolume { path: path.clone(), reason })
+            .map_err(|reason| SourceError::Dicom { path: path.clone(), fault: DicomFault::NoVolume(reason) })
     });
     let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
     let each = shared.mosaic.map_or(1, |mosaic| mosaic.slices);
@@ -136,7 +139,8 @@ fn open(
     options: &OpenOptions,
 ) -> Result<Stack, SourceError> {
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
-    let refuse = |reason| SourceError::NoVolume { path: path.to_path_buf(), reason };
+    let refuse =
+        |reason| SourceError::Dicom { path: path.to_path_buf(), fault: DicomFault::NoVolume(reason) };
     let obstacle = |s: &Slice| series.obstacles.get(s.obstacle as usize).cloned().unwrap_or_default();
     let bad: Vec<&&Slice> = slices.iter().filter(|s| s.obstacle != NO_OBSTACLE).collect();
     if let Some(first) = bad.first() {
@@ -144,7 +148,7 @@ fn open(
         let (path, n) = (path_of(series, first), slices.len());
         return Err(match (bad.len(), n) {
             (1, 1) if reason.contains("cut short") => cut_short(path, reason),
-            (1, 1) => SourceError::NoVolume { path, reason },
+            (1, 1) => SourceError::Dicom { path, fault: DicomFault::NoVolume(reason) },
             (bad, _) if bad == n => refuse(format!("none of its {n} images can be used: {reason}")),
             // Without it the volume would silently lack a slice.
             _ => cut_short(path, reason),
@@ -188,10 +192,8 @@ fn set_apart(series: &Series, group: &Group) -> String {
 }
 
 fn cut_short(path: PathBuf, reason: String) -> SourceError {
-    SourceError::Unusable {
-        path,
-        reason: format!("{reason}; copy the file again, or move it away to build without it"),
-    }
+    let reason = format!("{reason}; copy the file again, or move it away to build without it");
+    SourceError::Dicom { path, fault: DicomFault::Damaged(reason) }
 }
 
 /// Modality, number and hash of the series, and the part: never a name of a file or of a patient.

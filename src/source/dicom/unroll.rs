@@ -17,6 +17,7 @@ use super::syntax::{Codec, TransferSyntax};
 use super::window::ReadAt;
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, RowSink, jpeg, jpeg2000, jpegls, jpegxl, rle};
+use crate::facts::dicom::DicomFault;
 use crate::volume::SourceError;
 
 /// Read buffers, tables of decoders and small change, of any codec but JPEG 2000.
@@ -127,7 +128,7 @@ impl From<io::Error> for Failure {
 impl Failure {
     fn at(self, path: &Path, frames: u32) -> SourceError {
         let path = path.to_path_buf();
-        let unusable = |path, reason| SourceError::Unusable { path, reason };
+        let unusable = |path, reason| SourceError::Dicom { path, fault: DicomFault::Damaged(reason) };
         let place = |frame: u32| if frames > 1 { format!("in frame {} ", frame + 1) } else { String::new() };
         match self {
             Self::Sink(error) => error,

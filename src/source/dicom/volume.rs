@@ -10,7 +10,7 @@ use super::pixels::{Padding, PixelLayout};
 use super::scan::scan;
 use super::series::{Layer, Stack};
 use super::unroll::{FrameSink, unroll};
-use crate::facts::DicomNote;
+use crate::facts::dicom::{DicomFault, DicomNote};
 use crate::geom::Dims;
 use crate::progress::Progress;
 use crate::source::files::FileSet;
@@ -417,7 +417,10 @@ impl VolumeSource for DicomVolume {
         for of_file in wanted.chunk_by(|a, b| a.0 == b.0) {
             let Some((file, ..)) = of_file.first() else { continue };
             let path = self.files.list().path(*file as usize);
-            let unusable = |reason: String| SourceError::Unusable { path: path.clone(), reason };
+            let unusable = |reason: String| SourceError::Dicom {
+                path: path.clone(),
+                fault: DicomFault::Damaged(reason),
+            };
             let input =
                 File::open(&path).map_err(|cause| SourceError::Unreadable { path: path.clone(), cause })?;
             let header = scan(&input).map_err(|e| unusable(e.to_string()))?;
