@@ -19,9 +19,9 @@ use infobyte::source::{Catalogue, OpenOptions, Workspace};
 mod data;
 #[path = "support/dicom.rs"]
 mod dicom;
-#[path = "support/lcg.rs"]
-mod lcg;
-use lcg::Lcg;
+#[path = "support/random.rs"]
+mod random;
+use random::Random;
 
 const CAP: u64 = 16 << 20;
 const SLOWEST: Duration = Duration::from_secs(5);
@@ -75,7 +75,7 @@ fn torment(original: &Path, changes: u64) {
         }
     }
     let file = File::options().write(true).open(&path).unwrap();
-    let mut random = Lcg(whole ^ 0x5eed);
+    let mut random = Random(whole ^ 0x5eed);
     for n in 0..changes {
         // Heads hold what is believed; bodies hold what is decoded.
         let reach = [whole, 512.min(whole), 8192.min(whole), whole][usize::try_from(n % 4).unwrap()];
