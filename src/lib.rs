@@ -30,6 +30,9 @@ pub mod budget;
 pub mod build;
 pub mod clean;
 pub mod codec;
+#[cfg(test)]
+#[path = "../tests/support/compress.rs"]
+mod compress;
 mod cpu;
 pub mod error;
 pub mod format;

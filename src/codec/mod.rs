@@ -7,6 +7,9 @@
 pub mod jpeg;
 pub mod jpeg2000;
 pub mod jpegls;
+#[cfg(test)]
+#[path = "../../tests/support/codec/kept.rs"]
+mod kept;
 pub mod rle;
 
 use std::io;

@@ -2,6 +2,7 @@
 
 use std::io::Read;
 
+use super::super::kept::Kept;
 use super::super::{CodecError, FrameFormat, RowSink};
 use super::encoder::{Dct, FLAT, Lossless, STEEP, Writer};
 use super::{dct, decode};
@@ -9,34 +10,6 @@ use crate::random::Random;
 
 /// More than any image of the tests needs.
 const PLENTY: u64 = 1 << 22;
-
-/// Keeps what it is given, if the image is as small as those of the tests.
-#[derive(Default)]
-struct Kept {
-    format: Option<FrameFormat>,
-    rows: Vec<Vec<i32>>,
-}
-
-impl RowSink for Kept {
-    fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
-        assert!(self.format.is_none(), "begun twice");
-        self.format = Some(*format);
-        if format.rows > 300 {
-            return Err(CodecError::Damaged("too high for the test".to_owned()));
-        }
-        Ok(())
-    }
-
-    fn row(&mut self, samples: &[i32]) -> Result<(), CodecError> {
-        let format = self.format.expect("begun");
-        assert_eq!(samples.len(), format.columns as usize * usize::from(format.components));
-        let most = (1 << format.precision) - 1;
-        assert!(samples.iter().all(|s| (0..=most).contains(s)), "a sample has more than its bits");
-        self.rows.push(samples.to_vec());
-        assert!(self.rows.len() <= format.rows as usize);
-        Ok(())
-    }
-}
 
 /// All samples of an image that must decode.
 fn samples(stream: &[u8]) -> Vec<i32> {
