@@ -102,7 +102,7 @@ fn empty_packets_are_grey_and_missing_ones_are_damage() {
         vec![(0, vec![0; 2]), (1, vec![0; 2]), (2, vec![0; 2])],
         vec![(0, vec![0; 2]), (1, vec![0; 2]), (2, vec![0; 2]), (3, vec![0; 1])],
     ] {
-        let error = try_decode(&plain_stream(64, 32, 2, &parts), 1 << 20).err().expect("a packet is missing");
+        let error = try_decode(&plain_stream(64, 32, 2, &parts), 1 << 20).expect_err("a packet is missing");
         assert!(matches!(error, CodecError::Damaged(_)), "{error}");
     }
 }
@@ -111,7 +111,7 @@ fn empty_packets_are_grey_and_missing_ones_are_damage() {
 fn packets_that_pass_over_everything_are_refused_in_time() {
     // 65535 layers, in each of which two bits exclude all 65536 code-blocks: four thousand million visits.
     let stream = plain_stream(1024, 1024, 65535, &[(0, vec![0x80; 65535])]);
-    let error = try_decode(&stream, 64 << 20).err().expect("it leads nowhere");
+    let error = try_decode(&stream, 64 << 20).expect_err("it leads nowhere");
     assert!(matches!(error, CodecError::Damaged(_)), "{error}");
 }
 
