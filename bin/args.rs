@@ -122,7 +122,7 @@ pub(crate) enum Switch {
 
 #[cfg(test)]
 mod tests {
-    use infobyte::source::{Endian, ScalarType};
+    use infobyte::volume::{Endian, ScalarType};
 
     use super::*;
 

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use infobyte::budget::{Bytes, MemoryCap};
-use infobyte::build::{BuildOptions, Connectivity, Threshold};
+use infobyte::builder::{BuildOptions, Connectivity, Threshold};
 use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
@@ -17,7 +17,8 @@ use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
 use infobyte::render::ViewPoint;
-use infobyte::source::{OpenOptions, Placement, RawOptions};
+use infobyte::source::{OpenOptions, RawOptions};
+use infobyte::volume::Placement;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 

@@ -5,7 +5,7 @@
 //! one **infobyte** (child mask) per non-empty node. Data flows one way:
 //!
 //! ```text
-//! source --slabs--> build (classify, skin, gradient, swap, merge) --> .oct --> load --> render
+//! source --slabs--> builder (classify, skin, gradient, swap, merge) --> .oct --> load --> render
 //! ```
 //!
 //! | module | what it owns |
@@ -18,8 +18,11 @@
 //! | [`scratch`] | nameless files for what does not fit into memory |
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
 //! | [`codec`] | compressed images, one frame at a time, row by row |
+//! | [`facts`] | what readers find, assume and refuse, as values |
+//! | [`volume`] | the trait of a volume, its facts, crop, downsample, georeference, spooling |
 //! | [`source`] | where voxels come from: raw files, DICOM series, NRRD, NIfTI and others, the synthetic head |
-//! | [`build`] | plan, classify, skin, gradient, swap, merge, atomic output |
+//! | [`catalogue`] | what lies in folders: the walk, the survey, side-cars |
+//! | [`builder`] | plan, classify, skin, gradient, swap, merge, atomic output |
 //! | [`clean`] | what is done to the occupancy before the build: components, cavities, closing |
 //! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
 //! | [`render`] | camera, the one traversal kernel, shading, images |
@@ -27,7 +30,8 @@
 
 pub mod atomic;
 pub mod budget;
-pub mod build;
+pub mod builder;
+pub mod catalogue;
 pub mod clean;
 pub mod codec;
 #[cfg(test)]
@@ -35,6 +39,7 @@ pub mod codec;
 mod compress;
 mod cpu;
 pub mod error;
+pub mod facts;
 pub mod format;
 pub mod geom;
 pub mod jobs;
@@ -47,5 +52,6 @@ pub mod render;
 pub mod resident;
 pub mod scratch;
 pub mod source;
+pub mod volume;
 
 pub use error::{Error, ExitKind};

@@ -20,19 +20,36 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("progress", &[]),
     ("resident", &[]),
     ("scratch", &["budget"]),
-    ("source", &["budget", "codec", "cpu", "error", "geom", "progress", "scratch"]),
-    ("build", &["atomic", "budget", "cpu", "error", "format", "geom", "progress", "scratch", "source"]),
-    ("clean", &["budget", "build", "error", "format", "geom", "progress", "scratch", "source"]),
+    ("facts", &["budget", "error"]),
+    ("volume", &["budget", "error", "facts", "geom", "progress", "scratch"]),
+    ("source", &["budget", "codec", "cpu", "error", "facts", "geom", "progress", "scratch", "volume"]),
+    ("catalogue", &["error", "facts", "geom", "progress", "scratch", "source", "volume"]),
+    ("builder", &["atomic", "budget", "cpu", "error", "format", "geom", "progress", "scratch", "volume"]),
+    ("clean", &["budget", "builder", "error", "format", "geom", "progress", "scratch", "volume"]),
     ("load", &["budget", "cpu", "error", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "error", "format", "geom", "load"]),
     (
         "jobs",
         &[
-            "atomic", "budget", "build", "clean", "cpu", "error", "format", "geom", "load", "progress",
-            "render", "resident", "scratch", "source",
+            "atomic",
+            "budget",
+            "builder",
+            "catalogue",
+            "clean",
+            "cpu",
+            "error",
+            "format",
+            "geom",
+            "load",
+            "progress",
+            "render",
+            "resident",
+            "scratch",
+            "source",
+            "volume",
         ],
     ),
-    ("error", &["build", "format", "load", "render", "source"]),
+    ("error", &["builder", "facts", "format", "load", "render"]),
 ];
 
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.
@@ -40,7 +57,7 @@ const ABOVE_ERROR: &[&str] = &["jobs", "lib"];
 
 /// Files that may contain `unsafe`: the mapping, and vector instructions beside their safe twins.
 const UNSAFE_FILES: &[&str] =
-    &["src/build/lanes.rs", "src/build/simd.rs", "src/cpu.rs", "src/load/map.rs", "src/resident.rs"];
+    &["src/builder/lanes.rs", "src/builder/simd.rs", "src/cpu.rs", "src/load/map.rs", "src/resident.rs"];
 
 /// No source file is longer; near 300 is comfortable.
 const MOST_LINES: usize = 800;
@@ -53,13 +70,13 @@ struct Source {
 }
 
 impl Source {
-    /// `build` for `src/build/brick.rs` and for `src/build.rs`.
+    /// `build` for `src/builder/brick.rs` and for `src/builder.rs`.
     fn module(&self) -> &str {
         let inside = self.path.strip_prefix("src/").unwrap();
         inside.split(['/', '.']).next().unwrap()
     }
 
-    /// How far below the crate the file's module is: 1 for `src/build/mod.rs`, 2 for `src/build/brick.rs`.
+    /// How far below the crate the file's module is: 1 for `src/builder/mod.rs`, 2 for `src/builder/brick.rs`.
     fn depth(&self) -> usize {
         self.path.trim_end_matches("/mod.rs").matches('/').count()
     }
@@ -186,7 +203,19 @@ fn arrows_between_modules_point_one_way() {
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
     // The rules are about modules that exist.
     let modules: BTreeSet<&str> = all.iter().map(Source::module).collect();
-    for name in ["budget", "build", "error", "format", "geom", "jobs", "load", "render", "source"] {
+    for name in [
+        "budget",
+        "builder",
+        "catalogue",
+        "error",
+        "format",
+        "geom",
+        "jobs",
+        "load",
+        "render",
+        "source",
+        "volume",
+    ] {
         assert!(modules.contains(name), "no module {name}");
     }
 }
@@ -237,13 +266,13 @@ fn unsafe_stays_in_the_known_files() {
 #[test]
 fn the_reader_of_this_test_sees_what_it_should() {
     let path = "src/load/example.rs".to_owned();
-    let code = "use crate::build::plan;\nuse crate::{geom::Dims, render, error::{Error}};\n\
+    let code = "use crate::builder::plan;\nuse crate::{geom::Dims, render, error::{Error}};\n\
                 // use crate::jobs;\nlet x = crate::format::f(); let y = mycrate::jobs;\n\
                 use super::super::jobs;\nuse super::model;\n#[cfg(test)]\nmod outline;\n\
                 use crate::source;\n#[cfg(test)]\n#[expect(lint)]\nmod tests {\nuse crate::bin;\n}\n";
     let example = Source { path, lines: 1, code: without_comments(code) };
     let names: Vec<String> = crate_paths(&example.without_tests()).into_iter().map(|(n, _)| n).collect();
-    assert_eq!(names, ["build", "geom", "render", "error", "format", "jobs", "source"]);
+    assert_eq!(names, ["builder", "geom", "render", "error", "format", "jobs", "source"]);
     let wrong = forbidden(&example);
     // All but geom and format; of `error` the gathered one is wrong.
     assert_eq!(wrong.len(), 5, "{wrong:?}");

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use infobyte::source::ScalarType;
+use infobyte::volume::ScalarType;
 use serde_json::{Value, json};
 
 #[path = "support/command.rs"]

@@ -6,11 +6,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use infobyte::budget::MemoryCap;
-use infobyte::build::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build};
+use infobyte::builder::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build};
 use infobyte::format::{SectionKind, normal};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::load::{Model, verify};
-use infobyte::source::{Endian, RawOptions, RawVolume, Rescale, ScalarType, VolumeSource};
+use infobyte::source::{RawOptions, RawVolume};
+use infobyte::volume::{Endian, Rescale, ScalarType, VolumeSource};
 
 #[path = "support/random.rs"]
 mod random;
@@ -110,7 +111,7 @@ fn check(
     file: &Path,
     truth: &Truth,
     options: &BuildOptions,
-    info: &infobyte::source::VolumeInfo,
+    info: &infobyte::volume::VolumeInfo,
     name: &str,
 ) {
     let bytes = std::fs::read(file).unwrap();
@@ -154,7 +155,7 @@ fn check_values(
     model: &Model<&Vec<u8>>,
     truth: &Truth,
     options: &BuildOptions,
-    info: &infobyte::source::VolumeInfo,
+    info: &infobyte::volume::VolumeInfo,
     name: &str,
 ) -> Vec<u16> {
     let count = truth.skin.len() as u64;

@@ -3,7 +3,8 @@
 
 use std::fs;
 
-use infobyte::source::{Catalogue, OpenOptions};
+use infobyte::catalogue::Catalogue;
+use infobyte::source::OpenOptions;
 
 #[path = "support/counting.rs"]
 mod counting;

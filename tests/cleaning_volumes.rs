@@ -5,10 +5,10 @@ use std::ops::Range;
 use std::path::Path;
 
 use infobyte::budget::MemoryCap;
-use infobyte::build::{BuildOptions, Connectivity, Silent, Threshold};
+use infobyte::builder::{BuildOptions, Connectivity, Silent, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, SizeLimit};
 use infobyte::geom::Affine;
-use infobyte::source::{Rescale, ScalarType, VolumeSource};
+use infobyte::volume::{Rescale, ScalarType, VolumeSource};
 
 #[path = "support/random.rs"]
 mod random;

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use infobyte::source::dicom::{Access, Image, Obstacle, Origin, StatedPadding, unroll};
-use infobyte::source::{ScalarType, SourceError};
+use infobyte::volume::{ScalarType, SourceError};
 
 #[path = "support/dicom.rs"]
 mod dicom;

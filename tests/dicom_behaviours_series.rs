@@ -5,9 +5,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use infobyte::source::{
-    Catalogue, Finding, GapPolicy, OpenOptions, ScalarType, SourceError, VolumeSource, open,
-};
+use infobyte::catalogue::{Catalogue, open};
+use infobyte::source::{Finding, GapPolicy, OpenOptions};
+use infobyte::volume::{ScalarType, SourceError, VolumeSource};
 
 #[path = "support/dicom.rs"]
 mod dicom;

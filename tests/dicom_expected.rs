@@ -9,7 +9,7 @@ use std::path::Path;
 use infobyte::source::dicom::{
     Access, DicomHeader, FrameGeometry, FrameSink, Image, Obstacle, ScanError, scan, unroll, visit,
 };
-use infobyte::source::{Endian, ScalarType, SourceError};
+use infobyte::volume::{Endian, ScalarType, SourceError};
 use sha2::{Digest, Sha256};
 
 #[path = "support/data.rs"]

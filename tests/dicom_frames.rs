@@ -6,8 +6,8 @@ use std::io::Write as _;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-use infobyte::source::SourceError;
 use infobyte::source::dicom::{Access, FrameSink, Image, scan, unroll, visit};
+use infobyte::volume::SourceError;
 
 #[path = "support/counting.rs"]
 mod counting;

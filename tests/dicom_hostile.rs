@@ -2,8 +2,9 @@
 //! strings: damaged, truncated and lying files yield a sentence. And a sound series of a thousand
 //! slices is held in a few hundred KiB.
 
+use infobyte::catalogue::open;
+use infobyte::source::OpenOptions;
 use infobyte::source::dicom::{DicomHeader, PixelLayout, ScanError, scan};
-use infobyte::source::{OpenOptions, open};
 
 #[path = "support/counting.rs"]
 mod counting;

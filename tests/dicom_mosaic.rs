@@ -6,8 +6,10 @@ use std::fs;
 use std::ops::Deref;
 use std::path::Path;
 
+use infobyte::catalogue::{Catalogue, open};
 use infobyte::progress::Silent;
-use infobyte::source::{Catalogue, Finding, OpenOptions, SourceError, VolumeSource, Workspace, open};
+use infobyte::source::{Finding, OpenOptions};
+use infobyte::volume::{SourceError, VolumeSource, Workspace};
 
 use tempfile::TempDir;
 

@@ -4,7 +4,9 @@
 
 use std::fs;
 
-use infobyte::source::{Catalogue, Finding, OpenOptions, VolumeSource};
+use infobyte::catalogue::Catalogue;
+use infobyte::source::{Finding, OpenOptions};
+use infobyte::volume::VolumeSource;
 
 #[path = "support/dicom.rs"]
 mod dicom;

@@ -7,11 +7,11 @@ use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use infobyte::catalogue::{Catalogue, open};
 use infobyte::progress::Silent;
 use infobyte::source::dicom::{Access, Image, PixelLayout, ScanError, scan};
-use infobyte::source::{
-    Catalogue, Finding, GapPolicy, OpenOptions, ScalarType, VolumeSource, Workspace, open,
-};
+use infobyte::source::{Finding, GapPolicy, OpenOptions};
+use infobyte::volume::{ScalarType, VolumeSource, Workspace};
 
 #[path = "support/data.rs"]
 mod data;

@@ -4,8 +4,10 @@
 use std::fs;
 use std::path::PathBuf;
 
+use infobyte::catalogue::open;
 use infobyte::geom::{Dims, Orientation};
-use infobyte::source::{Endian, OpenOptions, RawOptions, RawVolume, ScalarType, VolumeSource, open};
+use infobyte::source::{OpenOptions, RawOptions, RawVolume};
+use infobyte::volume::{Endian, ScalarType, VolumeSource};
 
 #[path = "support/dicom.rs"]
 mod dicom;

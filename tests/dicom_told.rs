@@ -4,7 +4,9 @@
 
 use std::fs;
 
-use infobyte::source::{GapPolicy, OpenOptions, SourceError, VolumeSource, open};
+use infobyte::catalogue::open;
+use infobyte::source::{GapPolicy, OpenOptions};
+use infobyte::volume::{SourceError, VolumeSource};
 
 #[path = "support/dicom.rs"]
 mod dicom;

@@ -4,12 +4,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use infobyte::catalogue::{Catalogue, open};
 use infobyte::format::SectionKind;
 use infobyte::load::Model;
 use infobyte::progress::Silent;
-use infobyte::source::{
-    Catalogue, Finding, OpenOptions, ScalarType, SourceError, VolumeSource, Workspace, open,
-};
+use infobyte::source::{Finding, OpenOptions};
+use infobyte::volume::{ScalarType, SourceError, VolumeSource, Workspace};
 
 #[path = "support/command.rs"]
 mod command;

@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use infobyte::budget::{current_rss_bytes, peak_rss_bytes};
+use infobyte::catalogue::open;
 use infobyte::progress::Silent;
-use infobyte::source::{OpenOptions, ScalarType, Workspace, open};
+use infobyte::source::OpenOptions;
+use infobyte::volume::{ScalarType, Workspace};
 
 #[path = "support/formats.rs"]
 mod formats;

@@ -23,7 +23,7 @@ mod volume;
 use command::measured_build;
 use dicom::Image;
 use formats::{Object, Tiff};
-use infobyte::source::ScalarType;
+use infobyte::volume::ScalarType;
 use random::Random;
 use volume::encode;
 

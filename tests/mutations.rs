@@ -12,8 +12,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use infobyte::budget::{current_rss_bytes, peak_rss_bytes};
+use infobyte::catalogue::Catalogue;
 use infobyte::progress::Silent;
-use infobyte::source::{Catalogue, OpenOptions, Workspace};
+use infobyte::source::OpenOptions;
+use infobyte::volume::Workspace;
 
 #[path = "support/data.rs"]
 mod data;

@@ -3,7 +3,9 @@
 
 use std::fs;
 
-use infobyte::source::{Catalogue, Finding, OpenOptions, ScalarType};
+use infobyte::catalogue::Catalogue;
+use infobyte::source::{Finding, OpenOptions};
+use infobyte::volume::ScalarType;
 
 #[path = "support/dicom.rs"]
 mod dicom;

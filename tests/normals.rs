@@ -31,11 +31,11 @@ mod random;
 mod volume;
 
 use infobyte::budget::MemoryCap;
-use infobyte::build::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
+use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
 use infobyte::format::normal;
 use infobyte::geom::{Affine, morton};
 use infobyte::load::{Model, NodeView};
-use infobyte::source::ScalarType;
+use infobyte::volume::ScalarType;
 use random::Random;
 use volume::MemoryVolume;
 

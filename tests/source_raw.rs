@@ -4,10 +4,10 @@
 use std::fs;
 
 use infobyte::ExitKind;
+use infobyte::catalogue::open;
 use infobyte::geom::{Dims, Orientation};
-use infobyte::source::{
-    Endian, OpenOptions, RawOptions, RawVolume, ScalarType, SourceError, VolumeSource, open,
-};
+use infobyte::source::{OpenOptions, RawOptions, RawVolume};
+use infobyte::volume::{Endian, ScalarType, SourceError, VolumeSource};
 
 #[path = "support/data.rs"]
 mod data;

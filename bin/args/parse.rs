@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use infobyte::build::Connectivity;
+use infobyte::builder::Connectivity;
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::render::{NamedView, Projection};
-use infobyte::source::{Endian, ScalarType};
+use infobyte::volume::{Endian, ScalarType};
 
 pub(super) fn number(text: &str) -> Result<f64, String> {
     text.trim()

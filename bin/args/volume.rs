@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
-use infobyte::build::{Connectivity, Threshold};
+use infobyte::builder::{Connectivity, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::geom::{Dims, Orientation};
-use infobyte::source::{Endian, GapPolicy, ScalarType};
+use infobyte::source::GapPolicy;
+use infobyte::volume::{Endian, ScalarType};
 
 use super::{Switch, ThreadArgs, parse};
 

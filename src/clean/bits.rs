@@ -5,7 +5,7 @@ use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use crate::build::BuildError;
+use crate::builder::BuildError;
 use crate::geom::Dims;
 use crate::scratch::nameless_for;
 

@@ -10,7 +10,7 @@
 //! strip reads `2 R` rows beyond its own on either side. One pass.
 
 use super::bits::{BitVolume, row_mask};
-use crate::build::BuildError;
+use crate::builder::BuildError;
 use crate::progress::Progress;
 
 /// Half width of the element along x in every row (dy, dz) of it; `None` where it has no voxel.

@@ -34,7 +34,7 @@ use super::paged::PagedTable;
 pub(super) use super::sets::Component;
 use super::sets::Sets;
 use super::stream::{BUFFER_BYTES, Cursor, Stream};
-use crate::build::BuildError;
+use crate::builder::BuildError;
 use crate::geom::Dims;
 use crate::progress::Progress;
 

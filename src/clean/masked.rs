@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::bits::BitVolume;
-use crate::build::RangeTest;
-use crate::source::{SourceError, VolumeInfo, VolumeSource, Wrapper};
+use crate::builder::RangeTest;
+use crate::volume::{SourceError, VolumeInfo, VolumeSource, Wrapper};
 
 /// Bytes of occupancy that are read at a time: at least one row.
 const READ_BYTES: usize = 32 << 10;

@@ -36,10 +36,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::budget::{HELD_SPREAD, MemoryCap};
-use crate::build::{self, BuildError, BuildOptions, Progress, choose_selection, for_each_block, range_test};
+use crate::builder::{
+    self, BuildError, BuildOptions, Progress, choose_selection, for_each_block, range_test,
+};
 use crate::format::Selection;
 use crate::geom::Dims;
-use crate::source::{Crop, Downsample, SourceError, VolumeSource};
+use crate::volume::{Crop, Downsample, SourceError, VolumeSource};
 use bits::BitVolume;
 use components::{Component, Task};
 use masked::Masked;
@@ -204,11 +206,11 @@ impl CleanOptions {
         options: &BuildOptions,
         none: MemoryCap,
     ) -> u64 {
-        let build = build::smallest_cap(source, options, none);
+        let build = builder::smallest_cap(source, options, none);
         if !self.works_on_bits() {
             return build;
         }
-        let own = build::fixed_bytes(none) + self.least_bytes(source);
+        let own = builder::fixed_bytes(none) + self.least_bytes(source);
         let spread = if matches!(none, MemoryCap::Process(_)) { HELD_SPREAD } else { 0 };
         (self.beside(source, none) + build.max(own) + spread).next_multiple_of(1 << 16)
     }
@@ -221,7 +223,7 @@ impl CleanOptions {
     /// The least that every operation can do with, beside what is fixed.
     fn least_bytes(&self, source: &dyn VolumeSource) -> u64 {
         let dims = source.info().dims;
-        let mut least = build::occupancy_worker_bytes(source);
+        let mut least = builder::occupancy_worker_bytes(source);
         if self.close > 0 {
             least = least.max(close::bytes(row_words(dims), self.close, 1));
         }
@@ -238,7 +240,7 @@ impl CleanOptions {
 
     /// Cleans the occupancy of a prepared (and reshaped) volume; `None` where there is nothing to do.
     ///
-    /// [`Cleaned::source`] is then built with [`build::Threshold::Chosen`] of [`Cleaned::selection`]. Memory,
+    /// [`Cleaned::source`] is then built with [`builder::Threshold::Chosen`] of [`Cleaned::selection`]. Memory,
     /// threads and scratch folder are those of the build.
     ///
     /// # Errors
@@ -380,13 +382,13 @@ impl<'a> CleanJob<'_, 'a> {
     fn check_budget(&self) -> Result<(), BuildError> {
         let memory = self.options.memory;
         let limit_bytes = memory.bytes();
-        let own = build::fixed_bytes(memory) + self.clean.least_bytes(self.source) + left_over(memory);
+        let own = builder::fixed_bytes(memory) + self.clean.least_bytes(self.source) + left_over(memory);
         let for_build = limit_bytes.saturating_sub(self.clean.beside(self.source, memory));
         let (none, for_build) = match memory {
             MemoryCap::Process(_) => (MemoryCap::Process(0), MemoryCap::Process(for_build)),
             MemoryCap::Share(_) => (MemoryCap::Share(0), MemoryCap::Share(for_build)),
         };
-        if own <= limit_bytes && build::fits(self.source, self.options, for_build) {
+        if own <= limit_bytes && builder::fits(self.source, self.options, for_build) {
             return Ok(());
         }
         let name = self.source.info().description.name.clone();
@@ -397,12 +399,12 @@ impl<'a> CleanJob<'_, 'a> {
     /// Bytes that an operation may hold now.
     fn room(&self) -> u64 {
         let memory = self.options.memory;
-        memory.bytes().saturating_sub(build::fixed_bytes(memory)).saturating_sub(left_over(memory))
+        memory.bytes().saturating_sub(builder::fixed_bytes(memory)).saturating_sub(left_over(memory))
     }
 
     /// The range test of the whole volume; returns how many voxels are inside.
-    fn test_range(&self, bits: &BitVolume, test: &dyn build::RangeTest) -> Result<u64, BuildError> {
-        let fit = self.room() / build::occupancy_worker_bytes(self.source);
+    fn test_range(&self, bits: &BitVolume, test: &dyn builder::RangeTest) -> Result<u64, BuildError> {
+        let fit = self.room() / builder::occupancy_worker_bytes(self.source);
         let threads = usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.options.threads.max(1));
         let inside = AtomicU64::new(0);
         self.progress.stage("range test", u64::from(bits.dims().nz()));

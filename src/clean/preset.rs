@@ -1,6 +1,6 @@
 //! Ranges of Hounsfield units under the names of tissues.
 
-use crate::build::Threshold;
+use crate::builder::Threshold;
 
 /// A tissue in CT, by its usual range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,12 +9,14 @@ use serde_json::{Value, json};
 
 use super::info::{Info, info, static_facts};
 use crate::budget::{Bytes, HELD_SPREAD, MemoryCap, peak_rss_bytes};
-use crate::build::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
+use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
+use crate::catalogue;
 use crate::clean::{CleanOptions, CleanReport};
 use crate::error::Error;
 use crate::format::MAGIC;
 use crate::resident::give_back;
-use crate::source::{self, OpenOptions, Preparation, VolumeSource, Workspace};
+use crate::source::OpenOptions;
+use crate::volume::{Preparation, VolumeSource, Workspace};
 
 /// What was built, from what, and what it took.
 #[derive(Clone, Debug)]
@@ -43,7 +45,7 @@ const LEAST_OPENING_BYTES: u64 = 1 << 20;
 /// Opens the inputs and builds the model.
 ///
 /// # Errors
-/// As [`source::open_in`] and [`build::build`]; an old model is untouched then.
+/// As [`catalogue::open_in`] and [`builder::build`]; an old model is untouched then.
 pub fn build(
     inputs: &[PathBuf],
     how: &OpenOptions,
@@ -71,7 +73,7 @@ pub fn build_cleaned(
     // Where not even a little is left, the builder says it better.
     let opening_bytes = options.memory.left().max(LEAST_OPENING_BYTES);
     let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
-    let source = source::open_in(inputs, &how, &options.scratch_folder(output))?;
+    let source = catalogue::open_in(inputs, &how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
     build_cleaned_source(source, input, cleaning, options, output, progress, started)
@@ -102,7 +104,7 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
 /// Builds the model of an open source; `started` is when the job began.
 ///
 /// # Errors
-/// As [`build::build`].
+/// As [`builder::build`].
 pub fn build_source(
     source: &mut dyn VolumeSource,
     input: String,
@@ -113,7 +115,7 @@ pub fn build_source(
 ) -> Result<BuildSummary, Error> {
     prepare(source, &CleanOptions::default(), options, output, progress)?;
     give_back();
-    let report = build::build(source, options, output, progress)?;
+    let report = builder::build(source, options, output, progress)?;
     let wall_s = started.elapsed().as_secs_f64();
     Ok(BuildSummary {
         input,
@@ -130,7 +132,7 @@ pub fn build_source(
 /// Cleans an open source and builds its model; `started` is when the job began.
 ///
 /// # Errors
-/// As [`build::build`] and [`CleanOptions::clean`].
+/// As [`builder::build`] and [`CleanOptions::clean`].
 pub fn build_cleaned_source(
     source: Box<dyn VolumeSource>,
     input: String,
@@ -170,9 +172,9 @@ pub fn build_reshaped_source(
     let report = match &cleaned {
         Some(cleaned) => {
             options.threshold = Threshold::Chosen(cleaned.selection);
-            build::build(cleaned.source(), &options, output, progress)?
+            builder::build(cleaned.source(), &options, output, progress)?
         }
-        None => build::build(&*source, &options, output, progress)?,
+        None => builder::build(&*source, &options, output, progress)?,
     };
     let wall_s = started.elapsed().as_secs_f64();
     let mut warnings = without_repeats(&source.info().warnings);
@@ -206,7 +208,7 @@ fn prepare(
     let memory_bytes = options.memory.left();
     let cap = options.memory;
     // What unrolling is said to need is the most it can be; it refuses for itself.
-    if matches!(cap, MemoryCap::Process(_)) && !build::fits(source, options, cap) {
+    if matches!(cap, MemoryCap::Process(_)) && !builder::fits(source, options, cap) {
         let unrolling = cap.held() + needs.memory_bytes + HELD_SPREAD;
         let minimum_bytes = cleaning.smallest_cap(source, options, MemoryCap::Process(0)).max(unrolling);
         return Err(Error::Build(BuildError::BudgetTooSmall {

@@ -12,9 +12,10 @@ use super::render::RenderRequest;
 use super::verify::verify;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
-use crate::build::{BuildOptions, Progress};
+use crate::builder::{BuildOptions, Progress};
 use crate::error::Error;
-use crate::source::{Endian, SyntheticHead, VolumeSource};
+use crate::source::SyntheticHead;
+use crate::volume::{Endian, VolumeSource};
 
 /// Files that the demonstration writes: the model, and beside it a picture and a thumbnail.
 #[derive(Clone, Debug)]

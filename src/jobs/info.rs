@@ -9,7 +9,7 @@ use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{SectionKind, SelectionKind, VERSION_MAJOR};
 use crate::load::{Frame, LoadError, open_regular};
-use crate::source::ScalarType;
+use crate::volume::ScalarType;
 
 /// Bytes a voxel of the paper's uniform volume: 2 bytes of density and 33 bits of normal, colour and
 /// optics, as its table 1 counts.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::source::{Catalogue, LeftOut, PatientWords};
+use crate::catalogue::{Catalogue, LeftOut, PatientWords};
 
 /// Paths as they are reported: relative to what was searched, words of patients masked.
 ///

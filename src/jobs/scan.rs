@@ -7,8 +7,9 @@ use serde_json::{Value, json};
 use super::build::without_repeats;
 use super::masked::{LeftOuts, Masked};
 use crate::budget::peak_rss_bytes;
+use crate::catalogue::Catalogue;
 use crate::error::Error;
-use crate::source::{Catalogue, Finding, OpenOptions};
+use crate::source::{Finding, OpenOptions};
 
 /// One volume that was found.
 #[derive(Clone, Debug)]

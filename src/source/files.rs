@@ -144,6 +144,13 @@ impl Drop for FileSet {
     }
 }
 
+/// Last part of a path as text, also for `.` and `..`.
+pub(crate) fn base_name(path: &Path) -> String {
+    let resolved = path.file_name().is_none().then(|| std::fs::canonicalize(path).ok()).flatten();
+    let path = resolved.as_deref().unwrap_or(path);
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,7 +8,8 @@
 use std::path::Path;
 
 use super::files::FileList;
-use super::{OpenOptions, SourceError, VolumeSource, metaimage, nifti, npy, nrrd, png_stack, tiff};
+use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff};
+use crate::volume::{SourceError, VolumeSource};
 
 /// Bytes of a file that [`Format::recognise`] is shown, or all of a shorter one.
 pub(crate) const HEAD_BYTES: usize = 1024;
@@ -18,7 +19,7 @@ type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
 
 /// A kind of file that holds one or several volumes.
 pub(crate) struct Format {
-    /// As shown to users and in [`super::SourceDescription::format`]: `nrrd`, `nifti`, ...
+    /// As shown to users and in [`crate::volume::SourceDescription::format`]: `nrrd`, `nifti`, ...
     pub(crate) name: &'static str,
     /// Is the file, which begins with these bytes, of this kind? A damaged one is, too, so that it is
     /// refused by name. Called for every file that is no DICOM: quick, and without opening the file

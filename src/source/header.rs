@@ -4,9 +4,9 @@ use std::fs::File;
 use std::io::{self, BufRead, Read};
 use std::path::{Component, Path, PathBuf};
 
-use super::SourceError;
 use super::files::FileList;
 use super::stored::{Section, section};
+use crate::volume::SourceError;
 
 /// Longest line: far more than any real one, so that binary data is not taken for a line.
 const MAX_LINE: u64 = 64 << 10;

@@ -7,14 +7,15 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use super::OpenOptions;
 use super::files::FileList;
 use super::header::{
     Lines, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
 };
-use super::placement::no_spacing;
 use super::stored::{Encoding, Samples, Skip, Stored, regular};
-use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
 use crate::geom::Affine;
+use crate::volume::no_spacing;
+use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 
 /// Keys that a header begins with, in lower case.
 const FIRST_KEYS: [&str; 4] = ["objecttype", "ndims", "comment", "objectsubtype"];

@@ -10,9 +10,10 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use super::OpenOptions;
 use super::header::{files_beside, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, Stored};
-use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 use geometry::Placement;
 
 /// Bytes of a NIfTI-1 header, and of an ANALYZE 7.5 one.
@@ -55,7 +56,7 @@ fn extension(path: &Path) -> Option<(PathBuf, String)> {
 }
 
 /// The header of a pair whose samples were given: `brain.hdr` or `brain.hdr.gz` for `brain.img`.
-pub(super) fn header_of_samples(path: &Path) -> Option<PathBuf> {
+pub(crate) fn header_of_samples(path: &Path) -> Option<PathBuf> {
     let (bare, _) = extension(path).filter(|(_, e)| e == "img")?;
     ["hdr", "hdr.gz", "HDR"].iter().map(|e| bare.with_extension(e)).find(|p| p.is_file())
 }

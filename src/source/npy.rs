@@ -8,13 +8,14 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use super::OpenOptions;
 use super::files::FileList;
 use super::header::{unreadable, unusable};
-use super::placement::{no_directions, no_spacing};
 use super::reversed::Reversed;
 use super::stored::{Encoding, Samples, Skip, Stored};
-use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
 use crate::geom::Affine;
+use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{no_directions, no_spacing};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 

@@ -10,11 +10,12 @@ mod geometry;
 use std::fs::File;
 use std::path::Path;
 
+use super::OpenOptions;
 use super::files::FileList;
+use super::files::base_name;
 use super::header::{Lines, counts, files_beside, listed, numbered, text, unreadable, unusable};
-use super::raw::base_name;
 use super::stored::{Encoding, Samples, Skip, Stored, section};
-use super::{Endian, OpenOptions, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 
 /// Most axes that the format allows.

@@ -11,16 +11,15 @@ use std::sync::Arc;
 
 use png::{ColorType, DecodingError, Limits, Transformations};
 
+use super::OpenOptions;
+use super::files::base_name;
 use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
-use super::placement::{no_directions, no_spacing};
-use super::raw::base_name;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
-use super::{
-    Endian, OpenOptions, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
-};
 use crate::geom::{Affine, Dims};
+use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{no_directions, no_spacing};
 
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 

@@ -1,16 +1,14 @@
 //! Headerless volumes: one file with all slices, or one file per slice.
 
 use std::fs;
-use std::io;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::files::{FileList, FileSet};
+use super::files::{FileList, FileSet, base_name};
 use super::stored::{Placed, Places, Samples};
-use super::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use crate::geom::{Dims, Orientation};
+use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// What the caller must say of a headerless volume.
 #[derive(Clone, Debug, PartialEq)]
@@ -146,52 +144,6 @@ impl VolumeSource for RawVolume {
     }
 }
 
-/// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call,
-/// part of them row by row; `out` holds nothing else.
-pub(super) fn read_block(
-    file: &fs::File,
-    base: u64,
-    nx: u32,
-    sample_bytes: usize,
-    rows: &Range<u32>,
-    cols: &Range<u32>,
-    out: &mut [u8],
-) -> io::Result<()> {
-    let sample = sample_bytes as u64;
-    let row_bytes = u64::from(nx) * sample;
-    let at = |row: u32| base + u64::from(row) * row_bytes + u64::from(cols.start) * sample;
-    let piece = cols.len() * sample_bytes;
-    if out.is_empty() {
-        return Ok(());
-    }
-    if cols.len() as u64 == u64::from(nx) {
-        return file.read_exact_at(out, at(rows.start));
-    }
-    out.chunks_exact_mut(piece)
-        .zip(rows.clone())
-        .try_for_each(|(part, row)| file.read_exact_at(part, at(row)))
-}
-
-/// Is the request inside the volume, and `out` as long as the trait promises?
-pub(super) fn check_request(
-    info: &VolumeInfo,
-    z: u32,
-    rows: &Range<u32>,
-    cols: &Range<u32>,
-    out_len: usize,
-) -> io::Result<()> {
-    let dims = info.dims;
-    let inside = z < dims.nz() && rows.end <= dims.ny() && cols.end <= dims.nx();
-    let wanted = rows.len() as u64 * cols.len() as u64 * info.scalar.bytes() as u64;
-    if inside && wanted == out_len as u64 {
-        return Ok(());
-    }
-    Err(io::Error::new(
-        io::ErrorKind::InvalidInput,
-        format!("rows {rows:?}, columns {cols:?} into {out_len} bytes"),
-    ))
-}
-
 fn what_for(options: &RawOptions, index: usize, files: usize) -> String {
     let RawOptions { dims, scalar, skip, .. } = options;
     let mut what = if files == 1 {
@@ -248,11 +200,4 @@ fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
     }
     let order = list.natural_order();
     Ok(list.select(order.into_iter()))
-}
-
-/// Last part of a path as text, also for `.` and `..`.
-pub(super) fn base_name(path: &Path) -> String {
-    let resolved = path.file_name().is_none().then(|| fs::canonicalize(path).ok()).flatten();
-    let path = resolved.as_deref().unwrap_or(path);
-    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use super::raw::check_request;
-use super::spool::Spool;
-use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
 use crate::geom::Dims;
+use crate::volume::Spool;
+use crate::volume::check_request;
+use crate::volume::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
 
 /// Bytes of a block that is turned at a time.
 const BLOCK_BYTES: usize = 1 << 20;

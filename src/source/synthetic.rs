@@ -21,8 +21,8 @@ mod shape;
 use std::ops::Range;
 
 use self::shape::{Columns, FAR, PIECE, Step, distances};
-use super::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use crate::geom::{Affine, Dims};
+use crate::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// Edge of the cube in mm at every `side`; 0.45 mm a voxel at 512.
 const EDGE_MM: f32 = 230.4;

@@ -1,7 +1,7 @@
 //! Writes small DICOM files from parts, sound or hostile, for tests.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
-use infobyte::source::VolumeSource;
+use infobyte::volume::VolumeSource;
 
 /// How elements are written.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use infobyte::source::ScalarType;
+use infobyte::volume::ScalarType;
 
 use super::volume::encode;
 

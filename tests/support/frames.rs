@@ -4,10 +4,10 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use infobyte::source::SourceError;
 use infobyte::source::dicom::{
     Access, DicomHeader, FrameGeometry, FrameSink, Image, Padding, ReadAt, ScanError, scan, unroll, visit,
 };
+use infobyte::volume::SourceError;
 
 use crate::dicom::{Syntax, Writer};
 

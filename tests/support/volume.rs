@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use infobyte::geom::{Affine, Dims, Orientation};
-use infobyte::source::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use infobyte::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// The sample of type `scalar` next to `v`, as little-endian bytes.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts from floats saturate")]

@@ -7,7 +7,7 @@ use super::pixels::{Padding, PixelLayout, Stored};
 use super::scan::ScanError;
 use super::window::ReadAt;
 use crate::codec::{CodecError, FrameFormat};
-use crate::source::Endian;
+use crate::volume::Endian;
 
 /// Turns rows into what an image delivers.
 pub(super) struct Converter<'a> {

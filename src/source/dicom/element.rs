@@ -5,7 +5,7 @@ use std::io;
 use super::header::{Encoding, MAX_VALUE_BYTES, Tag};
 use super::scan::ScanError;
 use super::window::{ReadAt, Window};
-use crate::source::Endian;
+use crate::volume::Endian;
 
 /// Deepest nesting of undefined lengths; real files stay under ten.
 const MAX_DEPTH: usize = 32;

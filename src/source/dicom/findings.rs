@@ -7,10 +7,11 @@ use super::series::{Refusal, Stack, assemble, plane};
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
-use crate::source::catalogue::safe_name;
 use crate::source::files::FileList;
+use crate::source::safe_name;
 use crate::source::stable_hash::StableHash;
-use crate::source::{Finding, InputFiles, OpenOptions, SourceError, VolumeSource};
+use crate::source::{Finding, InputFiles, OpenOptions};
+use crate::volume::{SourceError, VolumeSource};
 
 /// Tags named in one warning.
 const NAMED: usize = 4;

@@ -6,7 +6,7 @@ use super::header::{DicomHeader, Encoding, Tag, double, number, numbers, text, t
 use super::scan::ScanError;
 use super::syntax::TransferSyntax;
 use super::window::ReadAt;
-use crate::source::Endian;
+use crate::volume::Endian;
 
 /// Bytes of the Grid Frame Offset Vector looked at in one go; no number is as long.
 const PIECE: usize = 1024;

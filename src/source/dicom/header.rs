@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::mosaic::Private;
 use super::syntax::TransferSyntax;
-use crate::source::Endian;
+use crate::volume::Endian;
 
 /// A tag: group in the high 16 bits, element in the low.
 pub(super) type Tag = u32;
@@ -125,7 +125,7 @@ pub struct Secrets {
 
 impl Secrets {
     #[cfg(test)]
-    pub(in crate::source) fn of(name: &str, id: &str, birth_date: &str) -> Self {
+    pub(crate) fn of(name: &str, id: &str, birth_date: &str) -> Self {
         Self { name: name.into(), id: id.into(), birth_date: digits_of_date(birth_date.as_bytes()) }
     }
 

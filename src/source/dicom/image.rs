@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::header::{DicomHeader, PixelElement};
 use super::pixels::{PixelLayout, Stored};
 use super::syntax::{Codec, TransferSyntax};
-use crate::source::{Endian, ScalarType};
+use crate::volume::{Endian, ScalarType};
 
 /// Why an object cannot be a slice of a volume; the sentence names what it is.
 #[non_exhaustive]

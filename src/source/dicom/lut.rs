@@ -5,7 +5,7 @@ use super::element::{Element, Parser, damaged};
 use super::header::{DicomHeader, Encoding};
 use super::scan::ScanError;
 use super::window::ReadAt;
-use crate::source::Endian;
+use crate::volume::Endian;
 
 /// Bytes looked at in one go while a table is read.
 const PIECE: usize = 1024;

@@ -23,7 +23,7 @@ use super::series::{Layer, Refusal, Stack, directions, dot, pixel_spacing};
 use super::syntax::TransferSyntax;
 use super::window::ReadAt;
 use crate::geom::Affine;
-use crate::source::Endian;
+use crate::volume::Endian;
 
 /// Private creators of the blocks that matter.
 const MR_HEADER: &str = "SIEMENS MR HEADER";

@@ -3,7 +3,7 @@
 
 use super::header::{DicomHeader, PixelElement};
 use crate::geom::Dims;
-use crate::source::{Endian, ScalarType};
+use crate::volume::{Endian, ScalarType};
 
 /// How a cell (the bits allocated to one sample) holds its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -14,7 +14,7 @@ use super::element::{META, Parser, length_form};
 use super::header::{DicomHeader, Encoding, PixelData, PixelElement, Tag, text};
 use super::syntax::TransferSyntax;
 use super::window::{ReadAt, Window};
-use crate::source::Endian;
+use crate::volume::Endian;
 
 /// Media Storage SOP Class UID and Transfer Syntax UID in the meta header.
 const META_SOP_CLASS: Tag = 0x0002_0002;

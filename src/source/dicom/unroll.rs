@@ -17,7 +17,7 @@ use super::syntax::{Codec, TransferSyntax};
 use super::window::ReadAt;
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, RowSink, jpeg, jpeg2000, jpegls, rle};
-use crate::source::SourceError;
+use crate::volume::SourceError;
 
 /// Read buffers, tables of decoders and small change, of any codec but JPEG 2000.
 const FIXED_BYTES: u64 = 256 << 10;

@@ -12,13 +12,13 @@ use super::series::{Layer, Stack};
 use super::unroll::{FrameSink, unroll};
 use crate::geom::Dims;
 use crate::progress::Progress;
-use crate::source::blend::blend;
 use crate::source::files::FileSet;
-use crate::source::raw::{check_request, read_block};
-use crate::source::spool::Spool;
-use crate::source::{
+use crate::volume::Spool;
+use crate::volume::blend;
+use crate::volume::{
     Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource, Workspace,
 };
+use crate::volume::{check_request, read_block};
 
 /// Physical value that stands for padding in CT (air, in HU); elsewhere it is 0.
 const CT_BACKGROUND: f64 = -1000.0;

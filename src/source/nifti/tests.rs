@@ -1,7 +1,7 @@
 use std::fs;
 
 use super::*;
-use crate::source::VolumeInfo;
+use crate::volume::VolumeInfo;
 
 /// A NIfTI-1 header of 4 x 3 x 2 i16 with spacing 2 x 3 x 4 mm and no orientation, and 48 bytes of samples.
 fn plain() -> Vec<u8> {

@@ -2,7 +2,7 @@
 
 use crate::geom::Affine;
 use crate::source::header::{normal_of, numbers, unit_mm};
-use crate::source::placement::{no_directions, no_spacing};
+use crate::volume::{no_directions, no_spacing};
 
 /// Axis kinds that are directions in space; an unknown one is taken for one.
 const SPATIAL_KINDS: [&str; 4] = ["domain", "space", "???", "none"];

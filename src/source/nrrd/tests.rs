@@ -2,7 +2,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::*;
-use crate::source::VolumeInfo;
+use crate::volume::VolumeInfo;
 
 /// Opens a header with `data` behind it.
 fn opened(header: &str, data: &[u8]) -> Result<Vec<VolumeInfo>, String> {

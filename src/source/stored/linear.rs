@@ -9,7 +9,7 @@ use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
 use crate::source::files::{FileList, FileSet};
-use crate::source::{Endian, SourceError, VolumeInfo};
+use crate::volume::{Endian, SourceError, VolumeInfo};
 
 /// Stored bytes that are turned into samples at once; a multiple of every sample's width.
 const PIECE_BYTES: usize = 32 << 10;

@@ -28,10 +28,10 @@ pub(super) use placed::{Placed, Places};
 pub(super) use samples::Samples;
 
 use super::files::FileList;
-use super::raw::check_request;
-use super::spool::Spool;
-use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
 use crate::progress::Progress;
+use crate::volume::Spool;
+use crate::volume::check_request;
+use crate::volume::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
 
 /// Writes a volume that can only be read from front to back.
 pub(super) trait Unroll: Send + Sync {

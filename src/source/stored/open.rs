@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use super::{Encoding, Linear, Placed, Places, Samples, StoredVolume};
 use crate::geom::{Affine, Dims};
+use crate::source::files::base_name;
 use crate::source::files::{FileList, FileSet};
-use crate::source::raw::base_name;
-use crate::source::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// Volumes that one file may hold: each takes about a KiB once it is opened.
 const MAX_VOLUMES: u64 = 2048;

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use super::Samples;
 use crate::source::files::FileSet;
-use crate::source::raw::{check_request, read_block};
-use crate::source::{Endian, SourceError, VolumeInfo};
+use crate::volume::{Endian, SourceError, VolumeInfo};
+use crate::volume::{check_request, read_block};
 
 /// Where the slices of a volume begin.
 #[derive(Clone, Debug)]
@@ -57,7 +57,7 @@ impl Placed {
         self.files.list().path(self.place(info, z).map_or(0, |(file, _)| file))
     }
 
-    /// As [`crate::source::VolumeSource::read_rows`].
+    /// As [`crate::volume::VolumeSource::read_rows`].
     pub(in crate::source) fn read_rows(
         &self,
         info: &VolumeInfo,
@@ -81,7 +81,7 @@ impl Placed {
         Ok(())
     }
 
-    /// As [`crate::source::VolumeSource::read_pitched`]: whole rows in one call where nothing has to be
+    /// As [`crate::volume::VolumeSource::read_pitched`]: whole rows in one call where nothing has to be
     /// turned into something else.
     pub(in crate::source) fn read_pitched(
         &self,

@@ -1,6 +1,6 @@
 //! How a sample is stored, and what it becomes.
 
-use crate::source::{Endian, ScalarType};
+use crate::volume::{Endian, ScalarType};
 
 /// Type of a stored sample: one that is delivered as it is, or one that becomes a float.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

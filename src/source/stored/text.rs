@@ -3,7 +3,7 @@
 use std::io::{self, BufRead, Read};
 
 use super::Samples;
-use crate::source::ScalarType;
+use crate::volume::ScalarType;
 
 /// Most characters of one number.
 const LONGEST: usize = 64;

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::FileExt;
 
-use crate::source::Endian;
+use crate::volume::Endian;
 
 /// Most entries of one directory: real ones have some 20.
 const MAX_ENTRIES: u64 = 512;

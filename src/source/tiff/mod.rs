@@ -18,14 +18,15 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
+use super::OpenOptions;
+use super::files::base_name;
 use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
-use super::placement::{no_directions, no_spacing, placed_so};
-use super::raw::base_name;
 use super::stored::{Placed, Places, Samples, StoredVolume, Target, Unroll};
-use super::{Endian, OpenOptions, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use crate::geom::{Affine, Dims};
+use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{no_directions, no_spacing, placed_so};
 use directory::{Directory, Tiff, damaged};
 use notes::Notes;
 use raster::Raster;

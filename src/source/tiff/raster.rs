@@ -8,7 +8,7 @@ use weezl::{BitOrder, LzwStatus};
 use super::directory::{Directory, Entry, Tiff, damaged};
 use crate::geom::Dims;
 use crate::source::stored::{Samples, Section, Target, section};
-use crate::source::{Endian, ScalarType, SourceError};
+use crate::volume::{Endian, ScalarType, SourceError};
 
 /// Bytes that are written to the spool at once, if rows are shorter.
 const BATCH_BYTES: usize = 64 << 10;

@@ -7,7 +7,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use super::dicom::{Secrets, words};
+use crate::source::dicom::{Secrets, words};
 
 /// Words that are kept; of more, the longest. A few hundred KiB at most.
 const MOST_WORDS: usize = 4096;

@@ -9,10 +9,10 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use super::raw::read_block;
 use super::{ScalarType, SourceError};
 use crate::geom::Dims;
 use crate::scratch::nameless_for;
+use crate::volume::read_block;
 
 /// Samples of a volume in a scratch file: x fastest, then y, then z, native byte order.
 #[derive(Debug)]

@@ -9,14 +9,16 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use super::beside::Beside;
-use super::catalogue::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
-use super::dicom::{Recognised, recognise};
-use super::formats::{FORMATS, HEAD_BYTES, STACKS, known};
 use super::log::{Log, NONE, Record};
 use super::patients::{Gathered, PatientWords};
-use super::stable_hash::StableHash;
 use super::walk::{NotEntered, Visitor, changed};
-use super::{SourceError, natural_cmp, placing, sidecar};
+use super::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
+use super::{placing, sidecar};
+use crate::source::StableHash;
+use crate::source::dicom::{Recognised, recognise};
+use crate::source::natural_cmp;
+use crate::source::{FORMATS, HEAD_BYTES, STACKS, known};
+use crate::volume::SourceError;
 
 /// Different reasons that are kept apart.
 const MAX_REASONS: usize = 32;

@@ -6,7 +6,7 @@ use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use super::SourceError;
+use crate::volume::SourceError;
 
 /// What a walk comes across.
 pub(super) trait Visitor {

@@ -5,10 +5,10 @@ use std::ops::Range;
 use super::{SourceError, VolumeInfo, VolumeSource, Wrapper};
 
 /// A volume with more to be said of it.
-pub(super) struct Noted {
-    pub(super) source: Box<dyn VolumeSource>,
+pub(crate) struct Noted {
+    pub(crate) source: Box<dyn VolumeSource>,
     /// What is said of it.
-    pub(super) info: VolumeInfo,
+    pub(crate) info: VolumeInfo,
 }
 
 impl Wrapper for Noted {

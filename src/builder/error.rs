@@ -8,7 +8,7 @@ use thiserror::Error;
 use crate::budget::SizeArgument;
 use crate::error::ExitKind;
 use crate::format::FormatError;
-use crate::source::SourceError;
+use crate::volume::SourceError;
 
 /// A build that cannot be finished; the old target, if any, is untouched.
 #[non_exhaustive]

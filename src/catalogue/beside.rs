@@ -7,12 +7,12 @@ use std::collections::{HashMap, HashSet};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use super::SourceError;
-use super::catalogue::safe_name;
-use super::dicom::{Secrets, words};
 use super::log::{Log, NONE, Record};
 use super::patients::PatientWords;
-use super::stable_hash::StableHash;
+use super::safe_name;
+use crate::source::StableHash;
+use crate::source::dicom::{Secrets, words};
+use crate::volume::SourceError;
 
 /// What stands for a masked word in the name of a model.
 const MASK: &str = "x";

@@ -3,7 +3,7 @@
 use super::lanes::RingSample;
 use super::range::{Ordered, SampleRange};
 use super::simd::{Isa, Kernel, dispatch};
-use crate::source::{Scalar, ScalarType};
+use crate::volume::{Scalar, ScalarType};
 
 /// How samples of the file's type stand in the ring.
 pub(super) trait Flavour: Sync + Copy {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::error::BuildError;
 use super::parallel::run_workers;
 use super::range::Ordered;
-use crate::source::{ScalarType, VolumeSource};
+use crate::volume::{ScalarType, VolumeSource};
 
 /// Bins of a histogram: one for every value of the 16-bit types.
 pub(super) const BINS: usize = 1 << 16;

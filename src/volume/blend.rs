@@ -4,7 +4,7 @@ use super::ScalarType;
 
 /// Replaces each sample by that which lies `part` (0 to 1) of the way to its neighbour; integers are
 /// rounded half away from zero. Both are in native byte order and equally long.
-pub(super) fn blend(scalar: ScalarType, own: &mut [u8], other: &[u8], part: f64) {
+pub(crate) fn blend(scalar: ScalarType, own: &mut [u8], other: &[u8], part: f64) {
     match scalar {
         ScalarType::U8 => each::<u8>(own, other, part),
         ScalarType::I8 => each::<i8>(own, other, part),

@@ -5,7 +5,7 @@
 //! value found on the skin.
 
 use super::range::Ordered;
-use crate::source::{Rescale, ScalarType};
+use crate::volume::{Rescale, ScalarType};
 
 /// Bytes of a value in the scratch file.
 pub(super) fn swapped_bytes(scalar: ScalarType) -> usize {

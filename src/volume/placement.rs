@@ -30,17 +30,17 @@ const PLACED_SO: &str = " (Orientation), and are placed so";
 const TOLERANCE: f64 = 1e-5;
 
 /// The warning of a format whose files, or one of whose headers, state no spacing: `PNG`, `the header`, ...
-pub(super) fn no_spacing(what: &str) -> String {
+pub(crate) fn no_spacing(what: &str) -> String {
     format!("{what} states no spacing{NO_SPACING}")
 }
 
 /// The warning of a format whose files state no directions.
-pub(super) fn no_directions(what: &str) -> String {
+pub(crate) fn no_directions(what: &str) -> String {
     format!("{what} states no directions; its axes are{}", NO_DIRECTIONS[0])
 }
 
 /// The warning of a format that states from which end columns or rows are stored, which is heeded.
-pub(super) fn placed_so(what: &str) -> String {
+pub(crate) fn placed_so(what: &str) -> String {
     format!("{what}{PLACED_SO}")
 }
 
@@ -59,7 +59,7 @@ impl Placement {
     }
 
     /// What is stated here, and where nothing is, what `other` states.
-    pub(super) fn or(self, other: Self) -> Self {
+    pub(crate) fn or(self, other: Self) -> Self {
         Self {
             spacing_mm: self.spacing_mm.or(other.spacing_mm),
             orientation: self.orientation.or(other.orientation),
@@ -75,7 +75,7 @@ impl Placement {
 ///
 /// # Errors
 /// [`SourceError::Usage`] for a spacing that makes no sound affine, such as 1e-300 mm.
-pub(super) fn place(
+pub(crate) fn place(
     source: Box<dyn VolumeSource>,
     asked: Placement,
     who: [&str; 2],
@@ -156,7 +156,8 @@ fn mm(spacing_mm: [f64; 3]) -> String {
 mod tests {
     use super::*;
     use crate::geom::{Affine, Dims};
-    use crate::source::{Endian, RawOptions, RawVolume, ScalarType};
+    use crate::source::{RawOptions, RawVolume};
+    use crate::volume::{Endian, ScalarType};
 
     const WHO: [&str; 2] = ["--spacing", "--orientation"];
 

@@ -107,11 +107,12 @@ impl<W: Wrapper> VolumeSource for W {
 #[cfg(test)]
 mod tests {
     use super::super::noted::Noted;
-    use super::super::{Crop, Downsample, RawOptions, RawVolume};
+    use super::super::{Crop, Downsample};
     use super::*;
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
-    use crate::source::{Endian, ScalarType};
+    use crate::source::{RawOptions, RawVolume};
+    use crate::volume::{Endian, ScalarType};
 
     const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6 };
 

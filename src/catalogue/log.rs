@@ -15,8 +15,8 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use super::SourceError;
 use crate::scratch::nameless;
+use crate::volume::SourceError;
 
 /// No record: the end of a chain.
 pub(super) const NONE: u64 = u64::MAX;

@@ -59,7 +59,7 @@ use std::time::Instant;
 use crate::atomic::AtomicFile;
 use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::format::{Metadata, Selection, SourceMeta};
-use crate::source::{ScalarType, VolumeInfo, VolumeSource};
+use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 use choose::{Chooser, describe};
 use column::{ColumnWorker, ScanContext, ScanTotals};
 use flavour::{Depths, Direct, Flavour};

@@ -2,7 +2,7 @@
 
 use super::range::SampleRange;
 use super::simd::{Isa, Kernel, dispatch, movemask};
-use crate::source::Scalar;
+use crate::volume::Scalar;
 
 /// Classifies `samples` into `words`; bits beyond the last sample are 0.
 ///

@@ -28,7 +28,7 @@ use super::pool::{Chain, ChunkPool};
 use super::range::{Ordered, SampleRange};
 use super::skin::{BIT_RING, BIT_ROWS, BitRows, Connectivity, Exposed, brick_rows, exposed, find_skin};
 use super::swap::{BrickEntry, FragmentWriter, Scratch};
-use crate::source::{SourceError, VolumeSource};
+use crate::volume::{SourceError, VolumeSource};
 
 const BRICK_ROWS: usize = BRICK as usize;
 const RING: usize = 2 * REACH as usize + 1;

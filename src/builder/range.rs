@@ -1,7 +1,7 @@
 //! The chosen range in sample units, and how deep inside it a sample lies.
 
 use crate::format::Selection;
-use crate::source::{Rescale, Scalar};
+use crate::volume::{Rescale, Scalar};
 
 /// Inside means `lo <= sample <= hi`; NaN is never inside.
 #[derive(Clone, Copy, Debug, PartialEq)]

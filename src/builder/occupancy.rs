@@ -10,7 +10,7 @@ use super::plan::WORKER_OVERHEAD;
 use super::range::{Ordered, SampleRange};
 use crate::format::Selection;
 use crate::progress::Progress;
-use crate::source::{Rescale, ScalarType, VolumeSource};
+use crate::volume::{Rescale, ScalarType, VolumeSource};
 
 /// Bytes of samples that a worker reads at a time; below the size from which the allocator maps a buffer of
 /// its own, so that it is given back.

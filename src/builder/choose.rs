@@ -5,7 +5,7 @@ use super::range::{Ordered, SampleRange, highest_below};
 use super::{Progress, Threshold, histogram, merge, plan};
 use crate::budget::MemoryCap;
 use crate::format::{Selection, SelectionKind};
-use crate::source::{ScalarType, VolumeSource};
+use crate::volume::{ScalarType, VolumeSource};
 
 /// Chooses what is inside, as [`super::build`] does; [`Threshold::Chosen`] hands the result on to it.
 ///

@@ -5,13 +5,13 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::catalogue::InputFiles;
-use super::placement::{Placement, place};
+use super::InputFiles;
 use super::sidecar::{
     candidates, file_of, is_named_so, placement, unknown, unparsed, value_of, with_unknown,
 };
 use super::walk::changed;
-use super::{SourceError, VolumeSource};
+use crate::volume::{Placement, place};
+use crate::volume::{SourceError, VolumeSource};
 
 /// What a side-car says of data that says the rest itself.
 #[derive(Debug)]

@@ -4,12 +4,14 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::catalogue::{Catalogue, Finding, OpenOptions};
-use super::dicom::{Recognised, recognise};
-use super::formats::{HEAD_BYTES, known};
-use super::noted::Noted;
-use super::placement::place;
-use super::{RawVolume, SourceError, VolumeSource, nifti, sidecar};
+use super::sidecar;
+use super::{Catalogue, Finding, OpenOptions};
+use crate::source::dicom::{Recognised, recognise};
+use crate::source::{HEAD_BYTES, known};
+use crate::source::{RawVolume, header_of_samples};
+use crate::volume::Noted;
+use crate::volume::place;
+use crate::volume::{SourceError, VolumeSource};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -51,7 +53,7 @@ pub fn open_in(
     };
     // The samples of a pair do not say what they are; their header does.
     let header = match inputs {
-        [path] => nifti::header_of_samples(path),
+        [path] => header_of_samples(path),
         _ => None,
     };
     let inputs = header.as_ref().map_or(inputs, std::slice::from_ref);

@@ -5,120 +5,34 @@
 //! per item. An item is opened when it is its turn, so that a disk full of studies needs no more memory
 //! than its largest series: some 400 bytes for each of its images while it is opened, a third of that after.
 
+mod beside;
+mod log;
+mod open;
+mod patients;
+mod placing;
+mod sidecar;
+mod surveyor;
+mod walk;
+
+pub use open::{open, open_in};
+pub use patients::PatientWords;
+
 use std::collections::HashSet;
-use std::fmt;
 use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use super::beside::{Beside, masked};
-use super::dicom::{Recognised, open_series, recognise};
-use super::files::FileList;
-use super::formats::{FORMATS, STACKS, Slices};
-use super::log::{Log, Record};
-use super::noted::Noted;
-use super::patients::PatientWords;
-use super::placement::{Placement, place};
-use super::placing::placing_of;
-use super::stable_hash::StableHash;
-use super::surveyor::{Surveyor, leave_out};
-use super::walk::{changed, walk, without_repeats};
-use super::{RawOptions, RawVolume, SourceError, VolumeSource, natural_cmp, sidecar};
-
-/// How volumes are read, where they leave a choice.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct OpenOptions {
-    /// What headerless files hold; they are no volumes without it.
-    pub raw: Option<RawOptions>,
-    /// What to do where slices of a series are missing.
-    pub gaps: GapPolicy,
-    /// Which of several volumes [`fn@super::open`] takes, counted from 1 over all volumes of a [`Catalogue`]
-    /// in its order, refused ones included; the largest if none is chosen.
-    pub volume: Option<usize>,
-    /// A folder (canonical) that is not searched: that of the results.
-    pub skip: Option<PathBuf>,
-    /// Spacing and directions that come before what the files state; of [`OpenOptions::raw`] its own count.
-    pub placement: Placement,
-    /// Memory that putting the images of one series in order may take; not bounded if nothing is said. A
-    /// small file can hold very many frames.
-    pub opening_bytes: Option<u64>,
-}
-
-/// What to do where slices of a series are missing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GapPolicy {
-    /// Refuse the series, and say where.
-    #[default]
-    Error,
-    /// Keep the true geometry: a missing slice is interpolated between its neighbours.
-    Fill,
-    /// Use the slices as if they were evenly spaced; the geometry is wrong by what the warning says.
-    Keep,
-}
-
-/// One volume that was found, or why it cannot be used.
-pub struct Finding {
-    /// The file, or the folder of the files, as it was reached from what was searched.
-    pub path: PathBuf,
-    /// Suggested name of a model, without patient data and without an extension; the same for the same
-    /// input wherever it lies. Not yet unique.
-    ///
-    /// For DICOM: modality, series number, eight hex digits of a hash of the Series Instance UID, and the
-    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name,
-    /// where `x` stands for the words of [`Finding::secrets`] and of [`Catalogue::patient_words`].
-    pub stem: String,
-    /// Kind of source: `dicom`, `nrrd`, `raw`, ...
-    pub format: &'static str,
-    /// What it is, for people: `CT image`, `localizer`, ...; the format again where nothing more is known.
-    pub kind: String,
-    /// Which part of its input it is, for example `echo 2`, where that holds several volumes.
-    pub part: Option<String>,
-    /// Size in voxels, as far as the headers state it; refused volumes have one, too.
-    pub size: Option<[u32; 3]>,
-    /// What the input files are, to see whether they changed.
-    pub files: InputFiles,
-    /// Words of the Patient's Name and Patient ID of three and more characters, and the birth date, so that a
-    /// report can mask them wherever they occur; for files of other kinds those of the images in the same
-    /// folder. Not for printing.
-    pub secrets: Vec<String>,
-    /// The volume, not prepared yet.
-    pub volume: Result<Box<dyn VolumeSource>, SourceError>,
-}
-
-impl fmt::Debug for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let volume = self.volume.as_ref().map(|v| v.info());
-        f.debug_struct("Finding")
-            .field("path", &self.path)
-            .field("stem", &self.stem)
-            .field("part", &self.part)
-            .field("size", &self.size)
-            .field("volume", &volume)
-            .finish_non_exhaustive()
-    }
-}
-
-/// The files behind a volume.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct InputFiles {
-    /// How many.
-    pub count: u64,
-    /// Their bytes together.
-    pub bytes: u64,
-    /// Depends on every name (without its folder), size and time of change; not on their order.
-    pub fingerprint: u64,
-}
-
-impl InputFiles {
-    /// Takes in one more file; `changed` are bits that differ when its time of change does.
-    pub(super) fn add(&mut self, path: &Path, size: u64, changed: u64) {
-        let name = path.file_name().map(OsStrExt::as_bytes).unwrap_or_default();
-        let hash = StableHash::new().part(name).number(size).number(changed).finish();
-        self.count += 1;
-        self.bytes = self.bytes.saturating_add(size);
-        self.fingerprint = self.fingerprint.wrapping_add(hash);
-    }
-}
+use crate::source::dicom::{Recognised, open_series, recognise};
+use crate::source::{
+    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, base_name, natural_cmp,
+    safe_name,
+};
+use crate::volume::{Noted, Placement, SourceError, VolumeSource, place};
+use beside::{Beside, masked};
+use log::{Log, Record};
+use placing::placing_of;
+use surveyor::{Surveyor, leave_out};
+use walk::{changed, walk, without_repeats};
 
 /// Files that are no volume and no part of one: one line for each kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -145,30 +59,30 @@ pub struct Catalogue {
 
 /// One series, stack or file.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Item {
-    pub(super) what: What,
+struct Item {
+    what: What,
     /// Head of its chain in the log.
-    pub(super) last: u64,
+    last: u64,
     /// The record whose path comes first; items are in the order of these.
-    pub(super) first: u64,
-    pub(super) files: u32,
-    pub(super) weight: Weight,
+    first: u64,
+    files: u32,
+    weight: Weight,
 }
 
 /// What it takes to open an item.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Weight {
+struct Weight {
     /// Files, or the frames in them.
-    pub(super) images: u32,
+    images: u32,
     /// Memory that is taken for a moment, about.
-    pub(super) opening_bytes: u64,
+    opening_bytes: u64,
 }
 
 impl Weight {
     /// A file of which no more is known than that it is there.
-    pub(super) const FILE: Self = Self { images: 1, opening_bytes: 400 };
+    const FILE: Self = Self { images: 1, opening_bytes: 400 };
 
-    pub(super) fn and(self, other: Self) -> Self {
+    fn and(self, other: Self) -> Self {
         Self {
             images: self.images.saturating_add(other.images),
             opening_bytes: self.opening_bytes.saturating_add(other.opening_bytes),
@@ -177,7 +91,7 @@ impl Weight {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum What {
+enum What {
     Series,
     /// DICOM that cannot be followed.
     Damaged,
@@ -526,14 +440,14 @@ fn folder_of(inputs: &[PathBuf], record: &Record) -> PathBuf {
 }
 
 /// Where a record's file is.
-pub(super) fn full_path(inputs: &[PathBuf], record: &Record) -> PathBuf {
+fn full_path(inputs: &[PathBuf], record: &Record) -> PathBuf {
     let input = inputs.get(record.input as usize).map_or(Path::new(""), PathBuf::as_path);
     // Joined with nothing, a file would get a slash at its end.
     if record.path.as_os_str().is_empty() { input.to_path_buf() } else { input.join(&record.path) }
 }
 
 /// Natural order of whole paths: the order of the inputs does not matter, only their names.
-pub(super) fn precedes(inputs: &[PathBuf], a: &Record, b: &Record) -> std::cmp::Ordering {
+fn precedes(inputs: &[PathBuf], a: &Record, b: &Record) -> std::cmp::Ordering {
     let bytes = |r: &Record| full_path(inputs, r).into_os_string();
     if a.input == b.input {
         return natural_cmp(a.path.as_os_str().as_bytes(), b.path.as_os_str().as_bytes());
@@ -584,7 +498,7 @@ fn findings(
 
 /// A file name from a path: its stem (`a` for `a.nii.gz`), or a folder's name; without words of patients.
 fn stem_of(path: &Path, hide: Hide<'_>) -> String {
-    let name = super::raw::base_name(path);
+    let name = base_name(path);
     let name = if path.is_dir() { name.as_str() } else { without_ending(&name) };
     safe_name(&hide(name))
 }
@@ -595,18 +509,6 @@ fn without_ending(name: &str) -> &str {
         _ => name,
     };
     name.rsplit_once('.').map_or(name, |(stem, _)| if stem.is_empty() { name } else { stem })
-}
-
-/// Letters, digits, and `-_.` of a name; everything else becomes `_`. Never empty, never hidden, no option.
-pub(super) fn safe_name(name: &str) -> String {
-    const LONGEST: usize = 100;
-    let plain: String = name
-        .chars()
-        .take(LONGEST)
-        .map(|c| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' })
-        .collect();
-    let plain = plain.trim_start_matches(['.', '-']);
-    if plain.is_empty() { "volume".into() } else { plain.into() }
 }
 
 #[cfg(test)]

@@ -29,11 +29,12 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
-use super::noted::Noted;
-use super::placement::Placement;
 use super::placing;
-use super::{RawOptions, RawVolume, ScalarType, SourceError, VolumeSource};
 use crate::geom::{Dims, Orientation};
+use crate::source::{RawOptions, RawVolume};
+use crate::volume::Noted;
+use crate::volume::Placement;
+use crate::volume::{ScalarType, SourceError, VolumeSource};
 
 /// Longest text that is looked at.
 const MAX_BYTES: u64 = 64 << 10;
@@ -373,7 +374,9 @@ pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::{Catalogue, Endian, Finding, OpenOptions};
+    use crate::catalogue::Catalogue;
+    use crate::source::{Finding, OpenOptions};
+    use crate::volume::Endian;
 
     #[test]
     fn a_pipe_is_no_side_car() {

@@ -1,0 +1,84 @@
+//! What a reader found: a volume or the reason why there is none, and the files behind it.
+
+use std::fmt;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use super::StableHash;
+use crate::volume::{SourceError, VolumeSource};
+
+/// One volume that was found, or why it cannot be used.
+pub struct Finding {
+    /// The file, or the folder of the files, as it was reached from what was searched.
+    pub path: PathBuf,
+    /// Suggested name of a model, without patient data and without an extension; the same for the same
+    /// input wherever it lies. Not yet unique.
+    ///
+    /// For DICOM: modality, series number, eight hex digits of a hash of the Series Instance UID, and the
+    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name,
+    /// where `x` stands for the words of [`Finding::secrets`] and of [`crate::catalogue::Catalogue::patient_words`].
+    pub stem: String,
+    /// Kind of source: `dicom`, `nrrd`, `raw`, ...
+    pub format: &'static str,
+    /// What it is, for people: `CT image`, `localizer`, ...; the format again where nothing more is known.
+    pub kind: String,
+    /// Which part of its input it is, for example `echo 2`, where that holds several volumes.
+    pub part: Option<String>,
+    /// Size in voxels, as far as the headers state it; refused volumes have one, too.
+    pub size: Option<[u32; 3]>,
+    /// What the input files are, to see whether they changed.
+    pub files: InputFiles,
+    /// Words of the Patient's Name and Patient ID of three and more characters, and the birth date, so that a
+    /// report can mask them wherever they occur; for files of other kinds those of the images in the same
+    /// folder. Not for printing.
+    pub secrets: Vec<String>,
+    /// The volume, not prepared yet.
+    pub volume: Result<Box<dyn VolumeSource>, SourceError>,
+}
+
+impl fmt::Debug for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let volume = self.volume.as_ref().map(|v| v.info());
+        f.debug_struct("Finding")
+            .field("path", &self.path)
+            .field("stem", &self.stem)
+            .field("part", &self.part)
+            .field("size", &self.size)
+            .field("volume", &volume)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The files behind a volume.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct InputFiles {
+    /// How many.
+    pub count: u64,
+    /// Their bytes together.
+    pub bytes: u64,
+    /// Depends on every name (without its folder), size and time of change; not on their order.
+    pub fingerprint: u64,
+}
+
+impl InputFiles {
+    /// Takes in one more file; `changed` are bits that differ when its time of change does.
+    pub(crate) fn add(&mut self, path: &Path, size: u64, changed: u64) {
+        let name = path.file_name().map(OsStrExt::as_bytes).unwrap_or_default();
+        let hash = StableHash::new().part(name).number(size).number(changed).finish();
+        self.count += 1;
+        self.bytes = self.bytes.saturating_add(size);
+        self.fingerprint = self.fingerprint.wrapping_add(hash);
+    }
+}
+
+/// Letters, digits, and `-_.` of a name; everything else becomes `_`. Never empty, never hidden, no option.
+pub(crate) fn safe_name(name: &str) -> String {
+    const LONGEST: usize = 100;
+    let plain: String = name
+        .chars()
+        .take(LONGEST)
+        .map(|c| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' })
+        .collect();
+    let plain = plain.trim_start_matches(['.', '-']);
+    if plain.is_empty() { "volume".into() } else { plain.into() }
+}

@@ -1,0 +1,37 @@
+//! What a caller may choose where volumes leave a choice.
+
+use std::path::PathBuf;
+
+use super::RawOptions;
+use crate::volume::Placement;
+
+/// How volumes are read, where they leave a choice.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OpenOptions {
+    /// What headerless files hold; they are no volumes without it.
+    pub raw: Option<RawOptions>,
+    /// What to do where slices of a series are missing.
+    pub gaps: GapPolicy,
+    /// Which of several volumes [`fn@crate::catalogue::open`] takes, counted from 1 over all volumes of a [`Catalogue`](crate::catalogue::Catalogue)
+    /// in its order, refused ones included; the largest if none is chosen.
+    pub volume: Option<usize>,
+    /// A folder (canonical) that is not searched: that of the results.
+    pub skip: Option<PathBuf>,
+    /// Spacing and directions that come before what the files state; of [`OpenOptions::raw`] its own count.
+    pub placement: Placement,
+    /// Memory that putting the images of one series in order may take; not bounded if nothing is said. A
+    /// small file can hold very many frames.
+    pub opening_bytes: Option<u64>,
+}
+
+/// What to do where slices of a series are missing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GapPolicy {
+    /// Refuse the series, and say where.
+    #[default]
+    Error,
+    /// Keep the true geometry: a missing slice is interpolated between its neighbours.
+    Fill,
+    /// Use the slices as if they were evenly spaced; the geometry is wrong by what the warning says.
+    Keep,
+}

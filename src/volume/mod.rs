@@ -1,0 +1,209 @@
+//! A volume that can be read: one trait, its facts, and volumes that stand before others.
+//!
+//! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
+//! its budget allows and never sees a path. Sources are shared by the builder's threads.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | `scalar` | types of samples and their byte order |
+//! | `block`, `blend`, `spool` | rows read by position, mixed, and unrolled first |
+//! | `wrapper`, `noted`, `placement`, `crop`, `downsample` | volumes that stand before another one, and say or show something else |
+
+mod blend;
+mod block;
+mod crop;
+mod downsample;
+mod noted;
+mod placement;
+mod scalar;
+mod spool;
+mod wrapper;
+
+pub use crate::facts::SourceError;
+pub(crate) use blend::blend;
+pub(crate) use block::{check_request, read_block};
+pub use crop::Crop;
+pub use downsample::Downsample;
+pub(crate) use noted::Noted;
+pub use placement::Placement;
+pub(crate) use placement::{no_directions, no_spacing, place, placed_so};
+pub use scalar::{Endian, Scalar, ScalarType};
+pub(crate) use spool::Spool;
+pub(crate) use wrapper::Wrapper;
+
+use std::fmt;
+use std::ops::Range;
+use std::path::Path;
+
+use crate::geom::{Affine, Dims};
+use crate::progress::Progress;
+
+/// What is known of a volume before its voxels are read.
+#[derive(Clone, Debug)]
+pub struct VolumeInfo {
+    /// Size in voxels.
+    pub dims: Dims,
+    /// Type of the samples that [`VolumeSource::read_rows`] delivers (native byte order).
+    pub scalar: ScalarType,
+    /// `physical = slope * sample + intercept` for every sample (HU for CT). A source whose slices
+    /// differ delivers `F32` samples that are physical already.
+    pub rescale: Rescale,
+    /// Distance in mm between neighbours along each index axis.
+    pub spacing_mm: [f64; 3],
+    /// Voxel index to LPS mm.
+    pub affine: Affine,
+    /// What the input was, for the metadata; no folder names, no patient names.
+    pub description: SourceDescription,
+    /// Sentences for the user: what was guessed, skipped or odd.
+    pub warnings: Vec<String>,
+}
+
+/// Linear map from stored samples to physical values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rescale {
+    /// Factor; never 0, finite.
+    pub slope: f64,
+    /// Offset; finite.
+    pub intercept: f64,
+}
+
+impl Rescale {
+    /// Samples are physical values.
+    pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
+
+    /// Physical value of a sample.
+    pub fn apply(self, sample: f64) -> f64 {
+        self.slope * sample + self.intercept
+    }
+}
+
+/// Origin of a model as recorded in its metadata.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SourceDescription {
+    /// Kind of source: `raw`, `dicom`, `synthetic`, ...
+    pub format: String,
+    /// Base name of the file or folder, and what was done to its volume, each in ` [...]`.
+    pub name: String,
+    /// Number of files read.
+    pub files: u64,
+    /// Bytes of voxel data.
+    pub bytes: u64,
+}
+
+impl SourceDescription {
+    /// Adds what was done to the volume to its name.
+    pub fn note(&mut self, what: &str) {
+        self.name = format!("{} [{what}]", self.name);
+    }
+}
+
+/// What a source needs before its rows can be read at random.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Preparation {
+    /// Bytes that will be written to a nameless scratch file; 0 if nothing has to be unrolled.
+    pub scratch_bytes: u64,
+    /// Bytes of memory that are held while it is written, beyond what the source holds when opened.
+    pub memory_bytes: u64,
+}
+
+/// Where, and within what, a source unrolls itself.
+#[derive(Clone, Copy)]
+pub struct Workspace<'a> {
+    /// Folder for a nameless scratch file.
+    pub scratch: &'a Path,
+    /// Bytes of memory that may be held meanwhile.
+    pub memory_bytes: u64,
+    /// Told how far it is.
+    pub progress: &'a dyn Progress,
+}
+
+/// A volume that can deliver any rows of any slice.
+///
+/// Implementations keep little memory of their own (it is stated by [`VolumeSource::resident_bytes`])
+/// and read by position, so that threads do not disturb each other.
+pub trait VolumeSource: Send + Sync {
+    /// Static facts; known before [`VolumeSource::prepare`].
+    fn info(&self) -> &VolumeInfo;
+
+    /// The kind of image, such as `CT` or `MR`, where the input states it.
+    fn modality(&self) -> Option<&str> {
+        None
+    }
+
+    /// Names every file that samples are read from, as far as the source knows; the catalogue asks what a
+    /// format has opened, so that a change of samples beside their header is noticed.
+    fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
+
+    /// What [`VolumeSource::prepare`] will take.
+    fn preparation(&self) -> Preparation {
+        Preparation::default()
+    }
+
+    /// Unrolls a source that can only be read from front to back (compressed frames, gzip) into a nameless
+    /// scratch file. Called once, before any row is read; nothing to do where rows lie in the file.
+    ///
+    /// # Errors
+    /// The input is damaged, the scratch folder is full, or the memory allowed is too little.
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        let _ = workspace;
+        Ok(())
+    }
+
+    /// Fills `out` with columns `cols` of rows `rows` of slice `z`: x fastest, no padding, samples of
+    /// [`VolumeInfo::scalar`] in native byte order; `out` is exactly that long.
+    ///
+    /// # Errors
+    /// The file became unreadable or ended early.
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError>;
+
+    /// As [`VolumeSource::read_rows`], but row r of the block begins at byte `r * pitch` of `out`, and what
+    /// lies between rows is left as it is. `out` ends with the last row.
+    ///
+    /// Rows a little apart do not compete for the same cache lines, as rows of 2^n bytes do.
+    ///
+    /// # Errors
+    /// As [`VolumeSource::read_rows`].
+    fn read_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        row_by_row(self, z, rows, cols, pitch, out)
+    }
+
+    /// Bytes that the source may hold per reading thread beyond what it holds when opened.
+    fn resident_bytes(&self) -> u64 {
+        0
+    }
+}
+
+/// [`VolumeSource::read_pitched`] in terms of [`VolumeSource::read_rows`].
+pub(crate) fn row_by_row(
+    source: &(impl VolumeSource + ?Sized),
+    z: u32,
+    rows: Range<u32>,
+    cols: Range<u32>,
+    pitch: usize,
+    out: &mut [u8],
+) -> Result<(), SourceError> {
+    let row_bytes = cols.len() * source.info().scalar.bytes();
+    for (row, part) in rows.zip(out.chunks_mut(pitch)) {
+        source.read_rows(z, row..row + 1, cols.clone(), part.get_mut(..row_bytes).unwrap_or_default())?;
+    }
+    Ok(())
+}
+
+impl fmt::Debug for dyn VolumeSource + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.info().fmt(f)
+    }
+}
