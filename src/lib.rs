@@ -33,7 +33,7 @@ pub mod budget;
 pub mod builder;
 pub mod catalogue;
 pub mod clean;
-pub mod codec;
+mod codec;
 #[cfg(test)]
 #[path = "../tests/support/compress.rs"]
 mod compress;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use infobyte::catalogue::{Catalogue, open};
 use infobyte::progress::Silent;
-use infobyte::source::dicom::{Access, Image, PixelLayout, ScanError, scan};
+use infobyte::source::dicom::{Access, Image, ScanError, scan};
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
 use infobyte::volume::{ScalarType, VolumeSource, Workspace};
 
@@ -150,7 +150,7 @@ fn a_head_ct_is_ordered_by_position_with_its_spacing_and_rescale() {
         source.read_rows(slice, 0..512, 0..512, &mut out).unwrap();
         let mut stored = vec![0; out.len()];
         file.read_exact_at(&mut stored, header.pixels.unwrap().offset).unwrap();
-        PixelLayout::of(&header).unwrap().decode(&mut stored);
+        Image::of(&header).unwrap().layout.decode(&mut stored);
         assert!(stored == out, "slice {z:?}");
     }
 }

@@ -17,15 +17,15 @@ const CHUNK_BYTES: usize = 1 << 10;
 
 /// What an RLE frame must hold; only the header of the file knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RleFormat {
+pub(crate) struct RleFormat {
     /// Width in pixels.
-    pub columns: u32,
+    pub(crate) columns: u32,
     /// Height in pixels.
-    pub rows: u32,
+    pub(crate) rows: u32,
     /// Samples per pixel.
-    pub components: u8,
+    pub(crate) components: u8,
     /// Bytes of one sample as allocated, 1 to 4.
-    pub bytes_per_sample: u8,
+    pub(crate) bytes_per_sample: u8,
 }
 
 /// Decodes one RLE frame.
@@ -42,7 +42,11 @@ pub struct RleFormat {
 /// # Errors
 /// The header contradicts the format or the length of the frame, a segment ends early, or the input or
 /// `sink` fails.
-pub fn decode(input: &dyn FrameBytes, format: &RleFormat, sink: &mut dyn RowSink) -> Result<(), CodecError> {
+pub(crate) fn decode(
+    input: &dyn FrameBytes,
+    format: &RleFormat,
+    sink: &mut dyn RowSink,
+) -> Result<(), CodecError> {
     let &RleFormat { columns, rows, components, bytes_per_sample } = format;
     if !(1..=4).contains(&bytes_per_sample) {
         return Err(CodecError::Unsupported(format!("RLE samples of {bytes_per_sample} bytes")));

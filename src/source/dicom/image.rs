@@ -79,9 +79,6 @@ pub enum Obstacle {
         /// Bytes that are there.
         got: u64,
     },
-    /// Not a single plain frame; only for readers that know no other.
-    #[error("{0} cannot be read yet")]
-    NotPlain(String),
 }
 
 /// How a volume gets at the samples.
@@ -283,29 +280,6 @@ impl Image {
             }
         };
         if got < needed { Err(Obstacle::Truncated { needed, got }) } else { Ok(()) }
-    }
-}
-
-impl PixelLayout {
-    /// Layout of an image of one uncompressed grey frame, all of whose bytes are in the file.
-    ///
-    /// # Errors
-    /// The [`Obstacle`] that is in the way; [`Obstacle::NotPlain`] for all that only [`Image::of`] knows.
-    pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
-        let image = Image::of(header)?;
-        let syntax = &header.transfer_syntax;
-        let what = match (image.storage, image.mapping) {
-            (Storage::Coded(_), _) => format!("compressed pixels ({syntax})"),
-            _ if !syntax.is_native() => "deflated files".into(),
-            _ if image.frames > 1 => format!("multi-frame images ({} frames in one file)", image.frames),
-            (_, Mapping::ModalityLut) => "values that go through a modality LUT".into(),
-            (Storage::Bits, _) => "pixels of 1 bits allocated".into(),
-            (_, Mapping::Values) if image.swapped => "8-bit pixels in big-endian words".into(),
-            (_, Mapping::Values) if image.layout.stored().is_float() => "floating-point pixels".into(),
-            (_, Mapping::Values) => return Ok(image.layout),
-            _ => format!("colour images ({}, {} samples a pixel)", header.photometric, image.samples),
-        };
-        Err(Obstacle::NotPlain(what))
     }
 }
 
