@@ -29,7 +29,7 @@ use std::ops::Range;
 
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
-use infobyte::format::normal;
+use infobyte::format::{Channels, normal};
 use infobyte::geom::{Affine, Dims, morton};
 use infobyte::load::{Model, NodeView};
 use infobyte::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
@@ -108,8 +108,7 @@ fn stored_codes(
     let options = BuildOptions {
         threshold: Threshold::Iso(iso),
         connectivity: Connectivity::Thin26,
-        normals: true,
-        values: false,
+        channels: Channels::default(),
         lod: false,
         memory,
         threads,
