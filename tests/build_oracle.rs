@@ -7,15 +7,18 @@ use std::path::Path;
 
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build};
-use infobyte::format::{SectionKind, normal};
+use infobyte::format::{Channel, Channels, SectionKind, normal};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::load::{Model, verify};
 use infobyte::source::{RawOptions, RawVolume};
 use infobyte::volume::{Endian, Rescale, ScalarType, VolumeSource};
 
+#[path = "support/random.rs"]
+mod random;
 #[path = "support/volume.rs"]
 mod volume;
-use volume::{MemoryVolume, Random};
+use random::Random;
+use volume::MemoryVolume;
 
 /// Interleaves the bits of a cell, one at a time.
 fn morton(cell: [u32; 3]) -> u64 {
@@ -134,8 +137,8 @@ fn check(
     }
     assert_eq!((model.header().nodes, model.header().voxels), (first, want.len() as u64), "{name}");
 
-    let codes = model.section_bytes(SectionKind::Normal).map(|b| b.as_chunks::<2>().0);
-    assert_eq!(codes.is_some(), options.normals, "{name}");
+    let codes = model.section_bytes(SectionKind::Voxels(Channel::Normal)).map(|b| b.as_chunks::<2>().0);
+    assert_eq!(codes.is_some(), options.channels.contains(Channel::Normal), "{name}");
     let codes: Vec<u16> = codes.unwrap_or_default().iter().map(|c| u16::from_le_bytes(*c)).collect();
     for (code, (_, exposed)) in codes.iter().zip(truth.skin.values()) {
         let n = normal::decode(*code);
@@ -157,7 +160,11 @@ fn check_values(
 ) -> Vec<u16> {
     let count = truth.skin.len() as u64;
     let stored: Vec<u16> = (0..count).filter_map(|v| model.value(v)).collect();
-    assert_eq!(stored.len() as u64, if options.values { count } else { 0 }, "{name}");
+    assert_eq!(
+        stored.len() as u64,
+        if options.channels.contains(Channel::Value) { count } else { 0 },
+        "{name}"
+    );
     let [scale, offset] = model.metadata().value_scale;
     let rescale = info.rescale;
     let wide = info.scalar.bytes() > 2 || matches!(info.scalar, ScalarType::F32);
@@ -207,11 +214,15 @@ fn check_means(
         }
     }
     let section = |kind| model.section_bytes(kind).unwrap_or_default();
-    let got: Vec<u16> =
-        section(SectionKind::NormalLod).as_chunks::<2>().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
+    let got: Vec<u16> = section(SectionKind::Means(Channel::Normal))
+        .as_chunks::<2>()
+        .0
+        .iter()
+        .map(|c| u16::from_le_bytes(*c))
+        .collect();
     assert_eq!(got, if lod { normals } else { Vec::new() }, "{name}: mean normals");
-    let wide = model.frame().section(SectionKind::Value).is_some_and(|e| e.item_bytes == 2);
-    let got: Vec<f64> = section(SectionKind::ValueLod)
+    let wide = model.frame().section(SectionKind::Voxels(Channel::Value)).is_some_and(|e| e.item_bytes == 2);
+    let got: Vec<f64> = section(SectionKind::Means(Channel::Value))
         .chunks_exact(if wide { 2 } else { 1 })
         .map(|c| f64::from(u16::from_le_bytes([c[0], c.get(1).copied().unwrap_or(0)])))
         .collect();
@@ -318,7 +329,7 @@ fn check_otsu(physical: &[f64], lo: f64, binned: bool, name: &str) {
 
 /// One random case from its seed; says whether it was built (and not refused for lack of skin).
 fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
-    let mut random = Random::new(seed);
+    let mut random = Random(seed);
     let scalar = ScalarType::ALL[usize::try_from(seed % 8).unwrap()];
     let span = window(scalar);
     let float = matches!(scalar, ScalarType::F32 | ScalarType::F64);
@@ -356,11 +367,14 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
     let options = BuildOptions {
         threshold,
         connectivity: random.pick(&[Connectivity::Thin26, Connectivity::Thick6]),
-        normals: random.below(4) > 0,
-        values: random.below(3) > 0,
+        channels: [(Channel::Normal, 4), (Channel::Value, 3)]
+            .into_iter()
+            .filter(|(_, one_in)| random.below(*one_in) > 0)
+            .map(|(channel, _)| channel)
+            .collect(),
         lod: random.below(4) > 0,
         memory: MemoryCap::Process(1 << 30),
-        threads: usize::try_from(1 + random.below(3)).unwrap(),
+        threads: 1 + random.below(3_usize),
         scratch: None,
     };
     let name = format!("seed {seed} {dims:?} {scalar} {shape:?} {rescale:?} {options:?}");
@@ -457,7 +471,7 @@ const SMALL: [[u32; 3]; 17] = [
 fn random_cases(seeds: std::ops::Range<u64>) {
     let mut built = 0;
     for seed in seeds {
-        let mut random = Random::new(seed + 1000);
+        let mut random = Random(seed + 1000);
         let dims = random.pick(&SMALL);
         // Types follow the seed; shapes step through their list at another rhythm.
         let shape = SHAPES[usize::try_from(seed / 8 % 11).unwrap()];
@@ -503,14 +517,13 @@ fn bricks_of_several_fragments_are_joined_in_order() {
     ] {
         for connectivity in [Connectivity::Thin26, Connectivity::Thick6] {
             let span = window(scalar);
-            let field = fill(dims, shape, &mut Random::new(5));
+            let field = fill(dims, shape, &mut Random(5));
             let values: Vec<f64> = field.iter().map(|f| between(span, *f)).collect();
             let source = MemoryVolume::new(dims, scalar, &values);
             let options = BuildOptions {
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity,
-                normals: true,
-                values: true,
+                channels: Channels::from([Channel::Normal, Channel::Value]),
                 lod: true,
                 memory: MemoryCap::Process(1 << 30),
                 threads,
@@ -527,12 +540,11 @@ fn bricks_of_several_fragments_are_joined_in_order() {
 #[test]
 fn the_skin_of_a_solid_is_its_six_faces() {
     for dims in SMALL {
-        let source = MemoryVolume::new(dims, ScalarType::I16, &fill(dims, Shape::Solid, &mut Random::new(1)));
+        let source = MemoryVolume::new(dims, ScalarType::I16, &fill(dims, Shape::Solid, &mut Random(1)));
         let options = BuildOptions {
             threshold: Threshold::Iso(-5.0),
             connectivity: Connectivity::Thin26,
-            normals: true,
-            values: true,
+            channels: Channels::from([Channel::Normal, Channel::Value]),
             lod: true,
             memory: MemoryCap::Process(1 << 30),
             threads: 2,
@@ -556,7 +568,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
     let side = 14;
     for scalar in ScalarType::ALL {
         let span = window(scalar);
-        let thing = fill([side; 3], Shape::Waves, &mut Random::new(9));
+        let thing = fill([side; 3], Shape::Waves, &mut Random(9));
         let mut first: Option<(Vec<[u32; 3]>, Vec<u16>)> = None;
         for offset in [[3, 3, 3], [26, 3, 25], [57, 20, 3], [29, 30, 31], [60, 4, 24], [20, 25, 8]] {
             let dims = [80, 48, 50];
@@ -571,8 +583,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
             let options = BuildOptions {
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity: Connectivity::Thin26,
-                normals: true,
-                values: false,
+                channels: Channels::default(),
                 lod: false,
                 memory: MemoryCap::Process(1 << 30),
                 threads: 2,
@@ -588,7 +599,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
                 .iter()
                 .map(|code| infobyte::geom::morton::decode(*code))
                 .map(|cell| std::array::from_fn(|a| cell[a] - u32::try_from(offset[a]).unwrap()))
-                .zip(model.section_bytes(SectionKind::Normal).unwrap().as_chunks::<2>().0)
+                .zip(model.section_bytes(SectionKind::Voxels(Channel::Normal)).unwrap().as_chunks::<2>().0)
                 .map(|(cell, code)| (cell, u16::from_le_bytes(*code)))
                 .collect();
             voxels.sort_unstable();

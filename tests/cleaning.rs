@@ -3,20 +3,21 @@
 //! is changed that nobody asked to change, or a machine dies on noise.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
 
-use infobyte::format::SectionKind;
+use infobyte::format::{Channel, SectionKind};
 use infobyte::load::Model;
 use serde_json::Value;
 
 #[path = "support/command.rs"]
 mod command;
+#[path = "support/random.rs"]
+mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
-use command::{binary, oct, smallest_budget, text};
-use volume::Random;
+use command::{measured_build, oct, smallest_budget, text};
+use random::Random;
 
 /// Writes 16-bit samples that are a function of their place.
 fn write(path: &Path, dims: [i32; 3], mut value: impl FnMut([i32; 3]) -> i16) {
@@ -50,9 +51,9 @@ const PHANTOM: [i32; 3] = [90, 100, 40];
 /// A patient of 40 HU with lungs of air, from end to end of the scan, in noise; `gap` below lies the table with
 /// its screws, or nothing.
 fn phantom(path: &Path, gap: Option<i32>) {
-    let mut random = Random::new(5);
+    let mut random = Random(5);
     write(path, PHANTOM, |[x, y, z]| {
-        let noise = i16::try_from(random.below(40)).unwrap() - 20;
+        let noise = random.below(40_i16) - 20;
         let inside = |cx: i32, cy: i32, a: i32, b: i32| {
             let (dx, dy) = (x - cx, y - cy);
             dx * dx * b * b + dy * dy * a * a <= a * a * b * b
@@ -93,7 +94,8 @@ fn the_table_is_removed_and_the_skin_of_the_body_is_unchanged() {
         // A normal looks two voxels around itself.
         if gap == 4 {
             assert!(
-                section(&at("one.oct"), SectionKind::Normal) == section(&at("body.oct"), SectionKind::Normal)
+                section(&at("one.oct"), SectionKind::Voxels(Channel::Normal))
+                    == section(&at("body.oct"), SectionKind::Voxels(Channel::Normal))
             );
         }
         let cleaning = &report["cleaning"];
@@ -199,7 +201,7 @@ fn budgets_and_threads_do_not_change_the_file() {
         &["--close", "2", "--drop-below", "30", "--component-connectivity", "6"],
     );
     let noise = folder.path().join("noise.raw");
-    let mut random = Random::new(8);
+    let mut random = Random(8);
     write(&noise, [300, 90, 70], |_| i16::from(random.below(1000) < 310));
     let thin = ["--iso", "1", "--keep-largest", "40", "--component-connectivity", "6"];
     same_everywhere(&noise, [300, 90, 70], "i16", &thin);
@@ -258,7 +260,7 @@ fn noise_at_the_percolation_density_stays_within_the_cap() {
     let folder = tempfile::tempdir().unwrap();
     let raw = folder.path().join("noise.raw");
     let side = if std::env::var_os("OCT_LARGE").is_some() { 512 } else { 256 };
-    let mut random = Random::new(31);
+    let mut random = Random(31);
     let voxels: Vec<u8> = (0..side * side * side).map(|_| u8::from(random.below(1000) < 310)).collect();
     fs::write(&raw, voxels).unwrap();
     let cap = cap_mib();
@@ -268,38 +270,17 @@ fn noise_at_the_percolation_density_stays_within_the_cap() {
         &["--close", "2", "--keep-largest", "1"],
     ] {
         let output = folder.path().join("m.oct");
-        let peak_file = folder.path().join("peak");
         let size = [side; 3].map(|n| n.to_string()).join("x");
         let memory = format!("{cap}MiB");
-        let args = ["build", &text(&raw), "-o", &text(&output), "--json", "--dims", &size, "--dtype", "u8"];
-        let rest = ["--iso", "1", "--channels", "none", "--memory", &memory];
+        let raw_options = ["--dims", &size, "--dtype", "u8", "--iso", "1", "--channels", "none"];
+        let (report, outside) =
+            measured_build(&raw, &output, &[&raw_options, &["--memory", &memory][..], extra].concat());
         // GNU time where there is one; the program's own figure everywhere.
-        let mut command = gnu_time().map_or_else(
-            || Command::new(binary()),
-            |time| {
-                let mut command = Command::new(time);
-                command.args(["-f", "%M", "-o"]).arg(&peak_file).arg(binary());
-                command
-            },
-        );
-        let done = command.args(args).args(rest).args(extra).stdin(Stdio::null()).output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        let report: Value = serde_json::from_slice(&done.stdout).unwrap();
-        let inside = number(&report, "peak_rss_bytes");
-        let outside =
-            fs::read_to_string(&peak_file).map_or(0, |kib| kib.trim().parse::<u64>().unwrap() << 10);
+        let (inside, outside) = (number(&report, "peak_rss_bytes"), outside.unwrap_or(0));
         println!("{extra:?}: {inside} and {outside} of {}, {}", cap << 20, report["cleaning"]);
         assert!(inside > 0 && inside.max(outside) <= cap << 20, "{extra:?}: {inside} {outside}");
         if extra.contains(&"6") {
             assert!(number(&report["cleaning"], "components") > 500_000, "{report}");
         }
     }
-}
-
-/// Where GNU time may be; shells have a smaller `time` of their own.
-fn gnu_time() -> Option<PathBuf> {
-    let path = PathBuf::from("/usr/bin/time");
-    let version = Command::new(&path).arg("--version").output().ok()?;
-    let text = String::from_utf8_lossy(&[version.stdout, version.stderr].concat()).into_owned();
-    text.contains("GNU").then_some(path)
 }

@@ -4,17 +4,17 @@
 
 use infobyte::catalogue::open;
 use infobyte::source::OpenOptions;
-use infobyte::source::dicom::{DicomHeader, PixelLayout, ScanError, scan};
+use infobyte::source::dicom::{Access, DicomHeader, Image as Judged, ScanError, scan};
 
 #[path = "support/counting.rs"]
 mod counting;
 #[path = "support/dicom.rs"]
 mod dicom;
-#[path = "support/lcg.rs"]
-mod lcg;
+#[path = "support/random.rs"]
+mod random;
 use counting::{Taken, measured};
 use dicom::{Image, Syntax, Writer};
-use lcg::Lcg;
+use random::Random;
 
 /// Scans, and holds every scan to a total of 64 KiB of allocations.
 fn bounded(bytes: &[u8]) -> Result<DicomHeader, ScanError> {
@@ -23,9 +23,9 @@ fn bounded(bytes: &[u8]) -> Result<DicomHeader, ScanError> {
     assert!(spent < 64 << 10, "{spent} bytes allocated for {} bytes of input", bytes.len());
     if let Ok(header) = &result {
         // Whatever was read must also be judged without a panic.
-        let _ = PixelLayout::of(header).map(|layout| {
-            assert!(header.pixels.unwrap().available >= u64::from(layout.rows) * u64::from(layout.columns));
-        });
+        if let Ok(Judged { access: Access::Native { frame_bytes, .. }, frames, .. }) = Judged::of(header) {
+            assert!(header.pixels.unwrap().available >= frame_bytes * u64::from(frames));
+        }
     }
     result
 }
@@ -53,7 +53,7 @@ fn the_samples_are_sound() {
             assert_eq!(header.modality, "CT");
             assert_eq!(header.pixel_spacing, Some([0.75, 0.5]));
             assert_eq!(header.transfer_syntax.uid(), syntax.uid());
-            assert!(PixelLayout::of(&header).is_ok());
+            assert!(Judged::of(&header).is_ok());
         }
     }
 }
@@ -66,7 +66,7 @@ fn every_truncation_is_refused_or_told() {
             let pixels = bounded(&bytes).unwrap().pixels.unwrap();
             let whole = usize::try_from(pixels.offset).unwrap() + 8;
             for end in 0..bytes.len() {
-                let usable = bounded(&bytes[..end]).is_ok_and(|h| PixelLayout::of(&h).is_ok());
+                let usable = bounded(&bytes[..end]).is_ok_and(|h| Judged::of(&h).is_ok());
                 assert_eq!(usable, end >= whole, "{syntax:?} {meta} cut at {end} of {}", bytes.len());
             }
         }
@@ -75,7 +75,7 @@ fn every_truncation_is_refused_or_told() {
 
 #[test]
 fn random_flips_never_panic_or_allocate() {
-    let mut random = Lcg(0x1234_5678_9abc_def0);
+    let mut random = Random(0x1234_5678_9abc_def0);
     let mut refused = 0;
     for syntax in Syntax::ALL {
         for meta in [true, false] {
@@ -84,7 +84,7 @@ fn random_flips_never_panic_or_allocate() {
                 let mut bytes = clean.clone();
                 for _ in 0..=random.below(4) {
                     let at = random.below(bytes.len());
-                    bytes[at] = u8::try_from(random.below(256)).unwrap();
+                    bytes[at] = random.byte();
                 }
                 refused += usize::from(bounded(&bytes).is_err());
             }
@@ -157,7 +157,7 @@ fn zero_lengths_stray_delimiters_and_constant_bytes_are_harmless() {
         w.head(0x7fe0_0010, "OW", 0);
         let header = bounded(&w.bytes).unwrap();
         assert_eq!((header.rows, header.position, header.slope), (None, None, None));
-        assert!(PixelLayout::of(&header).is_err());
+        assert!(Judged::of(&header).is_err());
     }
     for byte in [0, 2, 8, b'D', 0xff] {
         for n in [0, 1, 7, 131, 132, 133, 140, 10_000] {

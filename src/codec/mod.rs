@@ -3,42 +3,36 @@
 //! A decoder reads a [`std::io::Read`] and hands rows to a [`RowSink`]; it never sees a file, a volume or a
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
-//!
-//! JPEG XL alone is decoded by a crate, which cannot be held to that: `jpegxl` is there with the cargo feature
-//! `jpeg-xl` only, and says how far its bounds reach.
 
-pub mod jpeg;
-pub mod jpegls;
-#[cfg(feature = "jpeg-xl")]
-pub mod jpegxl;
-#[cfg(not(feature = "jpeg-xl"))]
-#[path = "jpegxl/absent.rs"]
-pub(crate) mod jpegxl;
-pub mod rle;
+pub(crate) mod jpeg;
+pub(crate) mod jpeg2000;
+pub(crate) mod jpegls;
+#[cfg(test)]
+#[path = "../../tests/support/codec/kept.rs"]
+mod kept;
+pub(crate) mod rle;
 
 use std::io;
 
 use thiserror::Error;
 
-pub mod jpeg2000;
-
 /// What a codestream says of its image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameFormat {
+pub(crate) struct FrameFormat {
     /// Width in pixels.
-    pub columns: u32,
+    pub(crate) columns: u32,
     /// Height in pixels.
-    pub rows: u32,
+    pub(crate) rows: u32,
     /// Samples per pixel.
-    pub components: u8,
+    pub(crate) components: u8,
     /// Bits per sample.
-    pub precision: u8,
+    pub(crate) precision: u8,
     /// Are samples two's complement? False where the codestream cannot say.
-    pub signed: bool,
+    pub(crate) signed: bool,
 }
 
 /// Receives a decoded frame, top to bottom.
-pub trait RowSink {
+pub(crate) trait RowSink {
     /// Called once, before any row and before anything of the image's size is allocated. A receiver that
     /// refuses ends the decoding with its error.
     ///
@@ -57,7 +51,7 @@ pub trait RowSink {
 /// Why a frame cannot be decoded.
 #[non_exhaustive]
 #[derive(Debug, Error)]
-pub enum CodecError {
+pub(crate) enum CodecError {
     /// The codestream is damaged, or ends early.
     #[error("the compressed image is damaged: {0}")]
     Damaged(String),
@@ -78,14 +72,9 @@ pub enum CodecError {
 }
 
 /// The bytes of one compressed frame, wherever its fragments lie.
-pub trait FrameBytes {
+pub(crate) trait FrameBytes {
     /// How many there are.
     fn len(&self) -> u64;
-
-    /// Are there none?
-    fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
 
     /// Reads some bytes at `offset`; 0 at the end.
     ///
@@ -105,28 +94,6 @@ impl FrameBytes for Vec<u8> {
         if let (Some(to), Some(from)) = (buffer.get_mut(..taken), rest.get(..taken)) {
             to.copy_from_slice(from);
         }
-        Ok(taken)
-    }
-}
-
-/// Reads [`FrameBytes`] from its first byte to its last.
-pub struct FrameReader<'a> {
-    bytes: &'a dyn FrameBytes,
-    at: u64,
-}
-
-impl<'a> FrameReader<'a> {
-    /// Starts at the first byte.
-    #[must_use]
-    pub fn new(bytes: &'a dyn FrameBytes) -> FrameReader<'a> {
-        FrameReader { bytes, at: 0 }
-    }
-}
-
-impl io::Read for FrameReader<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let taken = self.bytes.read_at(buffer, self.at)?;
-        self.at = self.at.saturating_add(taken as u64);
         Ok(taken)
     }
 }

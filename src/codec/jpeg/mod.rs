@@ -21,6 +21,9 @@
 mod bits;
 mod bytes;
 mod dct;
+#[cfg(test)]
+#[path = "../../../tests/support/codec/jpeg.rs"]
+mod encoder;
 mod huffman;
 mod lossless;
 mod markers;
@@ -43,7 +46,11 @@ use markers::{Event, Process, Tables};
 /// # Errors
 /// [`CodecError::Damaged`] and [`CodecError::Unsupported`] as above; [`CodecError::Memory`] if more than
 /// `memory_bytes` would be held; what the input or the receiver reports.
-pub fn decode(input: &mut dyn Read, memory_bytes: u64, sink: &mut dyn RowSink) -> Result<(), CodecError> {
+pub(crate) fn decode(
+    input: &mut dyn Read,
+    memory_bytes: u64,
+    sink: &mut dyn RowSink,
+) -> Result<(), CodecError> {
     reserve(0, memory_bytes)?;
     let mut bytes = Bytes::new(input);
     let mut tables = Tables::default();

@@ -1,43 +1,15 @@
 //! Round trips through an encoder of our own, refusals, and damage.
 
-mod encode;
-
 use std::io::Read;
 
+use super::super::kept::Kept;
 use super::super::{CodecError, FrameFormat, RowSink};
+use super::encoder::{Dct, FLAT, Lossless, STEEP, Writer};
 use super::{dct, decode};
-use encode::{Dct, FLAT, Lossless, Random, STEEP, Writer};
+use crate::random::Random;
 
 /// More than any image of the tests needs.
 const PLENTY: u64 = 1 << 22;
-
-/// Keeps what it is given, if the image is as small as those of the tests.
-#[derive(Default)]
-struct Kept {
-    format: Option<FrameFormat>,
-    rows: Vec<Vec<i32>>,
-}
-
-impl RowSink for Kept {
-    fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
-        assert!(self.format.is_none(), "begun twice");
-        self.format = Some(*format);
-        if format.rows > 300 {
-            return Err(CodecError::Damaged("too high for the test".to_owned()));
-        }
-        Ok(())
-    }
-
-    fn row(&mut self, samples: &[i32]) -> Result<(), CodecError> {
-        let format = self.format.expect("begun");
-        assert_eq!(samples.len(), format.columns as usize * usize::from(format.components));
-        let most = (1 << format.precision) - 1;
-        assert!(samples.iter().all(|s| (0..=most).contains(s)), "a sample has more than its bits");
-        self.rows.push(samples.to_vec());
-        assert!(self.rows.len() <= format.rows as usize);
-        Ok(())
-    }
-}
 
 /// All samples of an image that must decode.
 fn samples(stream: &[u8]) -> Vec<i32> {
@@ -416,8 +388,8 @@ fn changed_bytes_do_no_harm() {
         for case in 0..1500 {
             let mut stream = stream.clone();
             for _ in 0..1 + random.below(4) {
-                let at = random.below(u32::try_from(stream.len()).unwrap()) as usize;
-                stream[at] = if case % 3 == 0 { 0xFF } else { random.below(256).to_le_bytes()[0] };
+                let at = random.below(stream.len());
+                stream[at] = if case % 3 == 0 { 0xFF } else { random.byte() };
             }
             let mut input = &stream[..];
             match decode(&mut input, PLENTY, &mut Kept::default()) {
@@ -438,7 +410,7 @@ fn noise_after_a_header_ends() {
     for stream in victims() {
         let at = stream.windows(2).position(|w| w == [0xFF, 0xDA]).unwrap();
         for _ in 0..100 {
-            let noise: Vec<u8> = (0..3000).map(|_| random.below(256).to_le_bytes()[0]).collect();
+            let noise: Vec<u8> = (0..3000).map(|_| random.byte()).collect();
             let stream = [&stream[..at + 8], &noise].concat();
             let mut input = &stream[..];
             let result = decode(&mut input, PLENTY, &mut Kept::default());

@@ -36,6 +36,9 @@ mod packets;
 mod progression;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+#[path = "../../../tests/support/codec/jpeg2000_vectors.rs"]
+mod vectors;
 mod wavelet;
 
 use geometry::TileLayout;
@@ -138,7 +141,7 @@ impl Allowance {
 /// # Errors
 /// The codestream is damaged or ends early, is of a kind named in the module's text, needs more memory
 /// than allowed, or `sink` refuses it.
-pub fn decode(
+pub(crate) fn decode(
     input: &mut dyn Read,
     compressed_bytes: u64,
     memory_bytes: u64,

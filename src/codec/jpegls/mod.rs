@@ -9,11 +9,7 @@
 //! `scan` turns coded bits into lines of one scan, and this file puts scans together into rows.
 
 #[cfg(test)]
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "samples and sizes of small test images"
-)]
+#[path = "../../../tests/support/codec/jpegls.rs"]
 mod encoder;
 mod frame;
 mod parameters;
@@ -23,6 +19,7 @@ mod stream;
 #[expect(clippy::cast_possible_truncation, reason = "samples of small test images")]
 mod tests;
 #[cfg(test)]
+#[path = "../../../tests/support/codec/jpegls_vectors.rs"]
 mod vectors;
 
 use std::io::Read;
@@ -46,7 +43,11 @@ const FIXED_BYTES: u64 = 16 << 10;
 /// # Errors
 /// The codestream is damaged or of a kind named above, it needs more than `memory_bytes`, or the input or
 /// `sink` fails. Rows already handed over were sound as far as the format can tell: JPEG-LS has no checksum.
-pub fn decode(input: &mut dyn Read, memory_bytes: u64, sink: &mut dyn RowSink) -> Result<(), CodecError> {
+pub(crate) fn decode(
+    input: &mut dyn Read,
+    memory_bytes: u64,
+    sink: &mut dyn RowSink,
+) -> Result<(), CodecError> {
     let mut stream = Stream::new(input);
     if stream.marker()? != SOI {
         return Err(CodecError::Damaged("it does not begin as a JPEG image".into()));

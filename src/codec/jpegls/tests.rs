@@ -1,39 +1,13 @@
 //! Round trips, the standard's example, streams of another encoder, and damage.
 
+use super::super::kept::Kept;
 use super::encoder::{Options, encode};
 use super::parameters::Preset;
 use super::*;
+use crate::random::Random;
 
 /// Enough for every test image.
 const ENOUGH_BYTES: u64 = 1 << 20;
-
-/// Keeps the rows; refuses more pixels than a test can want.
-#[derive(Default)]
-struct Keep {
-    format: Option<FrameFormat>,
-    rows: Vec<Vec<i32>>,
-}
-
-impl RowSink for Keep {
-    fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
-        assert!(self.format.is_none(), "begun twice");
-        self.format = Some(*format);
-        if u64::from(format.columns) * u64::from(format.rows) > 1 << 16 {
-            return Err(CodecError::Unsupported("a size that the receiver refuses".into()));
-        }
-        Ok(())
-    }
-
-    fn row(&mut self, samples: &[i32]) -> Result<(), CodecError> {
-        let format = self.format.expect("begun before rows");
-        assert_eq!(samples.len(), format.columns as usize * usize::from(format.components));
-        let most = (1 << format.precision) - 1;
-        assert!(samples.iter().all(|sample| (0..=most).contains(sample)));
-        self.rows.push(samples.to_vec());
-        assert!(self.rows.len() <= format.rows as usize);
-        Ok(())
-    }
-}
 
 /// Hands out at most `step` bytes at a time.
 struct Trickle<'a>(&'a [u8], usize);
@@ -47,21 +21,9 @@ impl Read for Trickle<'_> {
     }
 }
 
-fn decoded(stream: &[u8]) -> Result<Keep, CodecError> {
-    let mut keep = Keep::default();
-    decode(&mut &*stream, ENOUGH_BYTES, &mut keep).map(|()| keep)
-}
-
-/// A small deterministic generator (xorshift).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) % bound
-    }
+fn decoded(stream: &[u8]) -> Result<Kept, CodecError> {
+    let mut kept = Kept::default();
+    decode(&mut &*stream, ENOUGH_BYTES, &mut kept).map(|()| kept)
 }
 
 /// Noise, ramps with noise, runs, or one value.
@@ -74,7 +36,7 @@ fn plane(random: &mut Random, kind: u64, columns: usize, rows: usize, most: u64)
                 0 => random.below(most + 1),
                 1 => (x * 5 + y * 3 + random.below(4)) % (most + 1),
                 2 if random.below(9) == 0 => random.below(most + 1),
-                3 => [0, most][random.below(2) as usize],
+                3 => [0, most][random.below(2_usize)],
                 _ => value,
             };
             value as u16
@@ -95,11 +57,11 @@ fn round_trip(options: &Options, random: &mut Random) -> Vec<u8> {
     for (before, after) in planes.iter().flatten().zip(expected.iter().flatten()) {
         assert!(before.abs_diff(*after) <= u16::from(options.near), "the encoder keeps its bound");
     }
-    let mut keep = Keep::default();
-    decode(&mut Trickle(&stream, 3), ENOUGH_BYTES, &mut keep)
+    let mut kept = Kept::default();
+    decode(&mut Trickle(&stream, 3), ENOUGH_BYTES, &mut kept)
         .unwrap_or_else(|e| panic!("{options:?} kind {kind}: {e}"));
-    assert_eq!(keep.rows.len(), options.rows);
-    for (y, row) in keep.rows.iter().enumerate() {
+    assert_eq!(kept.rows.len(), options.rows);
+    for (y, row) in kept.rows.iter().enumerate() {
         for (i, &sample) in row.iter().enumerate() {
             let (x, component) = (i / options.components, i % options.components);
             let wanted = i32::from(expected[component][y * options.columns + x]);
@@ -145,25 +107,22 @@ fn round_trips_with_components_presets_restarts_and_large_sizes() {
     let mut random = Random(2);
     for turn in 0..600 {
         let mut options = Options::new(
-            1 + random.below(40) as usize,
-            1 + random.below(30) as usize,
-            2 + random.below(15) as u8,
-            random.below(3) as u8,
+            1 + random.below(40_usize),
+            1 + random.below(30_usize),
+            2 + random.below(15_u8),
+            random.below(3_u8),
         );
-        options.components = 1 + random.below(4) as usize;
+        options.components = 1 + random.below(4_usize);
         options.by_line = random.below(2) == 1;
-        options.restart_lines = [0, 1, 3, 20][random.below(4) as usize];
+        options.restart_lines = [0, 1, 3, 20][random.below(4_usize)];
         options.oversize = random.below(3) == 0;
         if turn % 2 == 0 {
-            let maximum = 7 + random.below((1 << options.precision.max(3)) - 7) as u32;
+            let maximum = 7 + random.below((1_u32 << options.precision.max(3)) - 7);
             options.precision = options.precision.max(3);
-            let first = 3 + random.below(2) as u32;
-            let last = maximum.min(first + 1 + random.below(60) as u32);
-            options.preset = Some(Preset {
-                maximum,
-                thresholds: [first, first, last],
-                reset: 3 + random.below(200) as u32,
-            });
+            let first = 3 + random.below(2_u32);
+            let last = maximum.min(first + 1 + random.below(60_u32));
+            options.preset =
+                Some(Preset { maximum, thresholds: [first, first, last], reset: 3 + random.below(200_u32) });
         }
         options.near = options.near.min(if options.precision == 2 { 1 } else { 2 });
         round_trip(&options, &mut random);
@@ -175,8 +134,8 @@ fn a_colour_stream_of_charls_in_each_interleave_mode() {
     // Made with CharLS by scripts/make_jpegls_vectors.py.
     let image = vectors::pixels();
     for stream in [vectors::BY_PLANE, vectors::BY_LINE, vectors::BY_SAMPLE] {
-        let keep = decoded(stream).unwrap();
-        assert_eq!(keep.rows.concat(), image);
+        let kept = decoded(stream).unwrap();
+        assert_eq!(kept.rows.concat(), image);
     }
     let near = decoded(vectors::BY_SAMPLE_NEAR).unwrap();
     assert_eq!(near.rows.concat(), vectors::BY_SAMPLE_NEAR_PIXELS);
@@ -190,8 +149,8 @@ fn planes_of_separate_scans_count_against_the_memory() {
     let planes = 2 * 50 * 40 * 2;
     let lines = 5 * 52 + 4 * 3 * 50;
     let allowed = FIXED_BYTES + planes + lines;
-    assert!(decode(&mut &stream[..], allowed, &mut Keep::default()).is_ok());
-    match decode(&mut &stream[..], allowed - 1, &mut Keep::default()) {
+    assert!(decode(&mut &stream[..], allowed, &mut Kept::default()).is_ok());
+    match decode(&mut &stream[..], allowed - 1, &mut Kept::default()) {
         Err(CodecError::Memory { needed_bytes, allowed_bytes }) => {
             assert_eq!((needed_bytes, allowed_bytes), (allowed, allowed - 1));
         }
@@ -238,7 +197,7 @@ fn what_is_not_decoded_is_named() {
         changed.splice(at..at, bytes.iter().copied());
         match decoded(&changed) {
             Err(CodecError::Unsupported(what)) => assert!(what.contains(name), "{what}"),
-            other => panic!("{name}: {:?}", other.map(|keep| keep.rows)),
+            other => panic!("{name}: {:?}", other.map(|kept| kept.rows)),
         }
     };
     refused(2, &[0xFF, 0xF8, 0, 6, 2, 1, 1, 0], "mapping tables");
@@ -269,7 +228,7 @@ fn every_truncation_is_an_error() {
                 Err(CodecError::Damaged(_)) => {}
                 Err(other) => panic!("{length}: {other}"),
                 // Padding in the last byte is not missed.
-                Ok(keep) => assert!(length + 4 > stream.len() && keep.rows == whole, "{length}"),
+                Ok(kept) => assert!(length + 4 > stream.len() && kept.rows == whole, "{length}"),
             }
         }
     }
@@ -280,8 +239,8 @@ fn no_change_of_bytes_makes_it_panic() {
     let mut random = Random(6);
     let mut failed = 0;
     for turn in 0..200 {
-        let mut options = Options::new(20, 20, 2 + random.below(15) as u8, 0);
-        options.near = random.below(2) as u8;
+        let mut options = Options::new(20, 20, 2 + random.below(15_u8), 0);
+        options.near = random.below(2_u8);
         options.components = 1 + turn % 3;
         options.by_line = turn % 2 == 0;
         options.restart_lines = [0, 6][turn % 2];
@@ -291,7 +250,7 @@ fn no_change_of_bytes_makes_it_panic() {
             for _ in 0..=random.below(4) {
                 // Half of the changes hit the marker segments.
                 let within = if random.below(2) == 0 { 50.min(stream.len()) } else { stream.len() };
-                changed[random.below(within as u64) as usize] = random.below(256) as u8;
+                changed[random.below(within)] = random.byte();
             }
             failed += usize::from(decoded(&changed).is_err());
         }

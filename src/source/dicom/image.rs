@@ -79,9 +79,6 @@ pub enum Obstacle {
         /// Bytes that are there.
         got: u64,
     },
-    /// Not a single plain frame; only for readers that know no other.
-    #[error("{0} cannot be read yet")]
-    NotPlain(String),
 }
 
 /// How a volume gets at the samples.
@@ -286,29 +283,6 @@ impl Image {
     }
 }
 
-impl PixelLayout {
-    /// Layout of an image of one uncompressed grey frame, all of whose bytes are in the file.
-    ///
-    /// # Errors
-    /// The [`Obstacle`] that is in the way; [`Obstacle::NotPlain`] for all that only [`Image::of`] knows.
-    pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
-        let image = Image::of(header)?;
-        let syntax = &header.transfer_syntax;
-        let what = match (image.storage, image.mapping) {
-            (Storage::Coded(_), _) => format!("compressed pixels ({syntax})"),
-            _ if !syntax.is_native() => "deflated files".into(),
-            _ if image.frames > 1 => format!("multi-frame images ({} frames in one file)", image.frames),
-            (_, Mapping::ModalityLut) => "values that go through a modality LUT".into(),
-            (Storage::Bits, _) => "pixels of 1 bits allocated".into(),
-            (_, Mapping::Values) if image.swapped => "8-bit pixels in big-endian words".into(),
-            (_, Mapping::Values) if image.layout.stored().is_float() => "floating-point pixels".into(),
-            (_, Mapping::Values) => return Ok(image.layout),
-            _ => format!("colour images ({}, {} samples a pixel)", header.photometric, image.samples),
-        };
-        Err(Obstacle::NotPlain(what))
-    }
-}
-
 /// Type of what is delivered. Entries of tables have up to 16 bits and are unsigned (PS3.3 C.11.1.1.1,
 /// C.7.6.3.1.6).
 fn delivered(mapping: Mapping, stored: Stored) -> ScalarType {
@@ -334,14 +308,6 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
         ("RGB", 3) => Ok(Mapping::Rgb),
         // The transform into these is part of the codestream and undone by its decoder.
         ("YBR_RCT" | "YBR_ICT", 3) if codec.is_some_and(Codec::is_jpeg2000) => Ok(Mapping::Rgb),
-        _ if codec == Some(Codec::JpegXl) => match (photometric, samples, &header.transfer_syntax) {
-            // Its decoder delivers red, green and blue, whatever the codestream holds inside.
-            ("XYB", 3, _) => Ok(Mapping::Rgb),
-            ("YBR_FULL_422", 3, syntax) if syntax.is_lossy_jpegxl() => Ok(Mapping::Rgb),
-            ("YBR_FULL", 3, syntax) if syntax.is_recompressed_jpeg() => Ok(Mapping::Rgb),
-            // Such samples would be taken as red, green and blue by the codestream; the standard has none.
-            _ => Err(Obstacle::Colour { photometric: photometric.into(), samples }),
-        },
         ("YBR_FULL", 3) => Ok(Mapping::Luma),
         // Decoders deliver every component of every pixel.
         ("YBR_FULL_422", 3) if codec.is_some_and(|codec| codec != Codec::None) => Ok(Mapping::Luma),
