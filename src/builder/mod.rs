@@ -423,7 +423,7 @@ impl<'a> Job<'a> {
             program: concat!("infobyte ", env!("CARGO_PKG_VERSION")).into(),
             source: SourceMeta {
                 format: description.format.clone(),
-                name: description.name.clone(),
+                kind: description.to_string(),
                 files: description.files,
                 bytes: description.bytes,
             },

@@ -12,8 +12,8 @@ pub const METADATA_LIMIT: usize = 1 << 20;
 pub struct SourceMeta {
     /// `raw`, `dicom`, `synthetic`, ...
     pub format: String,
-    /// Base name of the input.
-    pub name: String,
+    /// The kind of image, and what was done to it; never what the input is called.
+    pub kind: String,
     /// Files read.
     pub files: u64,
     /// Bytes of voxel data.
@@ -164,7 +164,7 @@ mod tests {
     fn sample() -> Metadata {
         Metadata {
             program: "infobyte 0".into(),
-            source: SourceMeta { format: "raw".into(), name: "a.raw".into(), files: 1, bytes: 8 },
+            source: SourceMeta { format: "raw".into(), kind: "volume".into(), files: 1, bytes: 8 },
             dims: [2, 2, 2],
             scalar: 2,
             spacing_mm: [1.0, 1.0, 2.0],

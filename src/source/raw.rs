@@ -96,6 +96,7 @@ impl RawVolume {
                 name,
                 files: files.list().len() as u64,
                 bytes: dims.voxels() * voxel_bytes,
+                ..SourceDescription::default()
             },
             warnings: Vec::new(),
         };

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{SourceError, VolumeInfo, VolumeSource, Wrapper};
+use super::{SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::geom::Dims;
 
 /// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its
@@ -38,8 +38,7 @@ impl Crop {
             row[3] = at;
         }
         info.dims = dims;
-        let [x, y, z] = &roi;
-        info.description.note(&format!("roi {x:?},{y:?},{z:?}"));
+        info.description.treatments.push(Treatment::Crop(roi.clone()));
         Ok(Self { source, info, roi })
     }
 }

@@ -5,7 +5,7 @@
 //! somebody states what was missing.
 
 use super::noted::Noted;
-use super::{SourceError, VolumeInfo, VolumeSource};
+use super::{SourceError, Treatment, VolumeInfo, VolumeSource};
 use crate::geom::Orientation;
 
 /// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
@@ -115,7 +115,7 @@ fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], who: &str) {
     }
     info.spacing_mm = spacing_mm;
     if differs {
-        info.description.note("spacing replaced");
+        info.description.treatments.push(Treatment::SpacingReplaced);
         info.warnings.push(format!(
             "{who} gives {}; the file states {}, which is not used",
             mm(spacing_mm),
@@ -139,7 +139,7 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, who: &str) {
         row[3] = at;
     }
     if !assumed || backwards {
-        info.description.note("directions replaced");
+        info.description.treatments.push(Treatment::DirectionsReplaced);
         info.warnings.push(format!(
             "{who} gives {new}; the directions that the file states, about {old}, are not used"
         ));
@@ -234,7 +234,7 @@ mod tests {
         }
         let [warning] = info.warnings.as_slice() else { panic!("{:?}", info.warnings) };
         assert!(warning.contains("1 x 2 x 3 mm") && warning.contains("states 0.608"), "{warning}");
-        assert!(info.description.name.ends_with("[spacing replaced]"));
+        assert_eq!(info.description.treatments, [Treatment::SpacingReplaced]);
         // The letters that the file states already change nothing, others lay the axes along the patient's.
         let asked = |letters: &str| Placement { spacing_mm: None, orientation: Orientation::parse(letters) };
         assert_eq!(place(with(old, &[]), asked("lps"), WHO).unwrap().info().affine, old);

@@ -14,7 +14,7 @@ pub(crate) const FULL: Channels = Channels { normal: true, value_bytes: 2, lod: 
 /// Metadata of a volume with unit spacing, inside from 1 on.
 pub(crate) fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
     Metadata {
-        source: SourceMeta { format: "raw".into(), name: "e.raw".into(), files: 1, bytes: 6 },
+        source: SourceMeta { format: "raw".into(), kind: "e.raw".into(), files: 1, bytes: 6 },
         ..plain_metadata(dims, channels)
     }
 }

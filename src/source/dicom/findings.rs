@@ -108,7 +108,7 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], option
     };
     let stem = stem(shared, &part.label);
     let volume = open(series, group, part, &path, options).and_then(|stack| {
-        DicomVolume::build(series, group, stack, &stem, notes)
+        DicomVolume::build(series, group, stack, &stem, &part.label, notes)
             .map_err(|reason| SourceError::NoVolume { path: path.clone(), reason })
     });
     let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());

@@ -16,7 +16,8 @@ use crate::source::files::FileSet;
 use crate::volume::Spool;
 use crate::volume::blend;
 use crate::volume::{
-    Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource, Workspace,
+    ImageKind, Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+    Workspace,
 };
 use crate::volume::{check_request, read_block};
 
@@ -97,6 +98,7 @@ impl DicomVolume {
         group: &Group,
         stack: Stack,
         name: &str,
+        part: &str,
         notes: &[String],
     ) -> Result<Self, String> {
         let Stack { layers, affine, warnings: of_stack } = stack;
@@ -175,6 +177,12 @@ impl DicomVolume {
         let description = SourceDescription {
             format: "dicom".into(),
             name: name.into(),
+            kind: ImageKind::Series {
+                object: shared.object.clone(),
+                number: shared.series_number,
+                part: part.into(),
+            },
+            treatments: Vec::new(),
             files: files.len() as u64,
             bytes: dims.voxels() * layout.scalar().bytes() as u64,
         };

@@ -353,7 +353,13 @@ impl Stack {
             rescale: Rescale::IDENTITY,
             spacing_mm,
             affine,
-            description: SourceDescription { format: "tiff".into(), name, files: list.len() as u64, bytes },
+            description: SourceDescription {
+                format: "tiff".into(),
+                name,
+                files: list.len() as u64,
+                bytes,
+                ..SourceDescription::default()
+            },
             warnings,
         };
         let files = Arc::new(FileSet::new(list));
