@@ -7,6 +7,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use infobyte::catalogue::open;
+use infobyte::jobs::wording::sentences;
 use infobyte::source::dicom::{Access, Image, PixelLayout, ScanError, scan};
 use infobyte::volume::{ScalarType, VolumeSource};
 
@@ -91,14 +92,18 @@ fn regular_series_open_and_the_largest_of_several_is_taken() {
         let info = source.info();
         println!(
             "{item}: {} {} {:?} {:?} {:?}",
-            info.dims, info.scalar, info.spacing_mm, info.rescale, info.warnings
+            info.dims,
+            info.scalar,
+            info.spacing_mm,
+            info.rescale,
+            sentences(&info.notes)
         );
         assert_eq!(info.dims.to_array(), dims, "{item}");
         for (got, expected) in info.spacing_mm.into_iter().zip(spacing) {
             close(got, expected, 1e-2);
         }
         assert!(info.affine.determinant() > 0.0, "{item}");
-        let warned = info.warnings.join("\n");
+        let warned = sentences(&info.notes).join("\n");
         let (low, high) = range_of(source.as_ref());
         match item {
             "mr-mixed-folder" => {

@@ -5,6 +5,7 @@
 use std::path::PathBuf;
 
 use infobyte::catalogue::Catalogue;
+use infobyte::jobs::wording::sentences;
 use infobyte::progress::Silent;
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
 use infobyte::volume::{ScalarType, VolumeSource, Workspace};
@@ -138,7 +139,7 @@ fn gaps_of_real_series_are_refused_filled_or_kept() {
         for (policy, (slices, step)) in [(GapPolicy::Fill, filled), (GapPolicy::Keep, kept)] {
             let mut volume = one(policy).unwrap();
             let info = volume.info().clone();
-            println!("{item} {policy:?}: {} {:?} {:?}", info.dims, info.spacing_mm, info.warnings);
+            println!("{item} {policy:?}: {} {:?} {:?}", info.dims, info.spacing_mm, info.notes);
             assert_eq!(info.dims.nz(), slices, "{item}");
             assert!((info.spacing_mm[2] - step).abs() < 1e-3, "{item}: {:?}", info.spacing_mm);
             range_of(&mut *volume);
@@ -161,7 +162,7 @@ fn fifteen_copies_of_one_slice_are_one_slice() {
     // Nine lossless files of one instance; six lossy ones, which are derived images of other bits or values.
     let whole: Vec<&Finding> = found.iter().filter(|f| f.files.count == 1 && f.volume.is_ok()).collect();
     assert!(whole.iter().any(|f| f.volume.as_ref().is_ok_and(|v| {
-        v.info().warnings.iter().any(|w| w.contains("8 image(s) that are in the series twice"))
+        sentences(&v.info().notes).iter().any(|w| w.contains("8 image(s) that are in the series twice"))
     })));
 }
 

@@ -65,7 +65,7 @@ impl Held {
             spacing_mm,
             affine: Affine::from_spacing(spacing_mm),
             description: SourceDescription::default(),
-            warnings: Vec::new(),
+            notes: Vec::new(),
         };
         Self { info, samples }
     }

@@ -1,9 +1,17 @@
 //! What readers find, assume and refuse, as values with their fields.
 //!
+//! Sentences are made of them in [`crate::jobs::wording`], and nowhere else.
+//!
 //! | part | what it holds |
 //! |---|---|
+//! | [`Note`] | what was guessed, left out, replaced or odd |
+//! | [`DicomNote`] | the same of DICOM series |
 //! | [`SourceError`] | why a volume cannot be used |
 
+mod dicom;
 mod error;
+mod note;
 
+pub use dicom::DicomNote;
 pub use error::SourceError;
+pub use note::{Carrier, Form, Note, Packing, StatedBy};

@@ -98,7 +98,7 @@ impl RawVolume {
                 bytes: dims.voxels() * voxel_bytes,
                 ..SourceDescription::default()
             },
-            warnings: Vec::new(),
+            notes: Vec::new(),
         };
         let placed = Placed {
             files: Arc::new(files),

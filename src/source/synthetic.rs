@@ -99,7 +99,7 @@ impl SyntheticHead {
                 kind: ImageKind::Synthetic("head"),
                 treatments: Vec::new(),
             },
-            warnings: Vec::new(),
+            notes: Vec::new(),
         };
         Some(Self { info, side, voxel_mm, waves })
     }

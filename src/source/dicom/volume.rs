@@ -10,6 +10,7 @@ use super::pixels::{Padding, PixelLayout};
 use super::scan::scan;
 use super::series::{Layer, Stack};
 use super::unroll::{FrameSink, unroll};
+use crate::facts::DicomNote;
 use crate::geom::Dims;
 use crate::progress::Progress;
 use crate::source::files::FileSet;
@@ -102,7 +103,7 @@ impl DicomVolume {
         notes: &[String],
     ) -> Result<Self, String> {
         let Stack { layers, affine, warnings: of_stack } = stack;
-        let mut warnings = notes.to_vec();
+        let mut warnings: Vec<String> = notes.to_vec();
         warnings.extend(group.shared.warnings.iter().cloned());
         warnings.extend(of_stack);
         let shared = &group.shared;
@@ -197,7 +198,7 @@ impl DicomVolume {
             spacing_mm: affine.spacing_mm(),
             affine,
             description,
-            warnings,
+            notes: warnings.into_iter().map(|text| DicomNote::from(text).into()).collect(),
         };
         let files = FileSet::new(series.files.select(files.iter().map(|f| *f as usize)));
         Ok(Self {
