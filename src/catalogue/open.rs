@@ -79,7 +79,7 @@ pub fn open_in(
     }
     let mut choice = Choice { wanted: options.volume, ..Choice::default() };
     for item in 0..found.len() {
-        for finding in found.open(item) {
+        for finding in found.open_nameless(item) {
             choice.consider(finding);
         }
     }

@@ -4,12 +4,8 @@
 //! tells in a note; the note is the record of it, and goes when somebody states what was missing.
 
 use super::noted::Noted;
-<<<<<<< HEAD
-use super::{SourceError, Treatment, VolumeInfo, VolumeSource};
-=======
-use super::{Note, SourceError, VolumeInfo, VolumeSource};
+use super::{Note, SourceError, Treatment, VolumeInfo, VolumeSource};
 use crate::facts::StatedBy;
->>>>>>> facts
 use crate::geom::Orientation;
 
 /// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
@@ -92,17 +88,8 @@ fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {
     }
     info.spacing_mm = spacing_mm;
     if differs {
-<<<<<<< HEAD
         info.description.treatments.push(Treatment::SpacingReplaced);
-        info.warnings.push(format!(
-            "{who} gives {}; the file states {}, which is not used",
-            mm(spacing_mm),
-            mm(old)
-        ));
-=======
-        info.description.note("spacing replaced");
         info.notes.push(Note::SpacingReplaced { by, given_mm: spacing_mm, stated_mm: old });
->>>>>>> facts
     }
 }
 
@@ -122,15 +109,8 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, by: StatedBy) {
         row[3] = at;
     }
     if !assumed || backwards {
-<<<<<<< HEAD
         info.description.treatments.push(Treatment::DirectionsReplaced);
-        info.warnings.push(format!(
-            "{who} gives {new}; the directions that the file states, about {old}, are not used"
-        ));
-=======
-        info.description.note("directions replaced");
         info.notes.push(Note::DirectionsReplaced { by, given: orientation, stated: old });
->>>>>>> facts
     }
 }
 
@@ -217,16 +197,10 @@ mod tests {
                 assert!((from / old.spacing_mm()[axis] - to / want).abs() < 1e-12, "directions stay");
             }
         }
-<<<<<<< HEAD
-        let [warning] = info.warnings.as_slice() else { panic!("{:?}", info.warnings) };
-        assert!(warning.contains("1 x 2 x 3 mm") && warning.contains("states 0.608"), "{warning}");
-        assert_eq!(info.description.treatments, [Treatment::SpacingReplaced]);
-=======
         let [note] = info.notes.as_slice() else { panic!("{:?}", info.notes) };
         let text = note.to_string();
         assert!(text.contains("1 x 2 x 3 mm") && text.contains("states 0.608"), "{text}");
-        assert!(info.description.name.ends_with("[spacing replaced]"));
->>>>>>> facts
+        assert_eq!(info.description.treatments, [Treatment::SpacingReplaced]);
         // The letters that the file states already change nothing, others lay the axes along the patient's.
         let asked = |letters: &str| Placement { spacing_mm: None, orientation: Orientation::parse(letters) };
         assert_eq!(place(with(old, &[]), asked("lps"), WHO).unwrap().info().affine, old);

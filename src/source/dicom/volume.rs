@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io;
 use std::ops::Range;
+use std::path::Path;
 
 use super::group::{Group, Series, Slice};
 use super::image::Image;
@@ -393,6 +394,10 @@ impl VolumeSource for DicomVolume {
 
     fn modality(&self) -> Option<&str> {
         Some(self.modality.as_str()).filter(|m| !m.is_empty())
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.files.list().for_each(each);
     }
 
     fn preparation(&self) -> Preparation {
