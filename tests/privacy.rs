@@ -3,7 +3,7 @@
 //! If this fails, a shared model tells its patient's name.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use infobyte::jobs::info::info;
 use infobyte::volume::ScalarType;
@@ -291,20 +291,19 @@ fn a_model_that_is_built_alone_names_nobody() {
     let folder = tempfile::tempdir().unwrap();
     let (top, model) = (folder.path().join("in"), folder.path().join("m.oct"));
     let words = studies(&top);
-    let mut inputs = vec![top.join("page.npy"), top.join("white.npy"), top.join("Kim_Kim.nhdr")];
+    let mut inputs: Vec<Vec<PathBuf>> =
+        ["page.npy", "white.npy", "Kim_Kim.nhdr"].iter().map(|name| vec![top.join(name)]).collect();
     for patient in &PATIENTS {
-        let series = top.join(format!("{}_{}", patient.folder(), patient.birth)).join(patient.accession);
-        inputs.push(series.join(format!("{}_seg.nrrd", patient.folder())));
-        inputs.push(series);
+        let folder = top.join(format!("{}_{}", patient.folder(), patient.birth)).join(patient.accession);
+        inputs.push(vec![folder.join(format!("{}_seg.nrrd", patient.folder()))]);
+        inputs.push((0..3).map(|i| folder.join(format!("{}-{i}.dcm", patient.folder()))).collect());
     }
-    for input in inputs {
-        let more: &[&str] = if input.is_dir() { &["--volume", "3"] } else { &[] };
-        let args = [&["build", &text(&input), "-o", &text(&model), "--iso", "100", "--quiet"], more].concat();
-        let mut run = oct(&args);
-        if run.code != 0 {
-            // The series is not the third of its folder's volumes.
-            run = oct(&["build", &text(&input), "-o", &text(&model), "--iso", "100", "--quiet"]);
-        }
+    for files in inputs {
+        let files: Vec<String> = files.iter().map(|path| text(path)).collect();
+        let model_name = text(&model);
+        let mut args = vec!["build", "-o", &model_name, "--iso", "100", "--quiet"];
+        args.extend(files.iter().map(String::as_str));
+        let run = oct(&args);
         assert_eq!(run.code, 0, "{run:?}");
         holds_no(&words, "a model", &fs::read(&model).unwrap());
         let text = told(&model);
