@@ -4,7 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::sync::{Mutex, PoisonError};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
-use infobyte::jobs::batch::{Item, Status, Watcher};
+use infobyte::jobs::batch::{Cause, Item, NOTICE, Status, Watcher};
 use infobyte::progress::Progress;
 
 fn style(template: &str) -> ProgressStyle {
@@ -100,6 +100,10 @@ impl BatchBars {
 
 impl Watcher for BatchBars {
     fn found(&self, items: u64) {
+        if self.lines {
+            // A closed stderr leaves nobody to tell.
+            let _ = writeln!(std::io::stderr(), "what follows {NOTICE}");
+        }
         self.whole.set_length(items);
     }
 
@@ -115,7 +119,11 @@ impl Watcher for BatchBars {
             return;
         }
         let line = match (item.status, &item.model, &item.reason) {
-            (Status::Failed, _, Some(reason)) => format!("failed   {}: {reason}", item.input),
+            (Status::Failed, _, Some(reason)) if item.cause == Some(Cause::Defect) => {
+                format!("failed   {}: {reason}", item.input)
+            }
+            // Sentences begin with a path.
+            (Status::Failed, _, Some(reason)) => format!("failed   {reason}"),
             (Status::Skipped, None, Some(reason)) => format!("skipped  {}: {reason}", item.input),
             (Status::Skipped, ..) => format!("skipped  {} -> {} (done before)", item.input, item.name),
             (_, Some(m), _) => {

@@ -14,6 +14,7 @@ use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
+use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
 use infobyte::render::ViewPoint;
@@ -143,6 +144,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
         jobs,
         thumbnails: args.thumbnails,
         keep_names: args.keep_names,
+        thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
     };
     let bars = BatchBars::new(jobs, args.quiet || args.json);
@@ -191,14 +193,22 @@ const SCAN_OPENING_BYTES: u64 = 256 << 20;
 
 fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
     let mut first = true;
+    // A list names files in any case.
+    let _ = args.keep_names;
+    let notice = ScanReport::notice();
+    let begin = if args.json {
+        format!("{{\"notice\":{},\"items\":[\n", json!(notice))
+    } else {
+        format!("{notice}\n")
+    };
     let how = OpenOptions {
         gaps: args.gaps.policy(),
         opening_bytes: Some(SCAN_OPENING_BYTES),
         ..OpenOptions::default()
     };
-    let report = jobs::scan::scan(&args.input, &how, args.keep_names, &mut |listed| {
+    let report = jobs::scan::scan(&args.input, &how, &mut |listed| {
         let before = match (args.json, std::mem::take(&mut first)) {
-            (true, true) => "{\"items\":[\n",
+            (_, true) => &begin,
             (true, false) => ",\n",
             (false, _) => "",
         };
@@ -214,7 +224,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
         text
     };
     let json = || {
-        let head = if first { "{\"items\":[" } else { "" };
+        let head = if first { &begin } else { "" };
         let rest = report.json().to_string();
         format!("{head}\n],{}\n", rest.strip_prefix('{').unwrap_or(&rest))
     };

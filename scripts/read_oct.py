@@ -103,7 +103,7 @@ def main():
     need(seen[-1] == voxels, "voxels (I11)")
 
     m = Fields(sections["META"])
-    program, source = m.string(), {"format": m.string(), "name": m.string()}
+    program, source = m.string(), {"format": m.string(), "kind": m.string()}
     source["files"], source["bytes"] = m.take("QQ")
     dims, scalar, spacing, affine = m.take("3I"), m.take("B"), m.take("3d"), m.take("12d")
     rescale, (kind, lo, hi), connectivity = m.take("2d"), m.take("Bdd"), m.take("B")

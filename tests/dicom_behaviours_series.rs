@@ -160,7 +160,7 @@ fn behaviour_03_what_differs_is_not_stacked_and_the_tag_is_named() {
         assert_eq!(parts(&findings), [(labels[0], [2, 2, 4], true), (labels[1], [2, 2, 4], true)]);
         assert_eq!(firsts(findings[1].volume.as_ref().unwrap().as_ref()), [10, 30, 50, 70], "{words}");
         assert!(warnings(findings[0].volume.as_ref().unwrap().as_ref()).contains(words));
-        assert_ne!(findings[0].stem, findings[1].stem);
+        assert_ne!(findings[0].id, findings[1].id);
     }
     // Magnitude and phase in two echoes: split twice.
     let images: Vec<Elements> = (0..12)
@@ -179,7 +179,7 @@ fn behaviour_03_what_differs_is_not_stacked_and_the_tag_is_named() {
     let findings = folder.findings();
     let labels: Vec<&str> = findings.iter().map(|f| f.part.as_deref().unwrap()).collect();
     assert_eq!(labels, ["magnitude echo 1", "magnitude echo 2", "phase echo 1", "phase echo 2"]);
-    assert!(findings[3].stem.ends_with("-phaseecho2"), "{}", findings[3].stem);
+    assert!(findings[3].id.ends_with("-phaseecho2"), "{}", findings[3].id);
     // Another size never joins.
     let mut wide = ct(1.0, 5);
     wide.us(0x0028_0011, 1);
@@ -369,7 +369,7 @@ fn behaviour_19_names_and_folders_do_not_change_the_result() {
             let volume = f.volume.unwrap();
             let info = volume.info();
             (
-                f.stem,
+                f.id,
                 f.part,
                 f.files.bytes,
                 firsts(volume.as_ref()),
@@ -426,13 +426,12 @@ fn behaviour_23_names_hold_no_patient_and_no_folder() {
     }
     let findings = folder.findings();
     let finding = &findings[0];
-    assert_eq!(finding.secrets, ["Nobody", "Real", "4711"]);
     let info = finding.volume.as_ref().unwrap().info();
-    assert_eq!(info.description.name, finding.stem);
-    assert!(finding.stem.starts_with("ct-007-") && finding.stem.len() == 15, "{}", finding.stem);
-    let all = format!("{:?} {} {:?}", info, finding.stem, finding.part);
-    for secret in &finding.secrets {
-        assert!(!all.contains(secret.as_str()), "{secret} is in {all}");
+    assert_eq!(info.description.to_string(), "CT image, series 7");
+    assert!(finding.id.starts_with("ct-007-") && finding.id.len() == 15, "{}", finding.id);
+    let all = format!("{:?} {} {:?}", info, finding.id, finding.part);
+    for secret in ["Nobody", "Real", "4711"] {
+        assert!(!all.contains(secret), "{secret} is in {all}");
     }
 }
 
@@ -489,8 +488,13 @@ fn raw_files_are_volumes_by_their_side_cars() {
     folder.put("short.json", br#"{"dims": [2, 2, 2], "dtype": "u8"}"#);
     folder.put("report.json", b"{}");
     let (found, findings) = folder.survey(&OpenOptions::default());
-    let stems: Vec<(&str, bool)> = findings.iter().map(|f| (f.stem.as_str(), f.volume.is_ok())).collect();
-    assert_eq!(stems, [("head", true), ("short", false), ("slices", true)]);
+    let names: Vec<(PathBuf, bool)> =
+        findings.iter().map(|f| (f.path.file_name().unwrap().into(), f.volume.is_ok())).collect();
+    assert_eq!(
+        names,
+        [("head.json".into(), true), ("short.json".into(), false), ("slices.toml".into(), true)]
+    );
+    assert!(findings.iter().all(|f| f.id.starts_with("raw-") && f.id.len() == 16), "{findings:?}");
     assert_eq!(findings[0].volume.as_ref().unwrap().info().spacing_mm, [1.0, 1.0, 3.0]);
     assert!(findings[1].volume.as_ref().unwrap_err().to_string().contains("takes 8 bytes, but it has 7"));
     assert_eq!((found.left_out().len(), found.left_out()[0].count), (1, 1));

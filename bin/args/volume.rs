@@ -75,12 +75,16 @@ pub(crate) struct BatchArgs {
     /// Longest side of the thumbnails in pixels; 0 for none
     #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = parse::side_or_none)]
     pub(crate) thumbnails: u32,
+    /// Make thumbnails, too, of images whose pixels may carry text, such as the name of the patient: ultrasound,
+    /// secondary captures, pictures of screens, and where Burned In Annotation is YES
+    #[arg(long)]
+    pub(crate) thumbnails_of_all: bool,
     #[command(flatten)]
     pub(crate) skin: SkinArgs,
     /// Folder for scratch files; the output folder by default
     #[arg(long, value_name = "DIR")]
     pub(crate) scratch: Option<PathBuf>,
-    /// Leave patient names in reported paths; they are masked by default
+    /// Name files and folders in the contact sheet, too, as the reports do; it tells no names by default
     #[arg(long)]
     pub(crate) keep_names: bool,
     #[command(flatten)]
@@ -103,7 +107,7 @@ pub(crate) struct ScanArgs {
     /// Folders (or files) to search
     #[arg(required = true, value_name = "DIR")]
     pub(crate) input: Vec<PathBuf>,
-    /// Leave patient names in reported paths; they are masked by default
+    /// Accepted, and without effect: a list names files and folders in any case
     #[arg(long)]
     pub(crate) keep_names: bool,
     #[command(flatten)]

@@ -148,7 +148,7 @@ impl Job<'_> {
     }
 
     fn plan_solid<S: Solid>(&self, solid: &S) -> Result<(ColumnPlan, Vec<ChannelForm>), BuildError> {
-        let name = solid.metadata(&Found::default()).source.name;
+        let name = solid.name();
         let forms = channel_forms(self.options, &name, |channel, found| solid.form(channel, found))?;
         let bytes = |tile: &Tile| solid.worker_bytes(tile);
         let plan = self.plan(solid.dims(), &name, &forms, &bytes, solid.input_bytes())?;

@@ -117,9 +117,14 @@ pub trait Solid: Sync {
     /// A worker for columns as wide as the tile at most. Called on the thread that uses it.
     fn worker(&self, tile: &Tile) -> Self::Worker<'_>;
 
+    /// What errors call the solid; it is not stored.
+    fn name(&self) -> String {
+        self.metadata(&Found::default()).source.kind
+    }
+
     /// Why no voxel is inside, for the user.
     fn nothing_inside(&self) -> BuildError {
-        BuildError::NothingInside { name: self.metadata(&Found::default()).source.name }
+        BuildError::NothingInside { name: self.name() }
     }
 }
 

@@ -159,7 +159,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
             program: String::new(),
             source: SourceMeta {
                 format: description.format.clone(),
-                name: description.name.clone(),
+                kind: description.to_string(),
                 files: description.files,
                 bytes: description.bytes,
             },
@@ -173,6 +173,10 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
             gradient: ESTIMATOR.into(),
             value_scale: value_scale(*scalar, found.extent, *rescale),
         }
+    }
+
+    fn name(&self) -> String {
+        self.source.info().description.name.clone()
     }
 
     fn form(&self, channel: Channel, found: &Found) -> Option<ItemForm> {

@@ -5,19 +5,16 @@
 //! per item. An item is opened when it is its turn, so that a disk full of studies needs no more memory
 //! than its largest series: some 400 bytes for each of its images while it is opened, a third of that after.
 
-mod beside;
+mod content;
 mod log;
 mod open;
-mod patients;
 mod placing;
 mod sidecar;
 mod surveyor;
 mod walk;
 
 pub use open::{open, open_in};
-pub use patients::PatientWords;
 
-use std::collections::HashSet;
 use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
@@ -26,11 +23,10 @@ use crate::facts::dicom::DicomFault;
 use crate::facts::{Fault, NotVolume, StatedBy};
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
-    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, base_name, natural_cmp,
-    safe_name,
+    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, natural_cmp,
 };
-use crate::volume::{Noted, Placement, SourceError, VolumeSource, place};
-use beside::{Beside, masked};
+use crate::volume::{Placement, SourceError, VolumeSource, place};
+use content::{EachFile, hash_of, is_copy};
 use log::{Log, Record};
 use placing::placing_of;
 use surveyor::{Surveyor, leave_out};
@@ -54,8 +50,6 @@ pub struct Catalogue {
     items: Vec<Item>,
     log: Log,
     left_out: Vec<LeftOut>,
-    beside: Beside,
-    patients: PatientWords,
     options: OpenOptions,
 }
 
@@ -133,11 +127,10 @@ impl Catalogue {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, &mut surveyor)?;
-        let (items, log, left_out, beside, patients) = surveyor.finish();
-        let mut found = Self { inputs, items, log, left_out, beside, patients, options: options.clone() };
+        let (items, log, left_out) = surveyor.finish();
+        let mut found = Self { inputs, items, log, left_out, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
-        found.keep_words()?;
         found.items.shrink_to_fit();
         found.log.shrink();
         Ok(found)
@@ -154,30 +147,41 @@ impl Catalogue {
     }
 
     /// The volumes of item `index`, refused ones included; none for an index out of range.
+    ///
+    /// Cost: headers, and some 256 KiB of the content of what is no DICOM, from which it is named.
     pub fn open(&self, index: usize) -> Vec<Finding> {
+        let unreadable = |format| format!("{format}-unreadable-{}", index + 1);
+        self.open_named(index, &|format, files| match hash_of(files) {
+            Ok(hash) => format!("{format}-{hash}"),
+            // Nothing is made of what cannot be read: its name has to tell it from others in reports only.
+            Err(_) => unreadable(format),
+        })
+    }
+
+    /// As [`Catalogue::open`], for one that takes a volume and no names: nothing but headers is read.
+    fn open_nameless(&self, index: usize) -> Vec<Finding> {
+        self.open_named(index, &|format, _| format.to_owned())
+    }
+
+    fn open_named(&self, index: usize, name: Name<'_>) -> Vec<Finding> {
         let Some(item) = self.items.get(index) else { return Vec::new() };
-        // Images tell for themselves whom they show.
-        let words = match item.what {
-            What::Series => Vec::new(),
-            // A disk that fails here has failed for the names of files, too, which is in the finding.
-            _ => self.words_beside(item).unwrap_or_default(),
-        };
-        let hide = |name: &str| masked(name, &words, &self.patients);
-        let mut findings = self.open_item(item, &hide).unwrap_or_else(|(path, error)| {
+        let refused = |(path, error): (PathBuf, SourceError)| {
             vec![Finding {
-                stem: stem_of(&path, &hide),
+                id: name("unknown", &|each| each(&path)),
                 format: "unknown",
                 kind: "unknown".into(),
                 part: None,
                 size: None,
                 files: InputFiles::default(),
-                secrets: Vec::new(),
+                burned_in: None,
                 volume: Err(error),
-                path,
+                path: path.clone(),
             }]
-        });
-        if item.what != What::Series {
-            findings = findings.into_iter().map(|finding| hidden(finding, &words, &hide)).collect();
+        };
+        let mut findings = self.open_item(item, name).unwrap_or_else(refused);
+        for finding in findings.iter_mut().filter(|finding| finding.id.is_empty()) {
+            // Images that cannot be read any more do not name their series.
+            finding.id = name(finding.format, &|each| each(&finding.path));
         }
         if !self.options.placement.is_empty() && self.options.raw.is_none() {
             findings = findings.into_iter().map(|finding| placed(finding, self.options.placement)).collect();
@@ -185,18 +189,13 @@ impl Catalogue {
         findings
     }
 
-    fn words_beside(&self, item: &Item) -> Result<Vec<String>, SourceError> {
-        self.beside.words(&folder_of(&self.inputs, &self.log.get(item.first)?), &self.log)
-    }
-
-    /// Keeps the words of those folders only that hold more than series.
-    fn keep_words(&mut self) -> Result<(), SourceError> {
-        let mut folders = HashSet::new();
-        for item in self.items.iter().filter(|item| item.what != What::Series) {
-            folders.insert(Beside::key(&folder_of(&self.inputs, &self.log.get(item.first)?)));
-        }
-        self.beside.keep(&folders);
-        Ok(())
+    /// Is a volume a copy of the volume `part` of item `index`, byte for byte and placed alike?
+    ///
+    /// Cost: that item is opened again, and all files of both are read, up to the first difference. One that
+    /// cannot be read is no copy.
+    pub fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
+        let mut others = self.open_nameless(index).into_iter();
+        others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
 
     /// Memory that opening item `index` takes for a moment, about; a third of it stays while its volumes are
@@ -210,17 +209,12 @@ impl Catalogue {
         self.options.opening_bytes = Some(bytes);
     }
 
-    /// Words that tell who the patients of all images are.
-    pub fn patient_words(&self) -> &PatientWords {
-        &self.patients
-    }
-
     /// What is no volume, summed up.
     pub fn left_out(&self) -> &[LeftOut] {
         &self.left_out
     }
 
-    fn open_item(&self, item: &Item, hide: Hide<'_>) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
+    fn open_item(&self, item: &Item, name: Name<'_>) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
         let first = self.log.get(item.first).map_err(|e| (PathBuf::new(), e))?;
         let path = full_path(&self.inputs, &first);
         let failed = |e| (path.clone(), e);
@@ -232,7 +226,6 @@ impl Catalogue {
             let path = path.clone();
             return Err(failed(SourceError::ManyImages { path, images, needed_bytes, allowed_bytes }));
         }
-        let findings = |path: &Path, format, files, opened| findings(path, format, files, opened, hide);
         let one = || {
             let mut files = InputFiles::default();
             files.add(&path, first.size, first.changed);
@@ -251,6 +244,7 @@ impl Catalogue {
             }
             files
         };
+        let only: EachFile<'_> = &|each| each(&path);
         Ok(match item.what {
             What::Series => {
                 let (list, facts) = self.list(item).map_err(failed)?;
@@ -265,19 +259,22 @@ impl Catalogue {
                     }
                     Ok(_) => changed_meanwhile(&path),
                 };
-                findings(&path, "dicom", one(), Err(error))
+                findings(&path, "dicom", name("dicom", only), one(), Err(error))
             }
             What::Format(at) => match FORMATS.get(usize::from(at)) {
                 Some(format) => {
                     let mut opened = (format.open)(&path, &self.options);
                     let mut files = with_samples(one(), opened.as_deref().unwrap_or_default());
-                    if format.states_no_place
-                        && let Some(stated) = placing_of(&[&path])
-                    {
+                    let stated = format.states_no_place.then(|| placing_of(&[&path])).flatten();
+                    let id = name(format.name, &|each| {
+                        each_source(&path, opened.as_deref().unwrap_or_default(), each);
+                        stated.iter().for_each(|stated| each(stated.path()));
+                    });
+                    if let Some(stated) = stated {
                         stated.add_to(&mut files);
                         opened = opened.and_then(|all| all.into_iter().map(|v| stated.place(v)).collect());
                     }
-                    findings(&path, format.name, files, opened)
+                    findings(&path, format.name, id, files, opened)
                 }
                 None => Vec::new(),
             },
@@ -299,26 +296,32 @@ impl Catalogue {
                     };
                     let own = used.first().map(|at| names.path(*at)).filter(|_| used.len() == 1);
                     let named: Vec<&Path> = own.iter().chain([&folder]).map(PathBuf::as_path).collect();
-                    let volume = match placing_of(&named) {
+                    let stated = placing_of(&named);
+                    let id = name(format.name, &|each| {
+                        used.iter().for_each(|at| each(&names.path(*at)));
+                        stated.iter().for_each(|stated| each(stated.path()));
+                    });
+                    let volume = match stated {
                         Some(stated) => {
                             stated.add_to(&mut files);
                             volume.and_then(|v| stated.place(v))
                         }
                         None => volume,
                     };
-                    found.extend(findings(&path, format.name, files, volume.map(|v| vec![v])));
+                    found.extend(findings(&path, format.name, id, files, volume.map(|v| vec![v])));
                 }
                 found
             }
             What::Sidecar => {
                 let opened = sidecar::open(&path, self.options.placement).map(|v| vec![v]);
                 let files = with_samples(one(), opened.as_deref().unwrap_or_default());
-                findings(&path, "raw", files, opened)
+                let id = name("raw", &|each| each_source(&path, opened.as_deref().unwrap_or_default(), each));
+                findings(&path, "raw", id, files, opened)
             }
             What::Raw => match &self.options.raw {
                 Some(raw) => {
                     let volume = RawVolume::open(std::slice::from_ref(&path), raw);
-                    findings(&path, "raw", one(), volume.map(|v| vec![Box::new(v) as _]))
+                    findings(&path, "raw", name("raw", only), one(), volume.map(|v| vec![Box::new(v) as _]))
                 }
                 None => Vec::new(),
             },
@@ -418,32 +421,25 @@ fn sort_or_stop<T: Copy, E>(
     Ok(())
 }
 
-/// A name without the words of patients.
-type Hide<'a> = &'a dyn Fn(&str) -> String;
+/// The id of a volume of some format, by the content of its files.
+type Name<'a> = &'a dyn Fn(&'static str, EachFile<'_>) -> String;
 
-/// A finding with the words that it must not tell, and its volume's metadata without them.
-fn hidden(finding: Finding, words: &[String], hide: Hide<'_>) -> Finding {
-    let volume = finding.volume.map(|source| {
-        let name = hide(&source.info().description.name);
-        if name == source.info().description.name {
-            return source;
-        }
-        let mut info = source.info().clone();
-        info.description.name = name;
-        Box::new(Noted { source, info }) as Box<dyn VolumeSource>
-    });
-    Finding { secrets: words.to_vec(), volume, ..finding }
+/// A header, or whatever leads to a volume, and the files of samples beside it.
+fn each_source(path: &Path, opened: &[Box<dyn VolumeSource>], each: &mut dyn FnMut(&Path)) {
+    each(path);
+    if let Some(volume) = opened.first() {
+        volume.for_each_file(&mut |data| {
+            if data != path {
+                each(data);
+            }
+        });
+    }
 }
 
 /// A finding whose volume is where the command line says.
 fn placed(finding: Finding, asked: Placement) -> Finding {
     let volume = finding.volume.and_then(|volume| place(volume, asked, StatedBy::Caller));
     Finding { volume, ..finding }
-}
-
-/// The folder of a record's file.
-fn folder_of(inputs: &[PathBuf], record: &Record) -> PathBuf {
-    full_path(inputs, record).parent().map(Path::to_path_buf).unwrap_or_default()
 }
 
 /// Where a record's file is.
@@ -470,49 +466,33 @@ fn changed_meanwhile(path: &Path) -> SourceError {
 fn findings(
     path: &Path,
     format: &'static str,
+    id: String,
     files: InputFiles,
     opened: Result<Vec<Box<dyn VolumeSource>>, SourceError>,
-    hide: Hide<'_>,
 ) -> Vec<Finding> {
     let finding =
-        |volume: Result<Box<dyn VolumeSource>, SourceError>, part: Option<String>, stem: String| Finding {
+        |volume: Result<Box<dyn VolumeSource>, SourceError>, part: Option<String>, id: String| Finding {
             path: path.to_path_buf(),
-            stem,
+            id,
             format,
             kind: format.into(),
             part,
             size: volume.as_ref().ok().map(|v| v.info().dims.to_array()),
             files,
-            secrets: Vec::new(),
+            burned_in: None,
             volume,
         };
-    let stem = stem_of(path, hide);
     match opened {
-        Err(error) => vec![finding(Err(error), None, stem)],
+        Err(error) => vec![finding(Err(error), None, id)],
         Ok(mut volumes) if volumes.len() == 1 => {
-            volumes.pop().map(|v| finding(Ok(v), None, stem)).into_iter().collect()
+            volumes.pop().map(|v| finding(Ok(v), None, id)).into_iter().collect()
         }
         Ok(volumes) => volumes
             .into_iter()
             .enumerate()
-            .map(|(i, v)| finding(Ok(v), Some(format!("volume {}", i + 1)), format!("{stem}-{}", i + 1)))
+            .map(|(i, v)| finding(Ok(v), Some(format!("volume {}", i + 1)), format!("{id}-{}", i + 1)))
             .collect(),
     }
-}
-
-/// A file name from a path: its stem (`a` for `a.nii.gz`), or a folder's name; without words of patients.
-fn stem_of(path: &Path, hide: Hide<'_>) -> String {
-    let name = base_name(path);
-    let name = if path.is_dir() { name.as_str() } else { without_ending(&name) };
-    safe_name(&hide(name))
-}
-
-fn without_ending(name: &str) -> &str {
-    let name = match name.rsplit_once('.') {
-        Some((stem, ending)) if !stem.is_empty() && ending.eq_ignore_ascii_case("gz") => stem,
-        _ => name,
-    };
-    name.rsplit_once('.').map_or(name, |(stem, _)| if stem.is_empty() { name } else { stem })
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ pub fn open_in(
     }
     let mut choice = Chooser { wanted: options.volume, ..Chooser::default() };
     for item in 0..found.len() {
-        for finding in found.open(item) {
+        for finding in found.open_nameless(item) {
             choice.consider(finding);
         }
     }

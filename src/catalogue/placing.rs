@@ -97,6 +97,11 @@ pub(super) fn may_place(path: &Path) -> bool {
 }
 
 impl Placing {
+    /// The side-car.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Counts the side-car among the files of a volume, so that a change of it is noticed.
     pub(super) fn add_to(&self, files: &mut InputFiles) {
         if let Ok(meta) = fs::metadata(&self.path) {

@@ -8,9 +8,7 @@ use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use super::beside::Beside;
 use super::log::{Log, NONE, Record};
-use super::patients::{Gathered, PatientWords};
 use super::walk::{Visitor, changed};
 use super::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
 use super::{placing, sidecar};
@@ -54,8 +52,6 @@ pub(super) struct Surveyor<'a> {
     items: Vec<Item>,
     log: Log,
     left_out: Vec<LeftOut>,
-    beside: Beside,
-    patients: Gathered,
     /// Items that take more than one file, by what they are and a hash of their key.
     index: HashMap<(What, u64), u32>,
 }
@@ -78,15 +74,13 @@ impl<'a> Surveyor<'a> {
             items: Vec::new(),
             log: Log::new(scratch),
             left_out: Vec::new(),
-            beside: Beside::default(),
-            patients: Gathered::default(),
             index: HashMap::new(),
         }
     }
 
     /// What was found, in the order in which it was met.
-    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>, Beside, PatientWords) {
-        (self.items, self.log, self.left_out, self.beside, self.patients.finish())
+    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>) {
+        (self.items, self.log, self.left_out)
     }
 
     fn path(&self, input: u32, path: &Path) -> PathBuf {
@@ -111,10 +105,8 @@ impl<'a> Surveyor<'a> {
             Err(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
         };
         match recognise(&file) {
-            Recognised::Image { series, secrets, frames, opening_bytes } => {
+            Recognised::Image { series, frames, opening_bytes } => {
                 let folder = path.parent().unwrap_or(Path::new(""));
-                self.patients.note(&secrets);
-                self.beside.note(folder, secrets, &mut self.log)?;
                 let folder = folder.as_os_str().as_bytes();
                 // Images that name no series belong to those beside them.
                 let key = if series.is_empty() {

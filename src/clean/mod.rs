@@ -41,7 +41,7 @@ use crate::builder::{
 };
 use crate::format::Selection;
 use crate::geom::Dims;
-use crate::volume::{Crop, Downsample, SourceError, VolumeSource};
+use crate::volume::{Crop, Downsample, SourceError, Treatment, VolumeSource};
 use bits::BitVolume;
 use components::{Component, Task};
 use masked::Masked;
@@ -372,7 +372,7 @@ impl<'a> CleanJob<'_, 'a> {
             }
         }
         let mut described = info.clone();
-        described.description.note(&self.clean.bit_operations().join("; "));
+        described.description.treatments.push(Treatment::Cleaned(self.clean.bit_operations()));
         report.seconds = started.elapsed().as_secs_f64();
         Ok(Cleaned { masked: Masked::new(self.source, described, test, bits), selection, report })
     }

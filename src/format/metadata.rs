@@ -13,8 +13,8 @@ pub const METADATA_LIMIT: usize = 1 << 20;
 pub struct SourceMeta {
     /// `raw`, `dicom`, `synthetic`, ...
     pub format: String,
-    /// Base name of the input.
-    pub name: String,
+    /// The kind of image, and what was done to it; never what the input is called.
+    pub kind: String,
     /// Files read.
     pub files: u64,
     /// Bytes of voxel data.
@@ -88,10 +88,10 @@ struct Wire {
 
 impl Metadata {
     /// The record of a solid without samples: voxels of 1 mm, as of a volume that is 1 inside and 0 outside.
-    pub fn of_grid(dims: Dims, name: &str) -> Self {
+    pub fn of_grid(dims: Dims, kind: &str) -> Self {
         Self {
             program: String::new(),
-            source: SourceMeta { format: "solid".into(), name: name.into(), files: 0, bytes: 0 },
+            source: SourceMeta { format: "solid".into(), kind: kind.into(), files: 0, bytes: 0 },
             dims: dims.to_array(),
             scalar: 0,
             spacing_mm: [1.0; 3],
@@ -182,7 +182,7 @@ mod tests {
     fn sample() -> Metadata {
         Metadata {
             program: "infobyte 0".into(),
-            source: SourceMeta { format: "raw".into(), name: "a.raw".into(), files: 1, bytes: 8 },
+            source: SourceMeta { format: "raw".into(), kind: "volume".into(), files: 1, bytes: 8 },
             dims: [2, 2, 2],
             scalar: 2,
             spacing_mm: [1.0, 1.0, 2.0],

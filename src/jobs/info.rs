@@ -139,7 +139,7 @@ impl Info {
         let source = &m.source;
         put(
             "source",
-            json!({"format": source.format, "name": source.name, "files": source.files, "bytes": source.bytes}),
+            json!({"format": source.format, "kind": source.kind, "files": source.files, "bytes": source.bytes}),
         );
         put("rescale", json!(m.rescale));
         put("connectivity", json!(m.connectivity));
@@ -174,7 +174,7 @@ impl Info {
         );
         row(
             "source",
-            format!("{} {} ({} files, {})", m.source.format, m.source.name, m.source.files, dtype(frame)),
+            format!("{} {} ({} files, {})", m.source.format, m.source.kind, m.source.files, dtype(frame)),
         );
         row(
             "dims",

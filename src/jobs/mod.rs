@@ -4,7 +4,6 @@ pub mod batch;
 pub mod build;
 pub mod demo;
 pub mod info;
-mod masked;
 pub mod pack;
 pub mod picture;
 pub mod render;

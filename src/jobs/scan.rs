@@ -4,17 +4,17 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::masked::{LeftOuts, Masked};
+use super::batch::NOTICE;
 use super::wording::sentences;
 use crate::budget::peak_rss_bytes;
-use crate::catalogue::Catalogue;
+use crate::catalogue::{Catalogue, LeftOut};
 use crate::error::Error;
-use crate::source::{Finding, OpenOptions};
+use crate::source::{BurnedIn, Finding, OpenOptions};
 
 /// One volume that was found.
 #[derive(Clone, Debug)]
 pub struct Listed {
-    /// Where it is, relative to what was searched.
+    /// Where it is, as it was reached from what was searched.
     pub input: String,
     /// Which volume of its input, counted from 1.
     pub number: usize,
@@ -22,8 +22,12 @@ pub struct Listed {
     pub format: String,
     /// Which part of its input it is, or empty.
     pub part: String,
-    /// Suggested name.
+    /// Its id: the name that a batch gives to its model.
     pub name: String,
+    /// What it is: `CT image`, ...; the kind of source again where nothing more is known.
+    pub kind: String,
+    /// Why its pixels may carry text, if there is a reason to think so.
+    pub burned_in: Option<BurnedIn>,
     /// Files, and their bytes.
     pub files: (u64, u64),
     /// Facts, or why it is refused.
@@ -53,19 +57,15 @@ pub struct ListedFacts {
 pub fn scan(
     inputs: &[PathBuf],
     how: &OpenOptions,
-    keep_names: bool,
     each: &mut dyn FnMut(&Listed) -> Result<(), Error>,
 ) -> Result<ScanReport, Error> {
     let catalogue = Catalogue::survey(inputs, how, &std::env::temp_dir())?;
-    let masked = Masked::new(keep_names, inputs, catalogue.patient_words());
     let mut report = ScanReport { usable: 0, refused: 0, left_out: Vec::new() };
-    let mut left_outs = LeftOuts::new(&masked, &catalogue);
     let mut number = 0;
     for at in 0..catalogue.len() {
         for finding in catalogue.open(at) {
             number += 1;
-            left_outs.hide(&masked, &finding.secrets);
-            let listed = list(&masked, number, &finding);
+            let listed = list(number, &finding);
             match listed.facts {
                 Ok(_) => report.usable += 1,
                 Err(_) => report.refused += 1,
@@ -73,21 +73,23 @@ pub fn scan(
             each(&listed)?;
         }
     }
-    report.left_out = left_outs.into_lines();
+    let line = |l: &LeftOut| (l.why.to_string(), l.count, l.first.display().to_string());
+    report.left_out = catalogue.left_out().iter().map(line).collect();
     Ok(report)
 }
 
-fn list(masked: &Masked<'_>, number: usize, finding: &Finding) -> Listed {
-    let mask = |text: String| masked.text(text, &finding.secrets);
+fn list(number: usize, finding: &Finding) -> Listed {
     Listed {
-        input: masked.path(&finding.path, &finding.secrets),
+        input: finding.path.display().to_string(),
         number,
         format: finding.format.to_owned(),
         part: finding.part.clone().unwrap_or_default(),
-        name: finding.stem.clone(),
+        name: finding.id.clone(),
+        kind: finding.kind.clone(),
+        burned_in: finding.burned_in,
         files: (finding.files.count, finding.files.bytes),
         facts: match &finding.volume {
-            Err(e) => Err(mask(e.to_string())),
+            Err(e) => Err(e.to_string()),
             Ok(source) => {
                 let info = source.info();
                 Ok(ListedFacts {
@@ -95,7 +97,7 @@ fn list(masked: &Masked<'_>, number: usize, finding: &Finding) -> Listed {
                     spacing_mm: info.spacing_mm,
                     dtype: info.scalar.name(),
                     scratch_bytes: source.preparation().scratch_bytes,
-                    warnings: sentences(&info.notes).into_iter().map(mask).collect(),
+                    warnings: sentences(&info.notes),
                 })
             }
         },
@@ -114,6 +116,11 @@ pub struct ScanReport {
 }
 
 impl ScanReport {
+    /// What a list says at its top.
+    pub fn notice() -> String {
+        format!("this list {NOTICE}")
+    }
+
     /// The closing part of the JSON object; the items stand before it.
     pub fn json(&self) -> Value {
         json!({
@@ -131,7 +138,8 @@ impl Listed {
     /// One JSON object.
     pub fn json(&self) -> Value {
         let mut value = json!({
-            "input": self.input, "number": self.number, "format": self.format, "part": self.part, "name": self.name,
+            "input": self.input, "number": self.number, "format": self.format, "kind": self.kind, "part": self.part,
+            "name": self.name, "burned_in": self.burned_in,
             "files": self.files.0, "input_bytes": self.files.1,
         });
         let more = match &self.facts {

@@ -4,6 +4,8 @@ use std::fmt;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use super::StableHash;
 use crate::volume::{SourceError, VolumeSource};
 
@@ -11,13 +13,14 @@ use crate::volume::{SourceError, VolumeSource};
 pub struct Finding {
     /// The file, or the folder of the files, as it was reached from what was searched.
     pub path: PathBuf,
-    /// Suggested name of a model, without patient data and without an extension; the same for the same
-    /// input wherever it lies. Not yet unique.
+    /// Name of a model of it, without an extension: the same for the same input, wherever it lies and whatever
+    /// it is called, and nothing can be learnt from it of names of files and patients.
     ///
     /// For DICOM: modality, series number, eight hex digits of a hash of the Series Instance UID, and the
-    /// part, as in `mr-012-1a2b3c4d-echo2`. For files their stem, for stacks of pictures the folder's name,
-    /// where `x` stands for the words of [`Finding::secrets`] and of [`crate::catalogue::Catalogue::patient_words`].
-    pub stem: String,
+    /// part, as in `mr-012-1a2b3c4d-echo2`. For others the format and twelve hex digits of a hash of their
+    /// content, as in `nrrd-1a2b3c4d5e6f`, and the number of the volume where the input holds several. Different
+    /// inputs may have one id, where they differ in places that the hash does not look at.
+    pub id: String,
     /// Kind of source: `dicom`, `nrrd`, `raw`, ...
     pub format: &'static str,
     /// What it is, for people: `CT image`, `localizer`, ...; the format again where nothing more is known.
@@ -28,10 +31,8 @@ pub struct Finding {
     pub size: Option<[u32; 3]>,
     /// What the input files are, to see whether they changed.
     pub files: InputFiles,
-    /// Words of the Patient's Name and Patient ID of three and more characters, and the birth date, so that a
-    /// report can mask them wherever they occur; for files of other kinds those of the images in the same
-    /// folder. Not for printing.
-    pub secrets: Vec<String>,
+    /// Why its pixels may carry text, such as the patient's name, if there is a reason to think so.
+    pub burned_in: Option<BurnedIn>,
     /// The volume, not prepared yet.
     pub volume: Result<Box<dyn VolumeSource>, SourceError>,
 }
@@ -41,12 +42,31 @@ impl fmt::Debug for Finding {
         let volume = self.volume.as_ref().map(|v| v.info());
         f.debug_struct("Finding")
             .field("path", &self.path)
-            .field("stem", &self.stem)
+            .field("id", &self.id)
             .field("part", &self.part)
             .field("size", &self.size)
             .field("volume", &volume)
             .finish_non_exhaustive()
     }
+}
+
+/// Why the pixels of an image may carry text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BurnedIn {
+    /// Burned In Annotation (0028,0301) says so.
+    Stated,
+    /// It is ultrasound, whose devices write into the picture.
+    Ultrasound,
+    /// It was not made by the device itself: by its SOP class, or because a Conversion Type (0008,0064) is stated.
+    SecondaryCapture,
+    /// It is a picture of a screen, by its Image Type (0008,0008).
+    ScreenCapture,
+}
+
+impl BurnedIn {
+    /// Every reason.
+    pub const ALL: [Self; 4] = [Self::Stated, Self::Ultrasound, Self::SecondaryCapture, Self::ScreenCapture];
 }
 
 /// The files behind a volume.

@@ -30,9 +30,8 @@ mod stored;
 mod synthetic;
 mod tiff;
 
-pub(crate) use files::{FileList, base_name};
-pub(crate) use finding::safe_name;
-pub use finding::{Finding, InputFiles};
+pub(crate) use files::FileList;
+pub use finding::{BurnedIn, Finding, InputFiles};
 pub(crate) use formats::{FORMATS, HEAD_BYTES, STACKS, Slices, known};
 pub use natural::natural_cmp;
 pub(crate) use nifti::header_of_samples;

@@ -86,7 +86,13 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
         rescale: Rescale::IDENTITY,
         spacing_mm: [1.0; 3],
         affine: Affine::from_spacing([1.0; 3]),
-        description: SourceDescription { format: "png".into(), name, files: count.into(), bytes },
+        description: SourceDescription {
+            format: "png".into(),
+            name,
+            files: count.into(),
+            bytes,
+            ..SourceDescription::default()
+        },
         notes,
     };
     let recipe = Pictures { files: Arc::new(FileSet::new(list)), row_bytes: u64::from(head.size[0]) * 2 };

@@ -93,6 +93,7 @@ impl RawVolume {
                 name,
                 files: files.list().len() as u64,
                 bytes: dims.voxels() * voxel_bytes,
+                ..SourceDescription::default()
             },
             notes: Vec::new(),
         };

@@ -22,7 +22,9 @@ use std::ops::Range;
 
 use self::shape::{Columns, FAR, PIECE, Step, distances};
 use crate::geom::{Affine, Dims};
-use crate::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{
+    ImageKind, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+};
 
 /// Edge of the cube in mm at every `side`; 0.45 mm a voxel at 512.
 const EDGE_MM: f32 = 230.4;
@@ -94,6 +96,8 @@ impl SyntheticHead {
                 name: "head".into(),
                 files: 0,
                 bytes: 2 * dims.voxels(),
+                kind: ImageKind::Synthetic("head"),
+                treatments: Vec::new(),
             },
             notes: Vec::new(),
         };

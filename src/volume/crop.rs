@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{SourceError, VolumeInfo, VolumeSource, Wrapper};
+use super::{SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Misuse;
 use crate::geom::Dims;
 
@@ -34,8 +34,7 @@ impl Crop {
             row[3] = at;
         }
         info.dims = dims;
-        let [x, y, z] = &roi;
-        info.description.note(&format!("roi {x:?},{y:?},{z:?}"));
+        info.description.treatments.push(Treatment::Crop(roi.clone()));
         Ok(Self { source, info, roi })
     }
 }

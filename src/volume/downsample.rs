@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, Wrapper};
+use super::{Scalar, ScalarType, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Misuse;
 use crate::geom::Dims;
 
@@ -49,7 +49,7 @@ impl Downsample {
         }
         info.spacing_mm = info.spacing_mm.map(|mm| mm * wide);
         info.dims = dims;
-        info.description.note(&format!("downsample {factor}"));
+        info.description.treatments.push(Treatment::Downsample(factor));
         info.scalar = match info.scalar {
             ScalarType::U32 | ScalarType::I32 | ScalarType::F64 => ScalarType::F64,
             _ => ScalarType::F32,

@@ -6,12 +6,14 @@
 //! | part | what it holds |
 //! |---|---|
 //! | `scalar` | types of samples and their byte order |
+//! | `description` | what a model tells of its origin |
 //! | `block`, `blend`, `spool` | rows read by position, mixed, and unrolled first |
 //! | `wrapper`, `noted`, `placement`, `crop`, `downsample` | volumes that stand before another one, and say or show something else |
 
 mod blend;
 mod block;
 mod crop;
+mod description;
 mod downsample;
 mod noted;
 mod placement;
@@ -23,6 +25,7 @@ pub use crate::facts::{Note, SourceError};
 pub(crate) use blend::blend;
 pub(crate) use block::{check_request, read_block};
 pub use crop::Crop;
+pub use description::{ImageKind, SourceDescription, Treatment};
 pub use downsample::Downsample;
 pub(crate) use noted::Noted;
 pub use placement::Placement;
@@ -52,7 +55,7 @@ pub struct VolumeInfo {
     pub spacing_mm: [f64; 3],
     /// Voxel index to LPS mm.
     pub affine: Affine,
-    /// What the input was, for the metadata; no folder names, no patient names.
+    /// What the input was: for the metadata, and for messages.
     pub description: SourceDescription,
     /// What was guessed, left out, replaced or odd.
     pub notes: Vec<Note>,
@@ -74,26 +77,6 @@ impl Rescale {
     /// Physical value of a sample.
     pub fn apply(self, sample: f64) -> f64 {
         self.slope * sample + self.intercept
-    }
-}
-
-/// Origin of a model as recorded in its metadata.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct SourceDescription {
-    /// Kind of source: `raw`, `dicom`, `synthetic`, ...
-    pub format: String,
-    /// Base name of the file or folder, and what was done to its volume, each in ` [...]`.
-    pub name: String,
-    /// Number of files read.
-    pub files: u64,
-    /// Bytes of voxel data.
-    pub bytes: u64,
-}
-
-impl SourceDescription {
-    /// Adds what was done to the volume to its name.
-    pub fn note(&mut self, what: &str) {
-        self.name = format!("{} [{what}]", self.name);
     }
 }
 

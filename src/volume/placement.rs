@@ -4,7 +4,7 @@
 //! tells in a note; the note is the record of it, and goes when somebody states what was missing.
 
 use super::noted::Noted;
-use super::{Note, SourceError, VolumeInfo, VolumeSource};
+use super::{Note, SourceError, Treatment, VolumeInfo, VolumeSource};
 use crate::facts::{Misuse, StatedBy};
 use crate::geom::Orientation;
 
@@ -83,7 +83,7 @@ fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {
     }
     info.spacing_mm = spacing_mm;
     if differs {
-        info.description.note("spacing replaced");
+        info.description.treatments.push(Treatment::SpacingReplaced);
         info.notes.push(Note::SpacingReplaced { by, given_mm: spacing_mm, stated_mm: old });
     }
 }
@@ -104,7 +104,7 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, by: StatedBy) {
         row[3] = at;
     }
     if !assumed || backwards {
-        info.description.note("directions replaced");
+        info.description.treatments.push(Treatment::DirectionsReplaced);
         info.notes.push(Note::DirectionsReplaced { by, given: orientation, stated: old });
     }
 }
@@ -195,7 +195,7 @@ mod tests {
         let [note] = info.notes.as_slice() else { panic!("{:?}", info.notes) };
         let text = note.to_string();
         assert!(text.contains("1 x 2 x 3 mm") && text.contains("states 0.608"), "{text}");
-        assert!(info.description.name.ends_with("[spacing replaced]"));
+        assert_eq!(info.description.treatments, [Treatment::SpacingReplaced]);
         // The letters that the file states already change nothing, others lay the axes along the patient's.
         let asked = |letters: &str| Placement { spacing_mm: None, orientation: Orientation::parse(letters) };
         assert_eq!(place(with(old, &[]), asked("lps"), WHO).unwrap().info().affine, old);

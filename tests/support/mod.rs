@@ -17,7 +17,7 @@ pub(crate) const FULL: OptionalSections = OptionalSections { normal: true, value
 /// Metadata of a volume with unit spacing, inside from 1 on.
 pub(crate) fn metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
     Metadata {
-        source: SourceMeta { format: "raw".into(), name: "e.raw".into(), files: 1, bytes: 6 },
+        source: SourceMeta { format: "raw".into(), kind: "e.raw".into(), files: 1, bytes: 6 },
         ..plain_metadata(dims, channels)
     }
 }

@@ -9,24 +9,27 @@
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `claims` | which volume has which name |
+//! | `key` | what hides times of change in records |
 //! | `ledger` | shares the memory among jobs |
 //! | `lock` | one batch at a time in an output folder |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
 //! | `page` | `index.html`, the contact sheet |
 
+mod claims;
+mod key;
 mod ledger;
 mod lock;
 mod page;
 mod record;
 mod report;
 
-pub use record::{Item, ModelFacts, Status};
-pub use report::{BatchReport, Counts};
+pub use record::{Cause, Item, ModelFacts, Status};
+pub use report::{BatchReport, Counts, NOTICE};
 
 use std::fs;
 use std::io;
-use std::os::unix::ffi::OsStrExt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -36,13 +39,12 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::build::build_reshaped_source;
-use super::masked::{LeftOuts, Masked};
 use super::picture::thumbnail_file;
 use super::wording::sentences;
 use crate::atomic::sweep;
 use crate::budget::{HELD_SPREAD, MemoryCap, SizeArgument, peak_rss_bytes};
 use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
-use crate::catalogue::{Catalogue, PatientWords};
+use crate::catalogue::Catalogue;
 use crate::clean::CleanOptions;
 use crate::error::Error;
 use crate::facts::Instead;
@@ -50,8 +52,10 @@ use crate::format::Channel;
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
 use crate::resident::give_back;
-use crate::source::{Finding, OpenOptions};
+use crate::source::{BurnedIn, Finding, OpenOptions};
 use crate::volume::{SourceError, VolumeSource};
+use claims::{Claim, Claims};
+use key::Key;
 use ledger::Ledger;
 use lock::FolderLock;
 use record::{Journal, Record};
@@ -85,8 +89,10 @@ pub struct BatchRequest {
     pub jobs: usize,
     /// Longest side of the thumbnails in pixels; 0 for none.
     pub thumbnails: u32,
-    /// Leave patient names that occur in paths as they are?
+    /// Name files and folders in the contact sheet, too?
     pub keep_names: bool,
+    /// Make thumbnails of images whose pixels may carry text, such as the name of the patient?
+    pub thumbnails_of_all: bool,
     /// Volumes of fewer slices are left alone: scouts, scanned documents, single pictures.
     pub min_slices: u32,
 }
@@ -156,7 +162,6 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     // With more memory more jobs fit, which take more beside their builds.
     let base_at_most = base_of(request.jobs.clamp(1, catalogue.len())).saturating_add(HELD_SPREAD);
     let base = base_of(jobs);
-    let masked = Masked::new(request.keep_names, &request.inputs, catalogue.patient_words());
     let run = Run {
         request,
         catalogue: &catalogue,
@@ -166,13 +171,13 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         share: limit.saturating_sub(base) / jobs as u64,
         threads: (request.build.threads / jobs).max(1),
         options: options_fingerprint(request),
+        key: Key::of(&request.out).map_err(out_error)?,
         journal: Journal::create(&scratch).map_err(out_error)?,
         opening: Mutex::default(),
-        names: Mutex::default(),
+        claims: Claims::default(),
         broken: Mutex::default(),
         counts: [const { AtomicU64::new(0) }; 3],
-        left_outs: Mutex::new(LeftOuts::new(&masked, &catalogue)),
-        masked,
+        burned_in: [const { AtomicU64::new(0) }; BurnedIn::ALL.len()],
     };
     let next = AtomicUsize::new(0);
     std::thread::scope(|scope| {
@@ -194,14 +199,20 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         return Err(error);
     }
     let [converted, skipped, failed] = run.counts.map(AtomicU64::into_inner);
+    let burned_in = told_of_text(&run.burned_in.map(AtomicU64::into_inner), request);
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
-        left_out: run.left_outs.into_inner().unwrap_or_else(PoisonError::into_inner).into_lines(),
-        warnings: lock.warning.iter().cloned().chain(too_many_words(request, &catalogue)).collect(),
+        left_out: catalogue
+            .left_out()
+            .iter()
+            .map(|l| (l.why.to_string(), l.count, l.first.display().to_string()))
+            .collect(),
+        warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
         jobs,
         wall_s: started.elapsed().as_secs_f64(),
+        keep_names: request.keep_names,
         options: options_told(request),
     };
     report.write(&request.out, &run.journal).map_err(out_error)?;
@@ -223,12 +234,28 @@ fn opening_bytes(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     largest.first().copied().unwrap_or(0) + largest.iter().sum::<u64>() / 3
 }
 
-/// What is said where more words tell of patients than are kept.
-fn too_many_words(request: &BatchRequest, catalogue: &Catalogue) -> Option<String> {
-    let most = PatientWords::MOST;
-    (!request.keep_names && catalogue.patient_words().is_full()).then(|| {
+/// What is said of volumes whose pixels may carry text, by the numbers of these.
+fn told_of_text(counts: &[u64; BurnedIn::ALL.len()], request: &BatchRequest) -> Option<String> {
+    let volumes: u64 = counts.iter().sum();
+    let each = |(kind, count): (&BurnedIn, &u64)| {
+        let why = match kind {
+            BurnedIn::Stated => "Burned In Annotation is YES",
+            BurnedIn::Ultrasound => "ultrasound",
+            BurnedIn::SecondaryCapture => "secondary capture",
+            BurnedIn::ScreenCapture => "picture of a screen",
+        };
+        (*count > 0).then(|| format!("{why}: {count}"))
+    };
+    let all: Vec<String> = BurnedIn::ALL.iter().zip(counts).filter_map(each).collect();
+    let thumbnails = match (request.thumbnails, request.thumbnails_of_all) {
+        (0, _) => "",
+        (_, true) => "; their thumbnails were asked for",
+        (_, false) => "; their thumbnails are left out, --thumbnails-of-all makes them",
+    };
+    (volumes > 0).then(|| {
         format!(
-            "the names, numbers and birth dates of the patients have more than {most} words; the longest {most} are masked everywhere, the others only in what concerns their own series and the files beside it"
+            "the pixels of {volumes} volume(s) may carry text, such as the name of the patient ({}), and their models may show it{thumbnails}",
+            all.join(", ")
         )
     })
 }
@@ -245,16 +272,17 @@ struct Run<'a> {
     share: u64,
     threads: usize,
     options: String,
+    key: Key,
     journal: Journal,
     /// Taken while an item is opened that needs memory worth mentioning: one at a time.
     opening: Mutex<()>,
-    /// Hashes of the names that this run has used.
-    names: Mutex<std::collections::BTreeSet<u64>>,
+    /// Which volume has which name.
+    claims: Claims,
     /// What ends the whole batch: the output folder fails.
     broken: Mutex<Option<Error>>,
     counts: [AtomicU64; 3],
-    left_outs: Mutex<LeftOuts>,
-    masked: Masked<'a>,
+    /// Volumes whose pixels may carry text, in the order of [`BurnedIn::ALL`].
+    burned_in: [AtomicU64; BurnedIn::ALL.len()],
 }
 
 impl Run<'_> {
@@ -268,14 +296,91 @@ impl Run<'_> {
         let turn = large.then(|| self.opening.lock().unwrap_or_else(PoisonError::into_inner));
         let findings = catch_unwind(AssertUnwindSafe(|| self.catalogue.open(at)));
         drop(turn);
+        // Whatever happened, those behind it wait for this.
+        let turn = self.claims.turn(at);
         let Ok(findings) = findings else {
+            drop(turn);
             self.report((at, 0), slot, &Item::of_defect(at));
             return;
         };
-        for (part, finding) in findings.into_iter().enumerate() {
-            let item = self.convert(slot, finding);
+        let numbered = |(part, finding): (usize, Finding)| {
+            let item = self.name(&turn, finding, (at, part));
+            (part, item)
+        };
+        let named: Vec<(usize, Named)> = findings.into_iter().enumerate().map(numbered).collect();
+        drop(turn);
+        for (part, named) in named {
+            let item = match named {
+                Named::Settled(item) => item,
+                Named::Volume(item, finding) => self.convert(slot, item, *finding),
+            };
             self.report((at, part), slot, &item);
         }
+    }
+
+    /// A volume with its name, or what became of it already: too few slices, refused, or a copy of another.
+    fn name(&self, turn: &claims::Turn<'_>, finding: Finding, place: claims::Place) -> Named {
+        let mut item = Item {
+            status: Status::Failed,
+            name: finding.id.clone(),
+            input: finding.path.display().to_string(),
+            format: finding.format.to_owned(),
+            kind: finding.kind.clone(),
+            part: finding.part.clone().unwrap_or_default(),
+            files: finding.files.count,
+            input_bytes: finding.files.bytes,
+            burned_in: finding.burned_in,
+            cause: None,
+            reason: None,
+            warnings: Vec::new(),
+            model: None,
+        };
+        if let Some(slices) = finding.size.map(|[_, _, n]| n).filter(|n| *n < self.request.min_slices) {
+            item.status = Status::Skipped;
+            item.cause = Some(Cause::FewSlices);
+            item.reason =
+                Some(format!("has {slices} slice(s), fewer than --min-slices {}", self.request.min_slices));
+            return Named::Settled(item);
+        }
+        let source = match &finding.volume {
+            Ok(source) => source,
+            Err(e) => {
+                item.cause = Some(Cause::of(e.kind()));
+                item.reason = Some(e.to_string());
+                // What an earlier state of the input gave would lie there as if it were this one's.
+                if !turn.is_taken(&item.name) {
+                    Record::clear(&self.request.out, &item.name);
+                }
+                return Named::Settled(item);
+            }
+        };
+        item.warnings = sentences(&source.info().notes);
+        let is_copy = |finding: &Finding, owner| {
+            let _turn = self.opening.lock().unwrap_or_else(PoisonError::into_inner);
+            catch_unwind(AssertUnwindSafe(|| self.catalogue.is_copy(finding, owner))).unwrap_or(false)
+        };
+        match turn.claim(&finding, place, &is_copy) {
+            Claim::CopyOf(name) => {
+                item.status = Status::Skipped;
+                item.reason = Some(format!("is a copy of what {name} is made of, byte for byte"));
+                item.cause = Some(Cause::CopyOf(name));
+                return Named::Settled(item);
+            }
+            Claim::Own(name, number) => {
+                item.name = name;
+                item.warnings.extend(number.map(|n| {
+                    format!(
+                        "{} other volume(s) of this batch have the same id, and another content: this one is numbered in the order of their paths",
+                        n - 1
+                    )
+                }));
+            }
+        }
+        let reason = finding.burned_in.and_then(|kind| BurnedIn::ALL.iter().position(|known| *known == kind));
+        if let Some(count) = reason.and_then(|at| self.burned_in.get(at)) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+        Named::Volume(item, Box::new(finding))
     }
 
     /// Counts, shows and notes what became of a volume.
@@ -299,91 +404,66 @@ impl Run<'_> {
     }
 
     /// One volume: skipped, built, or the reason why not.
-    fn convert(&self, slot: usize, finding: Finding) -> Item {
-        let masked = &self.masked;
-        let input = masked.path(&finding.path, &finding.secrets);
-        self.left_outs.lock().unwrap_or_else(PoisonError::into_inner).hide(masked, &finding.secrets);
-        let mut item = Item {
-            status: Status::Failed,
-            name: name_of(&finding, &masked.identity(&finding.path)),
-            input,
-            format: finding.format.to_owned(),
-            part: finding.part.clone().unwrap_or_default(),
-            files: finding.files.count,
-            input_bytes: finding.files.bytes,
-            reason: None,
-            warnings: Vec::new(),
-            model: None,
-        };
-        // Sentences begin with the path that the item names already.
-        let mask = |text: String| masked.text(text, &finding.secrets);
-        let mask_reason = |e: String, input: &str| {
-            let text = mask(e);
-            text.strip_prefix(input)
-                .and_then(|rest| rest.strip_prefix(": "))
-                .map_or(text.clone(), str::to_owned)
-        };
-        let slices = finding.size.map(|[_, _, slices]| slices);
-        if let Some(slices) = slices.filter(|slices| *slices < self.request.min_slices) {
-            item.status = Status::Skipped;
-            item.reason =
-                Some(format!("has {slices} slice(s), fewer than --min-slices {}", self.request.min_slices));
-            return item;
-        }
-        let source = match finding.volume {
-            Ok(source) => source,
-            Err(e) => {
-                item.reason = Some(mask_reason(e.to_string(), &item.input));
-                // What an earlier state of the input gave would lie there as if it were this one's.
-                Record::clear(&self.request.out, &item.name);
-                return item;
-            }
-        };
-        if !self.names.lock().unwrap_or_else(PoisonError::into_inner).insert(fnv(item.name.as_bytes())) {
-            item.reason = Some("another volume of this batch has the same name; convert it apart".into());
-            return item;
-        }
-        item.warnings = sentences(&source.info().notes).into_iter().map(mask).collect();
-        let inputs = format!("{:016x}", finding.files.fingerprint);
+    fn convert(&self, slot: usize, mut item: Item, finding: Finding) -> Item {
+        let Ok(source) = finding.volume else { return item };
+        let inputs = self.key.hidden(finding.files.fingerprint);
+        let thumbnails = self.thumbnails(&item);
         if let Some(done) = Record::read(&self.request.out, &item.name)
             && done.version == env!("CARGO_PKG_VERSION")
             && (&done.options, &done.inputs) == (&self.options, &inputs)
             && done.is_whole(&self.request.out)
-            && !self.lacks_thumbnail(&done)
+            && !self.lacks_thumbnail(&done, thumbnails)
         {
-            return self.skipped(done, item, &mask);
+            let preset = self.request.clean.preset;
+            item.warnings.extend(preset.and_then(|preset| preset.doubt(source.modality())));
+            return self.skipped(done, item, thumbnails);
         }
         let progress = self.watcher.begin(slot, &item.name);
         // A defect in one volume's way must not take the others along.
-        let built = catch_unwind(AssertUnwindSafe(|| self.build(source, &item.name, progress)));
-        let built = built.unwrap_or_else(|_| {
-            Err(Error::Usage(
-                "an internal error stopped its conversion; please report it with the file".into(),
-            ))
-        });
+        let built = catch_unwind(AssertUnwindSafe(|| self.build(source, &item.name, thumbnails, progress)));
         match built {
-            Ok((facts, thumbnail_bytes, warnings)) => {
+            Ok(Ok((facts, thumbnail_bytes, warnings))) => {
                 item.status = Status::Converted;
-                item.warnings = warnings.into_iter().map(mask).collect();
+                for warning in warnings {
+                    if !item.warnings.contains(&warning) {
+                        item.warnings.push(warning);
+                    }
+                }
                 item.model = Some(facts);
-                let record = Record {
-                    version: env!("CARGO_PKG_VERSION").into(),
-                    options: self.options.clone(),
-                    inputs,
-                    thumbnail_bytes,
-                    item: item.clone(),
-                };
-                if let Err(cause) = record.write(&self.request.out) {
+                if let Some(record) = Record::of(&item, &self.options, &inputs, thumbnail_bytes)
+                    && let Err(cause) = record.write(&self.request.out)
+                {
                     item.status = Status::Failed;
+                    item.cause = Some(Cause::Disk);
                     item.reason = Some(format!("its record cannot be written ({cause})"));
                 }
             }
-            Err(e) => {
-                item.reason = Some(mask_reason(e.to_string(), &item.input));
+            Ok(Err(e)) => {
+                item.cause = Some(match &e {
+                    Error::Build(
+                        BuildError::EmptyResult { .. }
+                        | BuildError::NothingKept { .. }
+                        | BuildError::NoNumbers { .. },
+                    ) => Cause::Empty,
+                    e => Cause::of(e.kind()),
+                });
+                item.reason = Some(e.to_string());
+                Record::clear(&self.request.out, &item.name);
+            }
+            Err(_) => {
+                item.cause = Some(Cause::Defect);
+                item.reason =
+                    Some("an internal error stopped its conversion; please report it with the file".into());
                 Record::clear(&self.request.out, &item.name);
             }
         }
         item
+    }
+
+    /// Longest side of a volume's thumbnail; 0 for none.
+    fn thumbnails(&self, item: &Item) -> u32 {
+        let shown = self.request.thumbnails_of_all || item.burned_in.is_none();
+        if shown { self.request.thumbnails } else { 0 }
     }
 
     /// Memory of a thumbnail of a model of so many bytes: the picture, and the pages of the model.
@@ -392,28 +472,30 @@ impl Run<'_> {
         paint_bytes(side, side, self.threads) + model_bytes.min(THUMBNAIL_PAGES)
     }
 
-    /// Was there no memory for a thumbnail when the model was built, and is there now?
-    fn lacks_thumbnail(&self, done: &Record) -> bool {
-        let lacks =
-            |m: &ModelFacts| m.thumbnail.is_none() && self.thumbnail_bytes(m.bytes) <= self.ledger.total();
-        self.request.thumbnails > 0 && done.item.model.as_ref().is_some_and(lacks)
+    /// Is there no thumbnail of a model where there should be one, and is there memory for it now?
+    fn lacks_thumbnail(&self, done: &Record, thumbnails: u32) -> bool {
+        let m = &done.model;
+        thumbnails > 0 && m.thumbnail.is_none() && self.thumbnail_bytes(m.bytes) <= self.ledger.total()
     }
 
-    /// What is reported of a volume that was built before: where it lies now, with names masked as this run
-    /// asks for, whatever the earlier one did.
-    fn skipped(&self, done: Record, item: Item, mask: &dyn Fn(String) -> String) -> Item {
-        let item = Item {
-            status: Status::Skipped,
-            warnings: done.item.warnings.iter().map(|w| mask(w.clone())).collect(),
-            model: done.item.model.clone(),
-            ..item
-        };
-        let known = Item { status: done.item.status, ..item.clone() };
-        if known != done.item {
-            // A record that still tells a name is replaced; if that fails, the model is as good as before.
-            let _ = Record { item: known, ..done }.write(&self.request.out);
+    /// What is reported of a volume that was built before. A thumbnail that is not to be shown any more goes.
+    fn skipped(&self, mut done: Record, mut item: Item, thumbnails: u32) -> Item {
+        if thumbnails == 0
+            && let Some(file) = done.model.thumbnail.take()
+        {
+            // If that fails, the next run tries again.
+            let _ = fs::remove_file(self.request.out.join(file)).and_then(|()| done.write(&self.request.out));
         }
-        item
+        if thumbnails > 0 && done.model.thumbnail.is_none() {
+            item.warnings.push(self.no_thumbnail(self.thumbnail_bytes(done.model.bytes)));
+        }
+        Item { status: Status::Skipped, model: Some(done.model), ..item }
+    }
+
+    /// What is said where there is no memory for a thumbnail.
+    fn no_thumbnail(&self, needed: u64) -> String {
+        let enough = SizeArgument((self.base_at_most + needed).next_multiple_of(1 << 16));
+        format!("there is no memory for its thumbnail; --memory {enough} is enough")
     }
 
     /// Model and thumbnail of one volume within the memory that it is granted.
@@ -421,6 +503,7 @@ impl Run<'_> {
         &self,
         source: Box<dyn VolumeSource>,
         name: &str,
+        thumbnails: u32,
         progress: &dyn Progress,
     ) -> Result<(ModelFacts, u64, Vec<String>), Error> {
         let started = Instant::now();
@@ -453,16 +536,15 @@ impl Run<'_> {
         let mut warnings = built.warnings;
         let mut thumbnail = None;
         let mut thumbnail_bytes = 0;
-        if self.request.thumbnails > 0 {
+        if thumbnails > 0 {
             let needed = self.thumbnail_bytes(built.report.file_bytes);
             if let Some(_grant) = self.ledger.take(needed) {
                 let file = format!("{name}.png");
-                thumbnail_file(&model, &out.join(&file), self.request.thumbnails, self.threads)?;
+                thumbnail_file(&model, &out.join(&file), thumbnails, self.threads)?;
                 thumbnail_bytes = fs::metadata(out.join(&file)).map_or(0, |meta| meta.len());
                 thumbnail = Some(file);
             } else {
-                let enough = SizeArgument((self.base_at_most + needed).next_multiple_of(1 << 16));
-                warnings.push(format!("there is no memory for its thumbnail; --memory {enough} is enough"));
+                warnings.push(self.no_thumbnail(needed));
             }
         }
         let m = &built.info.frame.metadata;
@@ -489,23 +571,12 @@ impl Run<'_> {
     }
 }
 
-/// Name of a volume's files: the same in every run, whatever else lies beside it. DICOM names carry a hash of
-/// the series; others get one of their path, as `scan.nii.gz` lies in many folders.
-fn name_of(finding: &Finding, input: &Path) -> String {
-    let part = finding.part.as_deref().unwrap_or_default();
-    let stem: String = finding.stem.chars().map(|c| if is_plain(c) { c } else { '_' }).take(80).collect();
-    let stem = if stem.starts_with('.') { format!("_{stem}") } else { stem };
-    if finding.format == "dicom" {
-        return stem;
-    }
-    // Of the bytes of the path: two names that are no UTF-8 may look the same in a report.
-    let key = [input.as_os_str().as_bytes(), b"\n", part.as_bytes()].concat();
-    format!("{stem}-{:08x}", fnv(&key) & 0xffff_ffff)
-}
-
-/// Characters that any file system and any shell takes as they are.
-fn is_plain(c: char) -> bool {
-    c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | '+')
+/// A volume on its way.
+enum Named {
+    /// What became of it is known.
+    Settled(Item),
+    /// It is to be built under the item's name, unless it was before.
+    Volume(Item, Box<Finding>),
 }
 
 /// One number for everything in the request that the bytes of results depend on.
@@ -533,6 +604,7 @@ fn options_told(request: &BatchRequest) -> Value {
         "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
         "cleaning": request.clean.operations(),
         "thumbnails": request.thumbnails,
+        "thumbnails_of_all": request.thumbnails_of_all,
         "min_slices": request.min_slices,
     })
 }

@@ -1,12 +1,16 @@
 //! `index.html`: a contact sheet of the thumbnails, one file that needs nothing else.
+//!
+//! It travels: volumes are called by their ids, and no sentence about an input is in it, as these may name files.
+//! Files and folders are named only where that was asked for.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
-use super::record::{Item, Journal, Status};
+use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, status};
 use crate::budget::Bytes;
+use crate::source::BurnedIn;
 
 /// Thumbnails up to this many are part of the page; larger batches refer to the files beside it, or the page
 /// could not be opened any more.
@@ -54,7 +58,7 @@ pub(super) fn write(
         w,
         "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped, <a href=\"#failed\">{} failed</a> \
          &middot; {:.1} s with {} job(s) &middot; peak memory {} of {} allowed</p></header>\n\
-         <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, folder, size, warning …\" \
+         <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, kind, size …\" \
          aria-label=\"Filter\"><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n",
         c.converted + c.skipped + c.failed,
         c.converted,
@@ -70,12 +74,13 @@ pub(super) fn write(
     }
     w.write_all(b"<main>\n")?;
     let embed = c.converted + c.skipped <= MOST_EMBEDDED;
-    journal.for_each(&mut |item| if item.model.is_some() { card(&item, out, embed, w) } else { Ok(()) })?;
+    journal.for_each(&mut |item| {
+        if item.model.is_some() { card(&item, report, out, embed, w) } else { Ok(()) }
+    })?;
     w.write_all(b"</main>\n")?;
-    for (ended, head) in [
-        (Status::Failed, "<h2 id=\"failed\">Not converted</h2>"),
-        (Status::Skipped, "<h2>Left alone, as asked</h2>"),
-    ] {
+    for (ended, head) in
+        [(Status::Failed, "<h2 id=\"failed\">Not converted</h2>"), (Status::Skipped, "<h2>Left alone</h2>")]
+    {
         let mut any = false;
         journal.for_each(&mut |item| {
             if item.model.is_some() || item.status != ended {
@@ -84,7 +89,7 @@ pub(super) fn write(
             if !std::mem::replace(&mut any, true) {
                 writeln!(w, "{head}\n<main class=\"list\">")?;
             }
-            without_model(&item, w)
+            without_model(&item, report, w)
         })?;
         if any {
             w.write_all(b"</main>\n")?;
@@ -93,12 +98,11 @@ pub(super) fn write(
     if !report.left_out.is_empty() {
         w.write_all(b"<h2>Files that are no volume</h2><table>\n")?;
         for (reason, count, first) in &report.left_out {
-            writeln!(
-                w,
-                "<tr><td>{count}</td><td>{}</td><td>first: {}</td></tr>",
-                escaped(reason),
-                escaped(first)
-            )?;
+            write!(w, "<tr><td>{count}</td><td>{}</td>", escaped(reason))?;
+            if report.keep_names {
+                write!(w, "<td>first: {}</td>", escaped(first))?;
+            }
+            w.write_all(b"</tr>\n")?;
         }
         w.write_all(b"</table>\n")?;
     }
@@ -106,28 +110,57 @@ pub(super) fn write(
     w.write_all(b"</body></html>\n")
 }
 
+/// What a volume is, and where it lies, if that may be told.
+fn kind(item: &Item, report: &BatchReport) -> String {
+    let part = if item.part.is_empty() { String::new() } else { format!(", {}", item.part) };
+    let input = if report.keep_names { format!(" · {}", item.input) } else { String::new() };
+    escaped(&format!("{}{part}{input}", item.kind))
+}
+
+/// Why there is no model, without any name of a file.
+fn why(cause: &Cause) -> String {
+    let text = match cause {
+        Cause::FewSlices => "it has fewer slices than asked for",
+        Cause::CopyOf(name) => return format!("it is a copy of what {name} is made of"),
+        Cause::Input => "it cannot be used as a volume; the report says why",
+        Cause::Empty => "no voxel is inside; the report says which values there are",
+        Cause::Memory => "it takes more memory than allowed; the report says how much",
+        Cause::Disk => "the disk failed or is full; the report says which",
+        Cause::Options => "the options do not fit it; the report says which",
+        Cause::Defect => "an internal error; the report says where",
+    };
+    text.into()
+}
+
 /// A volume without a model: what it is, and why.
-fn without_model(item: &Item, w: &mut dyn Write) -> io::Result<()> {
-    let part =
-        if item.part.is_empty() { String::new() } else { format!(" &middot; {}", escaped(&item.part)) };
+fn without_model(item: &Item, report: &BatchReport, w: &mut dyn Write) -> io::Result<()> {
     write!(
         w,
-        "<article class=\"{}\"><div class=\"text\"><h3>{}{part}</h3><p class=\"in\">{}, {} file(s), {}</p>",
+        "<article class=\"{}\"><div class=\"text\"><h3>{}</h3><p class=\"in\">{}, {}, {} file(s), {}</p>",
         status(item.status),
-        escaped(&item.input),
+        escaped(&item.name),
+        kind(item, report),
         escaped(&item.format),
         item.files,
         Bytes(item.input_bytes)
     )?;
-    write!(w, "<p class=\"why\">{}</p>", escaped(item.reason.as_deref().unwrap_or_default()))?;
+    let why = item.cause.as_ref().map(why).unwrap_or_default();
+    write!(w, "<p class=\"why\">{}</p>", escaped(&why))?;
     w.write_all(b"</div></article>\n")
 }
 
-fn card(item: &Item, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<()> {
+fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<()> {
     write!(w, "<article class=\"{}\"><div class=\"shot\">", status(item.status))?;
     let thumbnail = item.model.as_ref().and_then(|m| m.thumbnail.as_deref());
     match thumbnail {
-        None => w.write_all(b"<span>no thumbnail</span>")?,
+        None => {
+            let why = match item.burned_in {
+                Some(BurnedIn::Stated) => ": the pixels carry text",
+                Some(_) => ": the pixels may carry text",
+                None => "",
+            };
+            write!(w, "<span>no thumbnail{why}</span>")?;
+        }
         Some(file) => {
             write!(w, "<img alt=\"{}\" loading=\"lazy\" src=\"", escaped(&item.name))?;
             if !embed || !embed_png(&out.join(file), w)? {
@@ -136,13 +169,11 @@ fn card(item: &Item, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<(
             w.write_all(b"\">")?;
         }
     }
-    let part =
-        if item.part.is_empty() { String::new() } else { format!(" &middot; {}", escaped(&item.part)) };
     write!(
         w,
-        "</div><div class=\"text\"><h3>{}</h3><p class=\"in\">{}{part}</p>",
+        "</div><div class=\"text\"><h3>{}</h3><p class=\"in\">{}</p>",
         escaped(&item.name),
-        escaped(&item.input)
+        kind(item, report)
     )?;
     w.write_all(b"<dl>")?;
     let mut row = |name: &str, value: String| write!(w, "<dt>{name}</dt><dd>{}</dd>", escaped(&value));
@@ -161,11 +192,7 @@ fn card(item: &Item, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<(
     }
     w.write_all(b"</dl>")?;
     if !item.warnings.is_empty() {
-        w.write_all(b"<ul>")?;
-        for warning in &item.warnings {
-            write!(w, "<li>{}</li>", escaped(warning))?;
-        }
-        w.write_all(b"</ul>")?;
+        write!(w, "<ul><li>{} note(s) in the report</li></ul>", item.warnings.len())?;
     }
     w.write_all(b"</div></article>\n")
 }

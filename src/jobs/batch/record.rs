@@ -10,7 +10,9 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use crate::atomic::AtomicFile;
+use crate::error::ExitKind;
 use crate::scratch::nameless;
+use crate::source::BurnedIn;
 
 /// What became of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,24 +26,64 @@ pub enum Status {
     Failed,
 }
 
-/// One volume of a batch, as reported.
+/// Why there is no model, in a word that names nothing.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// It has fewer slices than were asked for.
+    FewSlices,
+    /// It is a copy of the volume of this name.
+    CopyOf(String),
+    /// The input cannot be used.
+    Input,
+    /// No voxel is inside.
+    Empty,
+    /// It takes more memory than there is.
+    Memory,
+    /// The disk failed, or is full.
+    Disk,
+    /// The options do not fit it.
+    Options,
+    /// The program has a defect.
+    Defect,
+}
+
+impl Cause {
+    /// The cause of a failure of some kind.
+    pub(super) fn of(kind: ExitKind) -> Self {
+        match kind {
+            ExitKind::Usage => Self::Options,
+            ExitKind::Budget => Self::Memory,
+            ExitKind::Io => Self::Disk,
+            ExitKind::Input | ExitKind::Partial => Self::Input,
+        }
+    }
+}
+
+/// One volume of a batch, as reported. It tells where the volume lies, and stays with whoever has that.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Item {
     /// What became of it.
     pub status: Status,
-    /// Name of its files in the output folder, without extension.
+    /// Its id: the name of its files in the output folder, without extension.
     pub name: String,
-    /// The file, or the folder of the files, relative to what was searched.
+    /// The file, or the folder of the files, as it was reached from what was searched.
     pub input: String,
     /// Kind of source.
     pub format: String,
+    /// What it is: `CT image`, ...; the kind of source again where nothing more is known.
+    pub kind: String,
     /// Which part of its input it is, where that holds several volumes; or empty.
     pub part: String,
     /// Files read.
     pub files: u64,
     /// Their bytes.
     pub input_bytes: u64,
-    /// Why it failed, or was left alone.
+    /// Why its pixels may carry text, if there is a reason to think so.
+    pub burned_in: Option<BurnedIn>,
+    /// Why it failed, or was left alone, in short.
+    pub cause: Option<Cause>,
+    /// The same in a sentence, which may name files.
     pub reason: Option<String>,
     /// Sentences about the input.
     pub warnings: Vec<String>,
@@ -54,12 +96,15 @@ impl Item {
     pub(super) fn of_defect(at: usize) -> Self {
         Self {
             status: Status::Failed,
-            name: String::new(),
+            name: format!("defect-{}", at + 1),
             input: format!("entry {} of the search", at + 1),
             format: String::new(),
+            kind: String::new(),
             part: String::new(),
             files: 0,
             input_bytes: 0,
+            burned_in: None,
+            cause: Some(Cause::Defect),
             reason: Some("an internal error stopped the reading of its headers; please report it".into()),
             warnings: Vec::new(),
             model: None,
@@ -96,7 +141,8 @@ pub struct ModelFacts {
     pub scratch_bytes: u64,
 }
 
-/// A record on disk: the item, and what it was made of.
+/// A record on disk, beside its model, with which it travels: what the model is, and what it was made of. It
+/// names no file but the model's own, and no folder, and holds no sentence.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Record {
     /// Version of the program.
@@ -106,11 +152,17 @@ pub(super) struct Record {
     pub(super) inputs: String,
     /// Bytes of the thumbnail.
     pub(super) thumbnail_bytes: u64,
-    pub(super) item: Item,
+    /// The item's id.
+    pub(super) name: String,
+    pub(super) format: String,
+    pub(super) kind: String,
+    pub(super) part: String,
+    pub(super) burned_in: Option<BurnedIn>,
+    pub(super) model: ModelFacts,
 }
 
-/// Longest record that is read; warnings are the only part without a small bound.
-const MOST_RECORD_BYTES: u64 = 1 << 20;
+/// Longest record that is read.
+const MOST_RECORD_BYTES: u64 = 64 << 10;
 
 /// Path of the record of the model `name`.
 pub(super) fn record_path(out: &Path, name: &str) -> PathBuf {
@@ -118,6 +170,22 @@ pub(super) fn record_path(out: &Path, name: &str) -> PathBuf {
 }
 
 impl Record {
+    /// The record of an item with a model.
+    pub(super) fn of(item: &Item, options: &str, inputs: &str, thumbnail_bytes: u64) -> Option<Self> {
+        Some(Self {
+            version: env!("CARGO_PKG_VERSION").into(),
+            options: options.into(),
+            inputs: inputs.into(),
+            thumbnail_bytes,
+            name: item.name.clone(),
+            format: item.format.clone(),
+            kind: item.kind.clone(),
+            part: item.part.clone(),
+            burned_in: item.burned_in,
+            model: item.model.clone()?,
+        })
+    }
+
     /// Reads the record of `name`, if there is one that can be read.
     pub(super) fn read(out: &Path, name: &str) -> Option<Self> {
         let file = File::open(record_path(out, name)).ok()?;
@@ -128,7 +196,7 @@ impl Record {
     pub(super) fn clear(out: &Path, name: &str) {
         let Some(old) = Self::read(out, name) else { return };
         let _ = fs::remove_file(record_path(out, name));
-        let files = old.item.model.map(|m| [Some(m.file), m.thumbnail]).into_iter().flatten().flatten();
+        let files = [Some(old.model.file), old.model.thumbnail].into_iter().flatten();
         // A record is a file like any other: names that lead elsewhere are not followed.
         for file in files.filter(|file| file.starts_with(name) && !file.contains('/')) {
             let _ = fs::remove_file(out.join(file));
@@ -136,7 +204,7 @@ impl Record {
     }
 
     pub(super) fn write(&self, out: &Path) -> io::Result<()> {
-        let file = AtomicFile::create(&record_path(out, &self.item.name))?;
+        let file = AtomicFile::create(&record_path(out, &self.name))?;
         file.file().write_all(&serde_json::to_vec_pretty(self)?)?;
         file.commit()
     }
@@ -144,9 +212,8 @@ impl Record {
     /// Are the files that it tells of still there, and as long as they were?
     pub(super) fn is_whole(&self, out: &Path) -> bool {
         let length = |name: &str| fs::metadata(out.join(name)).map_or(0, |meta| meta.len());
-        let Some(model) = &self.item.model else { return false };
-        length(&model.file) == model.bytes
-            && model.thumbnail.as_ref().is_none_or(|file| length(file) == self.thumbnail_bytes)
+        length(&self.model.file) == self.model.bytes
+            && self.model.thumbnail.as_ref().is_none_or(|file| length(file) == self.thumbnail_bytes)
     }
 }
 
@@ -202,9 +269,12 @@ pub(super) mod tests {
             name: name.into(),
             input: format!("folder/{name}.nrrd"),
             format: "nrrd".into(),
+            kind: "nrrd".into(),
             part: String::new(),
             files: 1,
             input_bytes: 1000,
+            burned_in: None,
+            cause: None,
             reason: None,
             warnings: vec!["a \"quoted\", <odd> one".into()],
             model: Some(ModelFacts {
@@ -227,16 +297,12 @@ pub(super) mod tests {
     #[test]
     fn a_record_comes_back_and_notices_missing_files() {
         let out = tempfile::tempdir().unwrap();
-        let record = Record {
-            version: "1".into(),
-            options: "f".into(),
-            inputs: "3".into(),
-            thumbnail_bytes: 0,
-            item: item("a"),
-        };
+        let record = Record::of(&item("a"), "f", "3", 0).unwrap();
         record.write(out.path()).unwrap();
         let read = Record::read(out.path(), "a").unwrap();
-        assert_eq!((&*read.options, &*read.inputs, &read.item), ("f", "3", &record.item));
+        assert_eq!((&*read.options, &*read.inputs, &read.model), ("f", "3", &record.model));
+        let text = fs::read_to_string(record_path(out.path(), "a")).unwrap();
+        assert!(!text.contains("folder/") && !text.contains("quoted"), "{text}");
         assert!(!read.is_whole(out.path()));
         fs::write(out.path().join("a.oct"), [0; 5]).unwrap();
         assert!(read.is_whole(out.path()));

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::record::{Item, Journal, Status};
 use super::{page, write_whole};
+use crate::source::BurnedIn;
 
 /// How many volumes came to which end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,12 +37,19 @@ pub struct BatchReport {
     pub jobs: usize,
     /// Seconds in all.
     pub wall_s: f64,
+    /// Are files and folders named in the contact sheet?
+    pub(super) keep_names: bool,
     /// What was asked for, as far as results depend on it.
     pub options: Value,
 }
 
-const CSV_HEAD: &str = "status,name,input,part,format,nx,ny,nz,spacing_x_mm,spacing_y_mm,spacing_z_mm,dtype,range_low,range_high,\
-skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,reason,warnings\n";
+/// What reports say at their top.
+pub const NOTICE: &str =
+    "names files and folders as they are, which may tell who is shown: keep it with the images";
+
+/// The first column says in every line what the table is.
+const CSV_HEAD: &str = "names_files_and_folders,status,name,input,part,format,kind,nx,ny,nz,spacing_x_mm,spacing_y_mm,spacing_z_mm,dtype,range_low,range_high,\
+skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,burned_in,reason,warnings\n";
 
 impl BatchReport {
     pub(super) fn write(&self, out: &Path, journal: &Journal) -> io::Result<()> {
@@ -55,9 +63,13 @@ impl BatchReport {
 
     /// The object of the command contract, items included, as one line of text.
     fn write_json(&self, journal: &Journal, w: &mut dyn Write) -> io::Result<()> {
-        let head = self.json().to_string();
-        // The closing brace goes behind the items, which are never all in memory.
-        w.write_all(head.strip_suffix('}').unwrap_or(&head).as_bytes())?;
+        // The notice comes first, and the items last, which are never all in memory.
+        write!(w, "{{\"notice\":{}", json!(format!("this report {NOTICE}")))?;
+        if let Value::Object(facts) = self.json() {
+            for (key, value) in facts {
+                write!(w, ",{}:{value}", json!(key))?;
+            }
+        }
         w.write_all(b",\"items\":[")?;
         let mut first = true;
         journal.for_each(&mut |item| {
@@ -98,11 +110,13 @@ fn csv_line(item: &Item) -> String {
         format!("\"{}{text}\"", if formula { "'" } else { "" })
     };
     let mut cells = vec![
+        "yes".to_owned(),
         status(item.status).to_owned(),
         quoted(&item.name),
         quoted(&item.input),
         quoted(&item.part),
         quoted(&item.format),
+        quoted(&item.kind),
     ];
     match &item.model {
         Some(m) => {
@@ -123,9 +137,19 @@ fn csv_line(item: &Item) -> String {
         }
         None => cells.extend(std::iter::repeat_n(String::new(), 3)),
     }
+    cells.push(item.burned_in.map(burned_in).unwrap_or_default().to_owned());
     cells.push(quoted(item.reason.as_deref().unwrap_or_default()));
     cells.push(quoted(&item.warnings.join("; ")));
     cells.join(",") + "\n"
+}
+
+pub(super) fn burned_in(kind: BurnedIn) -> &'static str {
+    match kind {
+        BurnedIn::Stated => "stated",
+        BurnedIn::Ultrasound => "ultrasound",
+        BurnedIn::SecondaryCapture => "secondary_capture",
+        BurnedIn::ScreenCapture => "screen_capture",
+    }
 }
 
 pub(super) fn status(status: Status) -> &'static str {

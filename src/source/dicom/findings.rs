@@ -9,7 +9,7 @@ use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
 use crate::facts::dicom::DicomFault;
 use crate::source::files::FileList;
-use crate::source::safe_name;
+use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
 use crate::source::{Finding, InputFiles, OpenOptions};
 use crate::volume::{SourceError, VolumeSource};
@@ -37,13 +37,13 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
     {
         findings.push(Finding {
             path: path.clone(),
-            stem: "dicom".into(),
+            id: String::new(),
             format: "dicom",
             kind: "DICOM image".into(),
             part: None,
             size: None,
             files: InputFiles::default(),
-            secrets: series.secrets.clone(),
+            burned_in: None,
             volume: Err(SourceError::Dicom {
                 path: path.clone(),
                 fault: DicomFault::Damaged(format!(
@@ -109,9 +109,9 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], option
         [only] => series.files.path(*only as usize),
         _ => folder_of(series, &mut numbers.iter().copied()),
     };
-    let stem = stem(shared, &part.label);
+    let id = id(shared, &part.label);
     let volume = open(series, group, part, &path, options).and_then(|stack| {
-        DicomVolume::build(series, group, stack, &stem, notes)
+        DicomVolume::build(series, group, stack, &id, &part.label, notes)
             .map_err(|reason| SourceError::Dicom { path: path.clone(), fault: DicomFault::NoVolume(reason) })
     });
     let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
@@ -119,13 +119,13 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], option
     let images = u32::try_from(slices.len()).unwrap_or(u32::MAX).saturating_mul(each);
     Finding {
         path,
-        stem,
+        id,
         format: "dicom",
         kind: shared.object.clone(),
         part: Some(part.label.clone()).filter(|label| !label.is_empty()),
         size: Some(opened.unwrap_or([shared.size[0], shared.size[1], images])),
         files,
-        secrets: series.secrets.clone(),
+        burned_in: shared.burned_in,
         volume: volume.map(|v| Box::new(v) as Box<dyn VolumeSource>),
     }
 }
@@ -197,7 +197,7 @@ fn cut_short(path: PathBuf, reason: String) -> SourceError {
 }
 
 /// Modality, number and hash of the series, and the part: never a name of a file or of a patient.
-fn stem(shared: &Shared, label: &str) -> String {
+fn id(shared: &Shared, label: &str) -> String {
     let hash = StableHash::new().part(shared.series_uid.as_bytes()).finish();
     let modality = if shared.modality.is_empty() { "dicom" } else { &shared.modality };
     let number = shared.series_number.map_or_else(String::new, |n| format!("-{n:03}"));

@@ -6,11 +6,10 @@ use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
-use super::header::Secrets;
 use super::mosaic::Mosaic;
 use super::pixels::{PixelLayout, StatedPadding};
-use super::survey::words;
 use crate::source::files::FileList;
+use crate::source::finding::BurnedIn;
 use crate::source::stable_hash::StableHash;
 
 /// Orientation cosines that differ by less are the same; scanners print six digits.
@@ -225,6 +224,8 @@ pub(super) struct Shared {
     pub(super) spacing_between: Option<f64>,
     /// Is it a segmentation, where slices without anything need no frame?
     pub(super) leaves_out_empty: bool,
+    /// Why the pixels of some image may carry text.
+    pub(super) burned_in: Option<BurnedIn>,
     /// Memory that decoding takes; 0 where pixels are read by position.
     pub(super) unroll_bytes: u64,
     pub(super) warnings: Vec<String>,
@@ -309,8 +310,6 @@ pub(super) struct Series {
     pub(super) duplicates: u64,
     /// Files that were images when they were found, and are not any more.
     pub(super) lost: Option<(PathBuf, String)>,
-    /// Words that tell who the patient is.
-    pub(super) secrets: Vec<String>,
     directions: Vec<[i64; 3]>,
     stacks: Vec<String>,
     vectors: Vec<[u16; 8]>,
@@ -328,7 +327,6 @@ impl Series {
             obstacles: Vec::new(),
             duplicates: 0,
             lost: None,
-            secrets: Vec::new(),
             directions: Vec::new(),
             stacks: Vec::new(),
             vectors: Vec::new(),
@@ -390,11 +388,6 @@ impl Series {
         } else {
             index_of(&mut self.stacks, stack.to_owned(), MAX_TEXTS).into()
         }
-    }
-
-    /// Remembers whom the images show, to keep it out of sight.
-    pub(super) fn hide(&mut self, secrets: &Secrets) {
-        words(secrets, &mut self.secrets);
     }
 
     /// Remembers a file that could not be read again.

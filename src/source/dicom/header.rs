@@ -1,9 +1,8 @@
 //! The elements of one image that a volume needs, parsed (PS3.3 C.7.6, C.11.1; PS3.5 section 6.2).
 
-use std::fmt;
-
 use super::mosaic::Private;
 use super::syntax::TransferSyntax;
+use crate::source::finding::BurnedIn;
 use crate::volume::Endian;
 
 /// A tag: group in the high 16 bits, element in the low.
@@ -14,6 +13,10 @@ pub(super) const MAX_VALUE_BYTES: usize = 1024;
 
 /// SOP class of label map segmentations, without the root of the standard's own.
 const LABEL_MAP: &str = "5.1.4.1.1.66.7";
+
+/// SOP classes of ultrasound, likewise.
+const ULTRASOUND: [&str; 5] =
+    ["5.1.4.1.1.3", "5.1.4.1.1.3.1", "5.1.4.1.1.6", "5.1.4.1.1.6.1", "5.1.4.1.1.6.2"];
 
 /// Which of the three pixel elements a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,49 +116,9 @@ impl Places {
     }
 }
 
-/// Patient's Name, Patient ID and Patient's Birth Date: kept only to be looked for in paths and masked, never
-/// shown or stored.
-#[derive(Clone, Default, PartialEq, Eq)]
-pub struct Secrets {
-    name: String,
-    id: String,
-    /// Eight digits, or nothing.
-    birth_date: String,
-}
-
-impl Secrets {
-    #[cfg(test)]
-    pub(crate) fn of(name: &str, id: &str, birth_date: &str) -> Self {
-        Self { name: name.into(), id: id.into(), birth_date: digits_of_date(birth_date.as_bytes()) }
-    }
-
-    /// The texts, as far as they could be read.
-    pub(super) fn texts(&self) -> [&str; 3] {
-        [&self.name, &self.id, &self.birth_date]
-    }
-}
-
-impl fmt::Debug for Secrets {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Secrets")
-    }
-}
-
-/// `YYYYMMDD`, and `YYYY.MM.DD` of old files, as digits; nothing where it is no date.
-fn digits_of_date(value: &[u8]) -> String {
-    let digits: String = value.iter().filter(|b| b.is_ascii_digit()).map(|b| char::from(*b)).collect();
-    if digits.len() == 8 { digits } else { String::new() }
-}
-
-/// Text in UTF-8, or else in Latin-1.
-fn any_text(value: &[u8]) -> String {
-    std::str::from_utf8(value).map_or_else(|_| value.iter().map(|b| char::from(*b)).collect(), str::to_owned)
-}
-
 /// What one DICOM file says of its image; `None` where an element is missing or illegible.
 ///
-/// No patient data is kept that could get out: no dates, no free text, and names and birth dates only as
-/// [`Secrets`].
+/// No patient data is kept: no names, no numbers of patients, no dates, no free text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DicomHeader {
     /// How elements and pixels are encoded.
@@ -253,8 +216,10 @@ pub struct DicomHeader {
     pub private: Private,
     /// Frame Reference Time of PET in ms; only to tell images apart.
     pub frame_reference_time: Option<f64>,
-    /// Whom the image shows.
-    pub secrets: Secrets,
+    /// Does Burned In Annotation say YES?
+    pub burned_in: bool,
+    /// Is a Conversion Type stated, as it is for secondary captures?
+    pub converted: bool,
     /// Is there a Modality LUT Sequence? Then values are not linear.
     pub modality_lut: bool,
     /// How elements are written.
@@ -318,7 +283,8 @@ impl DicomHeader {
             acquisition_time: None,
             private: Private::default(),
             frame_reference_time: None,
-            secrets: Secrets::default(),
+            burned_in: false,
+            converted: false,
             modality_lut: false,
             encoding: Encoding { explicit: true, endian: Endian::Little },
             dataset: 0,
@@ -373,6 +339,25 @@ impl DicomHeader {
         matches!(self.frame_increment, Some(0x0018_1063 | 0x0018_1065))
     }
 
+    /// Why its pixels may carry text, if there is a reason to think so.
+    pub fn may_show_text(&self) -> Option<BurnedIn> {
+        let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
+        let is_screen = |part: &str| {
+            ["SCREEN", "SAVE", "CAPTURE"].iter().any(|word| part.to_ascii_uppercase().contains(word))
+        };
+        if self.burned_in {
+            Some(BurnedIn::Stated)
+        } else if ULTRASOUND.contains(&class) || ["US", "IVUS"].contains(&self.modality.as_str()) {
+            Some(BurnedIn::Ultrasound)
+        } else if class == "5.1.4.1.1.7" || class.starts_with("5.1.4.1.1.7.") || self.converted {
+            Some(BurnedIn::SecondaryCapture)
+        } else if self.image_type.split('\\').any(is_screen) {
+            Some(BurnedIn::ScreenCapture)
+        } else {
+            None
+        }
+    }
+
     /// Is it a segmentation, whose numbers are labels whatever colours they are shown in?
     pub fn is_segmentation(&self) -> bool {
         self.kind() == "segmentation"
@@ -391,9 +376,8 @@ impl DicomHeader {
             // It comes behind the other, and is preferred.
             0x0008_0032 => self.acquisition_time = number(value).or(self.acquisition_time),
             0x0054_1300 => self.frame_reference_time = number(value),
-            0x0010_0010 => self.secrets.name = any_text(value),
-            0x0010_0020 => self.secrets.id = any_text(value),
-            0x0010_0030 => self.secrets.birth_date = digits_of_date(value),
+            0x0008_0064 => self.converted = !text(value).is_empty(),
+            0x0028_0301 => self.burned_in = text(value) == "YES",
             0x0018_9089 => self.gradient = doubles(value, endian),
             0x0020_9241 => self.cardiac_phase = single(value, endian),
             0x0008_0060 => self.modality = text(value),
@@ -458,13 +442,11 @@ impl DicomHeader {
                 | 0x0008_0016
                 | 0x0008_0018
                 | 0x0008_0060
+                | 0x0008_0064
                 | 0x0008_9208
                 | 0x0008_002a
                 | 0x0008_0032
                 | 0x0054_1300
-                | 0x0010_0010
-                | 0x0010_0020
-                | 0x0010_0030
                 | 0x0018_9089
                 | 0x0020_9241
                 | 0x0018_0050
@@ -495,6 +477,7 @@ impl DicomHeader {
                 | 0x0028_0100
                 ..=0x0028_0103
                     | 0x0028_0120..=0x0028_0125
+                    | 0x0028_0301
                     | 0x0028_1052
                     | 0x0028_1053
                     | 0x0028_3000

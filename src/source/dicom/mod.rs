@@ -52,12 +52,12 @@ mod window;
 
 pub(crate) use findings::open_series;
 pub use frames::{FrameGeometry, Origin, visit};
-pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places, Secrets};
+pub use header::{DicomHeader, Encoding, PixelData, PixelElement, Places};
 pub use image::{Access, Image, Obstacle};
 pub use mosaic::Private;
 pub use pixels::{Padding, PixelLayout, StatedPadding};
 pub use scan::{ScanError, scan};
-pub(crate) use survey::{Recognised, recognise, words};
+pub(crate) use survey::{Recognised, recognise};
 pub use syntax::TransferSyntax;
 pub use unroll::{FrameSink, unroll};
 pub use volume::DicomVolume;

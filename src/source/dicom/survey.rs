@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::encapsulated::{MissingEnd, missing_end};
 use super::frames::{FrameGeometry, Origin, visit};
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
-use super::header::{DicomHeader, Secrets};
+use super::header::DicomHeader;
 use super::image::{Access, Image, Obstacle, Storage};
 use super::mosaic::{Found, is_one, look};
 use super::pixels::StatedPadding;
@@ -30,8 +30,6 @@ pub(crate) enum Recognised {
     Image {
         /// Series Instance UID.
         series: String,
-        /// Whom it shows.
-        secrets: Secrets,
         /// Its frames.
         frames: u32,
         /// Memory that is taken for a moment when the series is opened, about.
@@ -55,12 +53,7 @@ pub(crate) fn recognise(file: &File) -> Recognised {
             // No more than lie in the file.
             let frames = Image::of(&header).map_or(1, |image| image.frames);
             let each = if is_one(&header) { MOSAIC_BYTES } else { FRAME_BYTES };
-            Recognised::Image {
-                series: header.series_uid,
-                secrets: header.secrets,
-                frames,
-                opening_bytes: u64::from(frames) * each,
-            }
+            Recognised::Image { series: header.series_uid, frames, opening_bytes: u64::from(frames) * each }
         }
         Ok(header) => Recognised::NoImage(Obstacle::NoPixels(header.kind()).to_string()),
         Err(ScanError::Io(cause)) => Recognised::Unreadable(cause),
@@ -87,7 +80,6 @@ pub(super) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
 
 /// Adds every frame of a file.
 fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader) {
-    series.hide(&header.secrets);
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
     let mut obstacle = image.as_ref().err().map(Obstacle::to_string);
@@ -273,10 +265,13 @@ fn add_frame<'s>(
         slice_thickness: frame.slice_thickness,
         spacing_between: frame.spacing_between,
         leaves_out_empty: header.is_segmentation(),
+        burned_in: header.may_show_text(),
         unroll_bytes: 0,
         warnings: Vec::new(),
     };
+    let burned_in = shared.burned_in;
     let group = series.group_of(key, shared);
+    group.shared.burned_in = group.shared.burned_in.or(burned_in);
     if let Some(image) = image {
         group.shared.unroll_bytes =
             group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
@@ -321,30 +316,6 @@ fn kind_of(image_type: &str) -> Kind {
         Kind::Derived
     } else {
         Kind::Image
-    }
-}
-
-/// Longest list of words that are kept to be masked.
-const MAX_SECRETS: usize = 16;
-
-/// Shortest word that is masked; shorter ones occur everywhere.
-const SHORTEST_SECRET: usize = 3;
-
-/// Shortest one in other letters than those of English: names of two ideographs are common.
-const SHORTEST_OTHER_SECRET: usize = 2;
-
-/// Words of a name or number that tell who the patient is.
-pub(crate) fn words(secrets: &Secrets, known: &mut Vec<String>) {
-    for text in secrets.texts() {
-        for word in text.split(|c: char| !c.is_alphanumeric()) {
-            let shortest = if word.is_ascii() { SHORTEST_SECRET } else { SHORTEST_OTHER_SECRET };
-            if word.chars().count() >= shortest
-                && known.len() < MAX_SECRETS
-                && !known.iter().any(|k| k == word)
-            {
-                known.push(word.to_owned());
-            }
-        }
     }
 }
 

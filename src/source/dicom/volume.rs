@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io;
 use std::ops::Range;
+use std::path::Path;
 
 use super::group::{Group, Series, Slice};
 use super::image::Image;
@@ -17,7 +18,8 @@ use crate::source::files::FileSet;
 use crate::volume::Spool;
 use crate::volume::blend;
 use crate::volume::{
-    Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource, Workspace,
+    ImageKind, Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+    Workspace,
 };
 use crate::volume::{check_request, read_block};
 
@@ -98,6 +100,7 @@ impl DicomVolume {
         group: &Group,
         stack: Stack,
         name: &str,
+        part: &str,
         notes: &[String],
     ) -> Result<Self, String> {
         let Stack { layers, affine, warnings: of_stack } = stack;
@@ -176,6 +179,12 @@ impl DicomVolume {
         let description = SourceDescription {
             format: "dicom".into(),
             name: name.into(),
+            kind: ImageKind::Series {
+                object: shared.object.clone(),
+                number: shared.series_number,
+                part: part.into(),
+            },
+            treatments: Vec::new(),
             files: files.len() as u64,
             bytes: dims.voxels() * layout.scalar().bytes() as u64,
         };
@@ -385,6 +394,10 @@ impl VolumeSource for DicomVolume {
 
     fn modality(&self) -> Option<&str> {
         Some(self.modality.as_str()).filter(|m| !m.is_empty())
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.files.list().for_each(each);
     }
 
     fn preparation(&self) -> Preparation {

@@ -110,6 +110,7 @@ impl Stored {
                     name: name.clone(),
                     files: count,
                     bytes: dims.voxels() * self.samples.bytes() as u64,
+                    ..SourceDescription::default()
                 },
                 notes,
             };

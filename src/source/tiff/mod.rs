@@ -349,7 +349,13 @@ impl Stack {
             rescale: Rescale::IDENTITY,
             spacing_mm,
             affine,
-            description: SourceDescription { format: "tiff".into(), name, files: list.len() as u64, bytes },
+            description: SourceDescription {
+                format: "tiff".into(),
+                name,
+                files: list.len() as u64,
+                bytes,
+                ..SourceDescription::default()
+            },
             notes,
         };
         let files = Arc::new(FileSet::new(list));

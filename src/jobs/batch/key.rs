@@ -1,0 +1,70 @@
+//! What hides times of change in records: a random number for each output folder, which stays there.
+//!
+//! A record has to tell whether the input was changed, by its size, its time of change and the names of its files.
+//! A plain hash of these could be found again by trying times and names. With a number in it that does not
+//! travel, it cannot; where the number is lost, everything is built once more.
+
+use std::fs::{self, File};
+use std::hash::{BuildHasher, Hasher};
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+use crate::atomic::AtomicFile;
+use crate::source::StableHash;
+
+/// Name of the file; hidden, as the lock's.
+const NAME: &str = ".oct-key";
+
+/// The random number of an output folder.
+#[derive(Debug)]
+pub(super) struct Key([u64; 2]);
+
+impl Key {
+    /// The key of a folder, made if there is none.
+    ///
+    /// # Errors
+    /// The folder cannot be written.
+    pub(super) fn of(folder: &Path) -> io::Result<Self> {
+        let path = folder.join(NAME);
+        if fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file()) {
+            let mut text = String::new();
+            File::open(&path)?.take(64).read_to_string(&mut text)?;
+            let number = |at: usize| u64::from_str_radix(text.get(at..at + 16)?, 16).ok();
+            if let (Some(a), Some(b)) = (number(0), number(16)) {
+                return Ok(Self([a, b]));
+            }
+        }
+        // Keys of hash tables are random numbers of the system.
+        let random = || std::hash::RandomState::new().build_hasher().finish();
+        let key = [random(), random()];
+        let file = AtomicFile::create(&path)?;
+        writeln!(file.file(), "{:016x}{:016x}", key[0], key[1])?;
+        file.commit()?;
+        Ok(Self(key))
+    }
+
+    /// A fingerprint of input files as a record may tell it, in hexadecimal.
+    pub(super) fn hidden(&self, fingerprint: u64) -> String {
+        let keyed = |hash: StableHash, key: &u64| hash.number(*key).number(fingerprint);
+        format!("{:016x}", self.0.iter().fold(StableHash::new(), keyed).finish())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_keeps_its_key_and_no_two_have_the_same() {
+        let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        let hidden = |at: usize| Key::of(folders[at].path()).unwrap().hidden(7);
+        assert_eq!(hidden(0), hidden(0));
+        assert_ne!(hidden(0), hidden(1));
+        let key = Key::of(folders[0].path()).unwrap();
+        assert_ne!(key.hidden(7), key.hidden(8));
+        // One that cannot be read is made again.
+        let before = hidden(0);
+        fs::write(folders[0].path().join(NAME), "x").unwrap();
+        assert_ne!(hidden(0), before);
+    }
+}
