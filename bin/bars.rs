@@ -1,7 +1,7 @@
 //! Progress bars on a terminal; nothing when piped, quiet or JSON.
 
 use std::io::{IsTerminal, Write};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, Once, PoisonError};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use infobyte::jobs::batch::{Cause, Item, NOTICE, Status, Watcher};
@@ -55,6 +55,8 @@ pub(crate) struct BatchBars {
     whole: ProgressBar,
     jobs: Vec<JobBar>,
     lines: bool,
+    /// Lines name files, which is said once, before the first of them.
+    notice: Once,
 }
 
 /// The stages of one job after the other.
@@ -88,7 +90,17 @@ impl BatchBars {
             bar: placed(ProgressBar::new(0).with_style(style("  [{bar:20}] {percent:>3} % {msg}"))),
             name: Mutex::default(),
         };
-        Self { jobs: (0..jobs.max(1)).map(job).collect(), whole, bars, lines: !silent }
+        Self { jobs: (0..jobs.max(1)).map(job).collect(), whole, bars, lines: !silent, notice: Once::new() }
+    }
+
+    /// One line above the bars, whatever a file's name contains.
+    fn print(&self, line: &str) {
+        let line: String = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        match &self.bars {
+            // A closed terminal leaves nobody to tell.
+            Some(bars) => drop(bars.println(line)),
+            None => drop(writeln!(std::io::stderr(), "{line}")),
+        }
     }
 
     /// Removes the bars from the terminal.
@@ -100,10 +112,6 @@ impl BatchBars {
 
 impl Watcher for BatchBars {
     fn found(&self, items: u64) {
-        if self.lines {
-            // A closed stderr leaves nobody to tell.
-            let _ = writeln!(std::io::stderr(), "what follows {NOTICE}");
-        }
         self.whole.set_length(items);
     }
 
@@ -135,12 +143,8 @@ impl Watcher for BatchBars {
             }
             _ => return,
         };
-        let line: String = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        match &self.bars {
-            // A closed terminal leaves nobody to tell.
-            Some(bars) => drop(bars.println(line)),
-            None => drop(writeln!(std::io::stderr(), "{line}")),
-        }
+        self.notice.call_once(|| self.print(&format!("what follows {NOTICE}")));
+        self.print(&line);
     }
 
     fn advance(&self) {

@@ -82,7 +82,7 @@ fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
     for name in names(out) {
         let bytes = fs::read(out.join(&name)).unwrap();
         let bytes = match name.as_str() {
-            "index.html" | "report.csv" => continue,
+            "index.html" | "report.csv" | ".oct-key" => continue,
             _ if name.ends_with(".json") => {
                 let mut value: Value = serde_json::from_slice(&bytes).unwrap();
                 without_times(&mut value);

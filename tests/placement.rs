@@ -127,11 +127,13 @@ fn side_cars_place_stacks_and_arrays_of_a_batch() {
     let folder = tempfile::tempdir().unwrap();
     let (top, out) = (folder.path().join("in"), folder.path().join("out"));
     let at = |name: &str| top.join(name);
-    pngs(&object(), &at("beside"));
-    pngs(&object(), &at("inside"));
-    pngs(&object(), &at("named"));
-    pngs(&object(), &at("none"));
-    pngs(&object(), &at("wrong"));
+    // Copies would be converted once.
+    let thick = |more: u32| Object::new([12, 9, 7 + more], ScalarType::U16, [1.0; 3]);
+    pngs(&thick(0), &at("beside"));
+    pngs(&thick(1), &at("inside"));
+    pngs(&thick(2), &at("named"));
+    pngs(&thick(3), &at("none"));
+    pngs(&thick(4), &at("wrong"));
     file(&top, "a.npy", &npy(&object(), 1, false, false));
     file(&top, "b.tif", &Tiff::default().write(&object()));
     let says = r#"{"spacing": [0.5, 0.25, 2], "orientation": "LPI"}"#;
@@ -152,7 +154,7 @@ fn side_cars_place_stacks_and_arrays_of_a_batch() {
     assert_eq!((&report["converted"], &report["failed"]), (&json!(6), &json!(1)), "{report}");
     let find = |report: &Value, name: &str| {
         let items = report["items"].as_array().unwrap();
-        items.iter().find(|i| i["input"].as_str().unwrap().starts_with(name)).unwrap().clone()
+        items.iter().find(|i| i["input"].as_str().unwrap().starts_with(&text(&at(name)))).unwrap().clone()
     };
     for name in ["beside", "inside", "named", "a.npy", "b.tif"] {
         let item = find(&report, name);

@@ -12,8 +12,9 @@ use crate::volume::VolumeInfo;
 const SAMPLE_BYTES: u64 = 256 << 10;
 /// Bytes that are looked at of a file in any case: its head, middle and end.
 const LEAST_BYTES: u64 = 3 * PIECE;
-/// What is read at a time.
+/// What is read at a time of a sample, and of what is compared.
 const PIECE: u64 = 4 << 10;
+const LONG: u64 = 64 << 10;
 
 /// Names files one after the other, in an order that is always the same.
 pub(super) type EachFile<'a> = &'a dyn Fn(&mut dyn FnMut(&Path));
@@ -50,7 +51,7 @@ fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHas
     let file = File::open(path)?;
     let length = file.metadata()?.len();
     hash = hash.number(length);
-    let mut piece = [0; PIECE as usize];
+    let mut piece = [0; 4 << 10];
     let mut take = |hash: StableHash, at: u64| {
         let wanted = usize::try_from((length - at).min(PIECE)).unwrap_or(0);
         let part = piece.get_mut(..wanted).unwrap_or_default();
@@ -58,8 +59,8 @@ fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHas
         io::Result::Ok(hash.part(part))
     };
     let head = if length <= room { length } else { (room / 4).next_multiple_of(PIECE) };
-    for at in (0..head).step_by(PIECE as usize) {
-        hash = take(hash, at)?;
+    for k in 0..head.div_ceil(PIECE) {
+        hash = take(hash, k * PIECE)?;
     }
     let pieces = if length <= room { 0 } else { (room - head) / PIECE };
     for k in 1..=pieces {
@@ -117,8 +118,7 @@ fn same_bytes(a: &Path, b: &Path) -> io::Result<bool> {
     if b.metadata()?.len() != length {
         return Ok(false);
     }
-    const LONG: u64 = 64 << 10;
-    let (mut one, mut other) = (vec![0; LONG as usize], vec![0; LONG as usize]);
+    let (mut one, mut other) = (vec![0; 64 << 10], vec![0; 64 << 10]);
     let mut at = 0;
     while at < length {
         let n = usize::try_from((length - at).min(LONG)).unwrap_or(0);
@@ -146,7 +146,7 @@ mod tests {
             let files: Vec<PathBuf> = names.iter().map(|name| at(name)).collect();
             hash_of(&|each| files.iter().for_each(|path| each(path))).unwrap()
         };
-        let mut long: Vec<u8> = (0..3_000_000_u32).map(|i| (i / 7) as u8).collect();
+        let mut long: Vec<u8> = (0..3_000_000_u32).map(|i| (i / 7).to_le_bytes()[0]).collect();
         put("a", &long);
         put("b", &long);
         assert_eq!(hash(&["a"]), hash(&["b"]));
