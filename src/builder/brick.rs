@@ -6,7 +6,7 @@ use super::item::{ChannelForm, ItemForm};
 use super::layout::{BRICK_LEVELS, StoredChannels};
 use super::simd::{Isa, Kernel, dispatch};
 use super::swap::{BrickEntry, Scratch, read_fragment};
-use crate::format::{MeanBytes, MeanRule, Sum};
+use crate::format::{MeanRule, Sum};
 use crate::geom::morton;
 
 const EDGE: usize = 32;
@@ -51,12 +51,34 @@ impl BrickChannel {
 
     /// Sums of the 4^3 boxes, in Morton order with empty boxes between.
     fn sum_words(&mut self, words: &[u64; WORDS], before: &[u32; WORDS]) {
-        let (Some(rule), item) = (self.rule, self.item_bytes()) else { return };
+        let item = self.item_bytes();
+        // Each with a rule that the compiler knows in the loop.
+        match self.rule {
+            Some(MeanRule::Direction) => {
+                self.sum_words_by(words, before, 2, |sum, items| {
+                    MeanRule::Direction.add_items(sum, items, 2)
+                });
+            }
+            Some(MeanRule::Number) => self.sum_words_by(words, before, item, |sum, items| {
+                MeanRule::Number.add_items(sum, items, item);
+            }),
+            None => {}
+        }
+    }
+
+    #[inline(always)]
+    fn sum_words_by(
+        &mut self,
+        words: &[u64; WORDS],
+        before: &[u32; WORDS],
+        item: usize,
+        add: impl Fn(&mut Sum, &[u8]),
+    ) {
         for ((sum, word), first) in self.sums.iter_mut().zip(words).zip(before) {
             *sum = Sum::default();
             let (first, count) = (*first as usize, word.count_ones() as usize);
             if count > 0 {
-                rule.add_items(sum, &self.items[first * item..(first + count) * item], item);
+                add(sum, &self.items[first * item..(first + count) * item]);
             }
         }
     }
@@ -77,12 +99,18 @@ impl BrickChannel {
         }
     }
 
-    /// Means of the first `boxes` boxes, of those with skin.
-    pub(super) fn means(&self, boxes: usize) -> impl Iterator<Item = MeanBytes> {
-        let sums = self.sums.get(..boxes).unwrap_or_default().iter();
-        self.rule
-            .into_iter()
-            .flat_map(move |rule| sums.clone().filter(|sum| sum.count() > 0).map(move |sum| rule.mean(sum)))
+    /// Writes the means of the first `boxes` boxes, of those with skin, to `out`.
+    pub(super) fn means(&self, boxes: usize, out: &mut Vec<u8>) {
+        out.clear();
+        let (Some(rule), item) = (self.rule, self.item_bytes()) else { return };
+        for sum in self.sums.iter().take(boxes).filter(|sum| sum.count() > 0) {
+            let mean = rule.mean(sum);
+            match item {
+                1 => out.push(mean[0]),
+                2 => out.extend_from_slice(&[mean[0], mean[1]]),
+                _ => out.extend_from_slice(&mean[..item]),
+            }
+        }
     }
 }
 

@@ -220,6 +220,8 @@ struct MergeWorker {
     nodes: [Run; BRICK_LEVELS as usize],
     /// By channel, as the reader's.
     channels: Vec<ChannelRuns>,
+    /// Means of one level of a brick.
+    means: Vec<u8>,
     summaries: Vec<u8>,
 }
 
@@ -235,6 +237,7 @@ impl MergeWorker {
                 .iter()
                 .map(|_| ChannelRuns { items: Run::new(None), means: runs() })
                 .collect(),
+            means: Vec::new(),
             summaries: Vec::new(),
         }
     }
@@ -279,7 +282,6 @@ impl MergeWorker {
         self.summaries.extend(code.to_le_bytes());
         for (runs, channel) in self.channels.iter_mut().zip(&mut self.reader.channels) {
             runs.items.put(target, &channel.items)?;
-            let item = channel.item_bytes();
             let mut boxes = channel.sums.len();
             for e in 2..=BRICK_LEVELS as usize {
                 if e > 2 {
@@ -287,9 +289,8 @@ impl MergeWorker {
                     boxes /= 8;
                 }
                 if e <= levels {
-                    for mean in channel.means(boxes) {
-                        runs.means[e - 1].put(target, &mean[..item])?;
-                    }
+                    channel.means(boxes, &mut self.means);
+                    runs.means[e - 1].put(target, &self.means)?;
                 }
             }
             if let Some(whole) = channel.sums.first() {

@@ -128,23 +128,24 @@ pub(super) struct BitRows<'a> {
 }
 
 impl BitRows<'_> {
+    /// Words `run` of row `row` (the tile's first is 1) of the slice `dz` after the one before, with a word of
+    /// neighbours at either end.
+    #[inline(always)]
+    fn row(&self, dz: u32, row: usize, run: &Range<usize>) -> &[u64] {
+        let slice = self.z.wrapping_add(dz).wrapping_sub(1);
+        let len = run.end - run.start + 2;
+        if slice >= self.nz {
+            return &self.none[..len];
+        }
+        let row = slice as usize % BIT_RING * BIT_ROWS + row;
+        &self.bits[row * self.none.len() + run.start..][..len]
+    }
+
     /// The 3 x 3 rows around row `y` of the tile.
     #[inline(always)]
     pub(super) fn around(&self, y: usize) -> Rows<'_> {
-        self.around_run(y, 0..self.words)
-    }
-
-    /// The same for words `run` of the tile.
-    #[inline(always)]
-    fn around_run(&self, y: usize, run: Range<usize>) -> Rows<'_> {
-        let row = |dz: u32, dy: usize| {
-            let slice = self.z.wrapping_add(dz).wrapping_sub(1);
-            if slice >= self.nz {
-                return &self.none[..run.len() + 2];
-            }
-            let row = slice as usize % BIT_RING * BIT_ROWS + y + dy;
-            &self.bits[row * self.none.len() + run.start..][..run.len() + 2]
-        };
+        let all = 0..self.words;
+        let row = |dz: u32, dy: usize| self.row(dz, y + dy, &all);
         [
             [row(0, 0), row(0, 1), row(0, 2)],
             [row(1, 0), row(1, 1), row(1, 2)],
@@ -166,10 +167,20 @@ impl Kernel for SkinKernel<'_, '_> {
 
     #[inline(always)]
     fn run(self, _: impl Isa) {
-        for (y, row) in self.skin.chunks_exact_mut(self.bits.words).enumerate() {
-            let out = &mut row[self.run.clone()];
+        let (bits, run) = (self.bits, &self.run);
+        let slice = |row: usize| [bits.row(0, row, run), bits.row(1, row, run), bits.row(2, row, run)];
+        let (mut north, mut here) = (slice(0), slice(1));
+        for (y, row) in self.skin.chunks_exact_mut(bits.words).enumerate() {
+            let out = &mut row[run.start..run.end];
             if y < self.rows {
-                skin_row(&self.bits.around_run(y, self.run.clone()), self.connectivity, out);
+                let south = slice(y + 2);
+                let rows = [
+                    [north[0], here[0], south[0]],
+                    [north[1], here[1], south[1]],
+                    [north[2], here[2], south[2]],
+                ];
+                skin_row(&rows, self.connectivity, out);
+                (north, here) = (here, south);
             } else {
                 out.fill(0);
             }

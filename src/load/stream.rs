@@ -198,11 +198,11 @@ mod tests {
             assert_eq!(cursor.left(), 1);
             got.extend(cursor.take::<1>().unwrap().unwrap());
             assert_eq!(got, bytes[3..250]);
-            let mut cursor = Cursor::new(bytes.as_slice(), 3, 250, capacity);
+            let mut items = Cursor::new(bytes.as_slice(), 3, 250, capacity);
             for item in bytes[3..249].chunks_exact(3) {
-                assert_eq!(cursor.take_item(3).unwrap(), Some(item));
+                assert_eq!(items.take_item(3).unwrap(), Some(item));
             }
-            assert_eq!(cursor.take_item(3).unwrap(), None);
+            assert_eq!(items.take_item(3).unwrap(), None);
             assert!(cursor.next_part().unwrap().is_empty());
         }
     }
