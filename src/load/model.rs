@@ -212,6 +212,15 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline]
+    fn infobytes(&self, node: u64) -> u64 {
+        let rest = usize::try_from(node).ok().and_then(|at| self.nodes.get(at..)).unwrap_or(&[]);
+        match rest.first_chunk() {
+            Some(bytes) => u64::from_le_bytes(*bytes),
+            None => rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
+        }
+    }
+
+    #[inline]
     fn first_child(&self, node: u64) -> u64 {
         // A directory of wrong bytes may say anything; held to the boxes there are, sums cannot overflow.
         rank::rank(self.nodes, self.rank, node).min(self.boxes) + 1
@@ -244,6 +253,11 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     #[inline]
     fn infobyte(&self, node: u64) -> u8 {
         self.view().infobyte(node)
+    }
+
+    #[inline]
+    fn infobytes(&self, node: u64) -> u64 {
+        self.view().infobytes(node)
     }
 
     #[inline]

@@ -15,13 +15,23 @@
 
 pub mod camera;
 mod error;
+pub mod form;
 pub mod image;
+mod lanes;
+#[cfg(target_arch = "x86_64")]
+mod lanes_x86;
+mod occupancy;
 pub mod picture;
+mod pierce;
 pub mod ray;
 pub mod reference;
 pub mod selfcheck;
 pub mod shade;
+pub mod sight;
+pub mod single;
 pub mod space;
+pub mod surface;
+pub mod tile;
 pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};

@@ -1,0 +1,224 @@
+//! The rays of a picture: one, eight in a row, or as affine functions of the pixel.
+//!
+//! All begin as the same formula in f64 and are rounded by the same operations, so a ray made with its
+//! row has the same integers as [`crate::render::ray::Ray`] makes of it alone.
+
+use super::camera::Camera;
+use super::lanes::{DOUBLES, Lanes};
+use super::ray::{DIRECTION_BITS, FRACTION_BITS, Ray};
+use super::space::GridSpace;
+
+/// The lines of sight through a picture's pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight<'a> {
+    space: &'a GridSpace,
+    camera: &'a Camera,
+    width: f64,
+    height: f64,
+}
+
+/// Rays in grid space as affine functions of the pixel (x, y): not the exact rays, but within 2^-16 cell of
+/// them across the grid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pencil {
+    /// Origin of the ray of pixel (0, 0), its change from pixel to pixel in x, and in y.
+    pub(super) origin: [[f64; 3]; 3],
+    /// The same of the direction. Either this or the origin does not change.
+    pub(super) direction: [[f64; 3]; 3],
+}
+
+/// Eight rays as [`Ray`] would have them, in lanes; whole numbers as doubles.
+#[derive(Clone, Copy)]
+pub(super) struct Row<L: Lanes> {
+    /// Lanes that hold a ray; the others may be rays nevertheless, of numbers too large or small for this.
+    pub(super) valid: L::Truths,
+    pub(super) origin: [L::D; 3],
+    pub(super) direction: [L::D; 3],
+    /// Did the ray come in by a face of this axis? At most one of the three.
+    pub(super) entry: [L::Truths; 3],
+    pub(super) t_start: L::D,
+    pub(super) t_scale: L::D,
+}
+
+/// Rays whose numbers are sums of larger ones than this, in cells, are not estimated: the estimate could be
+/// off by more than 2^-16 cell.
+const MOST_CELLS: f64 = (1_u64 << 30) as f64;
+
+/// The same for directions: sums of numbers this many times their longest component.
+const MOST_CANCELLED: f64 = 1024.0;
+
+/// Exponents of directions that rows are made for: scaling by 2^400 at once or in two steps is the same.
+const MOST_EXPONENT: i64 = 400;
+
+impl<'a> Sight<'a> {
+    /// The lines of sight of a camera through a picture of this size in pixels.
+    pub fn new(space: &'a GridSpace, camera: &'a Camera, width: u32, height: u32) -> Self {
+        Self { space, camera, width: f64::from(width), height: f64::from(height) }
+    }
+
+    /// The place that the rays run in.
+    pub fn space(&self) -> &'a GridSpace {
+        self.space
+    }
+
+    /// Line of sight in the world through a point of the picture in pixels from its top left corner:
+    /// origin, and direction.
+    #[inline]
+    pub fn line(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
+        self.camera.ray((2.0 * x - self.width) / self.width, (self.height - 2.0 * y) / self.height)
+    }
+
+    /// The ray through a point of the picture; `None` when it misses the grid.
+    #[inline]
+    pub fn ray(&self, x: f64, y: f64) -> Option<Ray> {
+        let (origin, direction) = self.line(x, y);
+        // A camera's rays are finite and have a direction; one that overflows in the grid sees nothing.
+        self.space.ray(origin, direction).ok().flatten()
+    }
+
+    /// The rays as affine functions of the pixel counted from `corner`; `None` where that would not be
+    /// close enough to the exact rays.
+    pub(super) fn pencil(&self, corner: (usize, usize)) -> Option<Pencil> {
+        let frame = self.camera.frame();
+        let step = (2.0 / self.width, -2.0 / self.height);
+        let first = (
+            (2.0 * (corner.0 as f64 + 0.5) - self.width) / self.width,
+            (self.height - 2.0 * (corner.1 as f64 + 0.5)) / self.height,
+        );
+        let matrix = &self.space.world_to_grid().rows;
+        let at = |[constant, across, along]: [[f64; 3]; 3]| {
+            std::array::from_fn(|i| constant[i] + first.0 * across[i] + first.1 * along[i])
+        };
+        let vector = |v: [f64; 3]| matrix.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2]);
+        let origin = vector(at(frame.origin));
+        let most: f64 = matrix
+            .iter()
+            .map(|r| {
+                let sum: f64 = (0..3)
+                    .map(|i| r[i].abs() * frame.origin.iter().map(|v| v[i].abs()).sum::<f64>())
+                    .sum();
+                sum + r[3].abs()
+            })
+            .fold(0.0, f64::max);
+        let direction = vector(at(frame.direction));
+        let longest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let summed = matrix
+            .iter()
+            .map(|r| {
+                (0..3)
+                    .map(|i| r[i].abs() * frame.direction.iter().map(|v| v[i].abs()).sum::<f64>())
+                    .sum::<f64>()
+            })
+            .fold(0.0, f64::max);
+        let close = most <= MOST_CELLS && summed <= MOST_CANCELLED * longest && summed.is_finite();
+        let changes = |v: [f64; 3], by: f64| vector(v).map(|c| c * by);
+        let [_, across_o, along_o] = frame.origin;
+        let [_, across_d, along_d] = frame.direction;
+        close.then(|| Pencil {
+            origin: [
+                std::array::from_fn(|a| origin[a] + matrix[a][3]),
+                changes(across_o, step.0),
+                changes(along_o, step.1),
+            ],
+            direction: [direction, changes(across_d, step.0), changes(along_d, step.1)],
+        })
+    }
+
+    /// The rays of eight pixels of a row from (x, y) on.
+    #[inline(always)]
+    pub(super) fn row<L: Lanes>(&self, l: L, (x, y): (usize, usize)) -> Row<L> {
+        let column: [f64; DOUBLES] = std::array::from_fn(|i| (x + i) as f64 + 0.5);
+        // As `line`, `Camera::ray` and `GridSpace::ray` have it: the same operations in the same order.
+        let x = (l.d(2.0) * l.d_load(&column) - l.d(self.width)) / l.d(self.width);
+        let y = (self.height - 2.0 * (y as f64 + 0.5)) / self.height;
+        let frame = self.camera.frame();
+        let (half_width, half_height) = self.camera.half_sides();
+        let (across, along) = (x * l.d(half_width), l.d(y * half_height));
+        let affine = |[constant, across_axis, along_axis]: [[f64; 3]; 3]| -> [L::D; 3] {
+            std::array::from_fn(|i| {
+                l.d(constant[i]) + across * l.d(across_axis[i]) + along * l.d(along_axis[i])
+            })
+        };
+        let constant = |v: [f64; 3]| v.map(|c| l.d(c));
+        let matrix = &self.space.world_to_grid().rows;
+        let vector = |v: [L::D; 3]| -> [L::D; 3] {
+            matrix.map(|r| l.d(r[0]) * v[0] + l.d(r[1]) * v[1] + l.d(r[2]) * v[2])
+        };
+        let axes = [frame.unit_right, frame.unit_up];
+        let (origin, direction) = if frame.parallel {
+            (affine([frame.origin[0], axes[0], axes[1]]), constant(frame.direction[0]))
+        } else {
+            (constant(frame.origin[0]), affine([frame.direction[0], axes[0], axes[1]]))
+        };
+        let origin = vector(origin);
+        let origin = std::array::from_fn(|a| origin[a] + l.d(matrix[a][3]));
+        quantised(l, self.space.dims().depth(), origin, vector(direction))
+    }
+}
+
+/// [`Ray::new`] with a near limit of 0, eight at a time: the same operations in the same order, choices
+/// instead of branches.
+#[inline(always)]
+pub(super) fn quantised<L: Lanes>(l: L, depth: u32, origin: [L::D; 3], direction: [L::D; 3]) -> Row<L> {
+    let zero = l.d(0.0);
+    let larger = |a: L::D, b: L::D| l.d_choose(l.d_lt(a, b), b, a);
+    let mut sum = zero;
+    for v in origin.into_iter().chain(direction) {
+        sum = sum + v * zero;
+    }
+    let mut valid = l.d_eq(sum, zero);
+    let mut longest = zero;
+    for v in direction {
+        longest = larger(longest, l.d_abs(v));
+    }
+    // 2^-exponent has the exponent field 2046 - field.
+    let field = l.exponent_field(longest);
+    valid = valid & l.i_gt(l.i(1023 + MOST_EXPONENT), field) & l.i_gt(field, l.i(1023 - MOST_EXPONENT));
+    let to_unit = l.power(l.i(2046) - field);
+    let d = direction.map(|v| v * to_unit + zero);
+    let half = f64::from(1_u32.wrapping_shl(depth)) / 2.0;
+    let p: [L::D; 3] = origin.map(|v| v - l.d(half));
+
+    let none = l.d_lt(zero, zero);
+    let mut t_enter = zero;
+    let mut entered = none;
+    let mut enters = [none; 3];
+    let mut outside = [none; 3];
+    for a in 0..3 {
+        outside[a] = l.d_lt(l.d(half), l.d_abs(p[a]));
+        let ahead = (l.d_lt(p[a], zero) & l.d_lt(zero, d[a]))
+            | (!l.d_lt(p[a], zero) & l.d_lt(d[a], zero));
+        valid = valid & (ahead | !outside[a]);
+        let t = (l.d_with_sign(l.d(half), p[a]) - p[a]) / d[a];
+        let later = outside[a] & (!entered | l.d_lt(t_enter, t));
+        t_enter = l.d_choose(later, t, t_enter);
+        entered = entered | outside[a];
+        for (b, enters) in enters.iter_mut().enumerate() {
+            *enters = if a == b { later } else { *enters & !later };
+        }
+    }
+    let unit = f64::from(1_u32 << FRACTION_BITS);
+    let limit = l.d(half * unit);
+    let no_fraction = l.d(6_755_399_441_055_744.0);
+    let rounded = |x: L::D| (x + no_fraction) - no_fraction;
+    let mut entry = [none; 3];
+    let mut came = none;
+    let mut fixed = p;
+    for a in 0..3 {
+        let on_face = l.d_with_sign(l.d(half), p[a]);
+        let at = rounded(l.d_choose(enters[a], on_face, p[a] + t_enter * d[a]) * l.d(unit));
+        valid = valid & l.d_le(l.d_abs(at), limit);
+        entry[a] = outside[a] & l.d_eq(at, l.d_with_sign(limit, p[a])) & !came;
+        came = came | entry[a];
+        fixed[a] = at + limit;
+    }
+    let scale = f64::from(1_u32 << (DIRECTION_BITS - 1));
+    Row {
+        valid,
+        origin: fixed,
+        direction: d.map(|v| rounded(v * l.d(scale))),
+        entry,
+        t_start: t_enter * to_unit + zero,
+        t_scale: l.d(scale / unit) * to_unit + zero,
+    }
+}
