@@ -116,9 +116,8 @@ fn frame(view: &ModelView<'_>, sight: &Sight<'_>, size: u32, way: Way, threads: 
             for column in 0..across {
                 let corner = (column * TILE, row * TILE);
                 let limits = (size as usize - corner.0, size as usize - corner.1);
-                let number = |ray: usize| {
-                    ((corner.1 + ray / TILE) * size as usize + corner.0 + ray % TILE) as u64
-                };
+                let number =
+                    |ray: usize| ((corner.1 + ray / TILE) * size as usize + corner.0 + ray % TILE) as u64;
                 if matches!(way, Way::Tile(_)) {
                     let hits = tracer.trace(view, &Skin, sight, Tile { corner, limits, lod_edge_log2: 0 });
                     let mut left = hits.bits();
@@ -215,7 +214,9 @@ fn main() {
             for threads in &settings.threads {
                 let label = format!("{projection:?} {size}^2 {threads}t");
                 let rays = f64::from(size) * f64::from(size);
-                compare(&label, rays, settings.rounds, &ways, |way| frame(&view, &sight, size, way, *threads));
+                compare(&label, rays, settings.rounds, &ways, |way| {
+                    frame(&view, &sight, size, way, *threads)
+                });
             }
         }
         let mut random = Random::new(1);

@@ -14,12 +14,36 @@ pub(crate) const DOUBLES: usize = 8;
 /// The pairs of axes (a, b), a < b, whose planes a box is projected onto.
 pub(crate) const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
+/// An array of an expression of 0, 1 and 2: axes, or pairs of axes. Not a closure: a closure over vectors is
+/// inlined too late, if at all, and then calls a function for every instruction.
+macro_rules! each3 {
+    ($i:ident => $e:expr) => {
+        [
+            {
+                const $i: usize = 0;
+                $e
+            },
+            {
+                const $i: usize = 1;
+                $e
+            },
+            {
+                const $i: usize = 2;
+                $e
+            },
+        ]
+    };
+}
+pub(crate) use each3;
+
 /// Arithmetic that wraps where it is of integers.
 pub(crate) trait Ring: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {}
 impl<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>> Ring for T {}
 
 /// Truth values side by side.
-pub(crate) trait Truths: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self> {
+pub(crate) trait Truths:
+    Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self>
+{
     /// Lane i as bit i.
     fn bits(self) -> u32;
 }

@@ -43,8 +43,10 @@ impl Avx512 {
     /// The proof, if this machine has the instructions.
     #[inline]
     pub(crate) fn detect() -> Option<Self> {
-        (Avx2::detect().is_some() && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq"))
-            .then_some(Self(()))
+        (Avx2::detect().is_some()
+            && is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512dq"))
+        .then_some(Self(()))
     }
 
     /// Runs a kernel compiled with these instructions.
@@ -85,6 +87,17 @@ macro_rules! bit_manipulation {
             unsafe { _pdep_u64(children, lowest.wrapping_mul(0xff)) }
         }
     };
+}
+
+/// An expression of each of two registers. Not a closure: intrinsics in closures are inlined too late, if at
+/// all.
+macro_rules! both {
+    ($x:ident in $of:expr => $e:expr) => {{
+        let [$x, second] = $of.0;
+        let first = $e;
+        let $x = second;
+        [first, $e]
+    }};
 }
 
 /// Operators of a vector type by the intrinsics of its registers.
@@ -160,7 +173,7 @@ impl Not for FTruths2 {
     #[inline(always)]
     fn not(self) -> Self {
         // SAFETY: see the top of this file.
-        Self(self.0.map(|x| unsafe { _mm256_xor_ps(x, _mm256_castsi256_ps(_mm256_set1_epi64x(-1))) }))
+        Self(both!(x in self => unsafe { _mm256_xor_ps(x, _mm256_castsi256_ps(_mm256_set1_epi64x(-1))) }))
     }
 }
 
@@ -169,7 +182,7 @@ impl Not for Truths2 {
     #[inline(always)]
     fn not(self) -> Self {
         // SAFETY: see the top of this file.
-        Self(self.0.map(|x| unsafe { _mm256_xor_pd(x, _mm256_castsi256_pd(_mm256_set1_epi64x(-1))) }))
+        Self(both!(x in self => unsafe { _mm256_xor_pd(x, _mm256_castsi256_pd(_mm256_set1_epi64x(-1))) }))
     }
 }
 
@@ -177,7 +190,7 @@ impl Truths for FTruths2 {
     #[inline(always)]
     fn bits(self) -> u32 {
         // SAFETY: see the top of this file.
-        let [low, high] = self.0.map(|x| unsafe { _mm256_movemask_ps(x) }.cast_unsigned());
+        let [low, high] = both!(x in self => unsafe { _mm256_movemask_ps(x) }.cast_unsigned());
         low | high << 8
     }
 }
@@ -186,7 +199,7 @@ impl Truths for Truths2 {
     #[inline(always)]
     fn bits(self) -> u32 {
         // SAFETY: see the top of this file.
-        let [low, high] = self.0.map(|x| unsafe { _mm256_movemask_pd(x) }.cast_unsigned());
+        let [low, high] = both!(x in self => unsafe { _mm256_movemask_pd(x) }.cast_unsigned());
         low | high << 4
     }
 }
@@ -221,12 +234,14 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn f_abs(self, x: F2) -> F2 {
         // SAFETY: see the top of this file.
-        F2(x.0.map(|x| unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), x) }))
+        F2(both!(x in x => unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), x) }))
     }
     #[inline(always)]
     fn f_le(self, a: F2, b: F2) -> FTruths2 {
         // SAFETY: see the top of this file.
-        FTruths2([0, 1].map(|i| unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(a.0[i], b.0[i]) }))
+        FTruths2(unsafe {
+            [_mm256_cmp_ps::<_CMP_LE_OQ>(a.0[0], b.0[0]), _mm256_cmp_ps::<_CMP_LE_OQ>(a.0[1], b.0[1])]
+        })
     }
 
     #[inline(always)]
@@ -252,39 +267,50 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn d_abs(self, x: D2) -> D2 {
         // SAFETY: see the top of this file.
-        D2(x.0.map(|x| unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), x) }))
+        D2(both!(x in x => unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), x) }))
     }
     #[inline(always)]
     fn d_with_sign(self, magnitude: D2, sign: D2) -> D2 {
         // SAFETY: see the top of this file.
-        D2([0, 1].map(|i| unsafe {
-            _mm256_or_pd(magnitude.0[i], _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0[i]))
-        }))
+        D2(unsafe {
+            [
+                _mm256_or_pd(magnitude.0[0], _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0[0])),
+                _mm256_or_pd(magnitude.0[1], _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0[1])),
+            ]
+        })
     }
     #[inline(always)]
     fn d_lt(self, a: D2, b: D2) -> Truths2 {
         // SAFETY: see the top of this file.
-        Truths2([0, 1].map(|i| unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(a.0[i], b.0[i]) }))
+        Truths2(unsafe {
+            [_mm256_cmp_pd::<_CMP_LT_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_LT_OQ>(a.0[1], b.0[1])]
+        })
     }
     #[inline(always)]
     fn d_le(self, a: D2, b: D2) -> Truths2 {
         // SAFETY: see the top of this file.
-        Truths2([0, 1].map(|i| unsafe { _mm256_cmp_pd::<_CMP_LE_OQ>(a.0[i], b.0[i]) }))
+        Truths2(unsafe {
+            [_mm256_cmp_pd::<_CMP_LE_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_LE_OQ>(a.0[1], b.0[1])]
+        })
     }
     #[inline(always)]
     fn d_eq(self, a: D2, b: D2) -> Truths2 {
         // SAFETY: see the top of this file.
-        Truths2([0, 1].map(|i| unsafe { _mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[i], b.0[i]) }))
+        Truths2(unsafe {
+            [_mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[1], b.0[1])]
+        })
     }
     #[inline(always)]
     fn d_choose(self, which: Truths2, a: D2, b: D2) -> D2 {
         // SAFETY: see the top of this file.
-        D2([0, 1].map(|i| unsafe { _mm256_blendv_pd(b.0[i], a.0[i], which.0[i]) }))
+        D2(unsafe {
+            [_mm256_blendv_pd(b.0[0], a.0[0], which.0[0]), _mm256_blendv_pd(b.0[1], a.0[1], which.0[1])]
+        })
     }
     #[inline(always)]
     fn d_bits(self, x: D2) -> I2 {
         // SAFETY: see the top of this file.
-        I2(x.0.map(|x| unsafe { _mm256_castpd_si256(x) }))
+        I2(both!(x in x => unsafe { _mm256_castpd_si256(x) }))
     }
 
     #[inline(always)]
@@ -295,17 +321,22 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn i_gt(self, a: I2, b: I2) -> Truths2 {
         // SAFETY: see the top of this file.
-        Truths2([0, 1].map(|i| unsafe { _mm256_castsi256_pd(_mm256_cmpgt_epi64(a.0[i], b.0[i])) }))
+        Truths2(unsafe {
+            [
+                _mm256_castsi256_pd(_mm256_cmpgt_epi64(a.0[0], b.0[0])),
+                _mm256_castsi256_pd(_mm256_cmpgt_epi64(a.0[1], b.0[1])),
+            ]
+        })
     }
     #[inline(always)]
     fn exponent_field(self, x: D2) -> I2 {
         // SAFETY: see the top of this file.
-        I2(x.0.map(|x| unsafe { _mm256_srli_epi64::<52>(_mm256_castpd_si256(x)) }))
+        I2(both!(x in x => unsafe { _mm256_srli_epi64::<52>(_mm256_castpd_si256(x)) }))
     }
     #[inline(always)]
     fn power(self, field: I2) -> D2 {
         // SAFETY: see the top of this file.
-        D2(field.0.map(|x| unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(x)) }))
+        D2(both!(x in field => unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(x)) }))
     }
 
     bit_manipulation!();

@@ -4,7 +4,7 @@
 //! row has the same integers as [`crate::render::ray::Ray`] makes of it alone.
 
 use super::camera::Camera;
-use super::lanes::{DOUBLES, Lanes};
+use super::lanes::{DOUBLES, Lanes, each3};
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, Ray};
 use super::space::GridSpace;
 
@@ -94,9 +94,8 @@ impl<'a> Sight<'a> {
         let most: f64 = matrix
             .iter()
             .map(|r| {
-                let sum: f64 = (0..3)
-                    .map(|i| r[i].abs() * frame.origin.iter().map(|v| v[i].abs()).sum::<f64>())
-                    .sum();
+                let sum: f64 =
+                    (0..3).map(|i| r[i].abs() * frame.origin.iter().map(|v| v[i].abs()).sum::<f64>()).sum();
                 sum + r[3].abs()
             })
             .fold(0.0, f64::max);
@@ -134,25 +133,29 @@ impl<'a> Sight<'a> {
         let frame = self.camera.frame();
         let (half_width, half_height) = self.camera.half_sides();
         let (across, along) = (x * l.d(half_width), l.d(y * half_height));
-        let affine = |[constant, across_axis, along_axis]: [[f64; 3]; 3]| -> [L::D; 3] {
-            std::array::from_fn(|i| {
-                l.d(constant[i]) + across * l.d(across_axis[i]) + along * l.d(along_axis[i])
-            })
-        };
-        let constant = |v: [f64; 3]| v.map(|c| l.d(c));
+        let [right, up] = [frame.unit_right, frame.unit_up];
+        let [from, towards] = [frame.origin[0], frame.direction[0]];
         let matrix = &self.space.world_to_grid().rows;
-        let vector = |v: [L::D; 3]| -> [L::D; 3] {
-            matrix.map(|r| l.d(r[0]) * v[0] + l.d(r[1]) * v[1] + l.d(r[2]) * v[2])
-        };
-        let axes = [frame.unit_right, frame.unit_up];
-        let (origin, direction) = if frame.parallel {
-            (affine([frame.origin[0], axes[0], axes[1]]), constant(frame.direction[0]))
+        let (from, towards) = if frame.parallel {
+            (
+                each3!(A => l.d(from[A]) + across * l.d(right[A]) + along * l.d(up[A])),
+                each3!(A => l.d(towards[A])),
+            )
         } else {
-            (constant(frame.origin[0]), affine([frame.direction[0], axes[0], axes[1]]))
+            (
+                each3!(A => l.d(from[A])),
+                each3!(A => l.d(towards[A]) + across * l.d(right[A]) + along * l.d(up[A])),
+            )
         };
-        let origin = vector(origin);
-        let origin = std::array::from_fn(|a| origin[a] + l.d(matrix[a][3]));
-        quantised(l, self.space.dims().depth(), origin, vector(direction))
+        let origin = each3!(A => {
+            let r = matrix[A];
+            l.d(r[0]) * from[0] + l.d(r[1]) * from[1] + l.d(r[2]) * from[2] + l.d(r[3])
+        });
+        let direction = each3!(A => {
+            let r = matrix[A];
+            l.d(r[0]) * towards[0] + l.d(r[1]) * towards[1] + l.d(r[2]) * towards[2]
+        });
+        quantised(l, self.space.dims().depth(), origin, direction)
     }
 }
 
@@ -161,7 +164,6 @@ impl<'a> Sight<'a> {
 #[inline(always)]
 pub(super) fn quantised<L: Lanes>(l: L, depth: u32, origin: [L::D; 3], direction: [L::D; 3]) -> Row<L> {
     let zero = l.d(0.0);
-    let larger = |a: L::D, b: L::D| l.d_choose(l.d_lt(a, b), b, a);
     let mut sum = zero;
     for v in origin.into_iter().chain(direction) {
         sum = sum + v * zero;
@@ -169,15 +171,16 @@ pub(super) fn quantised<L: Lanes>(l: L, depth: u32, origin: [L::D; 3], direction
     let mut valid = l.d_eq(sum, zero);
     let mut longest = zero;
     for v in direction {
-        longest = larger(longest, l.d_abs(v));
+        let size = l.d_abs(v);
+        longest = l.d_choose(l.d_lt(longest, size), size, longest);
     }
     // 2^-exponent has the exponent field 2046 - field.
     let field = l.exponent_field(longest);
     valid = valid & l.i_gt(l.i(1023 + MOST_EXPONENT), field) & l.i_gt(field, l.i(1023 - MOST_EXPONENT));
     let to_unit = l.power(l.i(2046) - field);
-    let d = direction.map(|v| v * to_unit + zero);
+    let d = each3!(A => direction[A] * to_unit + zero);
     let half = f64::from(1_u32.wrapping_shl(depth)) / 2.0;
-    let p: [L::D; 3] = origin.map(|v| v - l.d(half));
+    let p = each3!(A => origin[A] - l.d(half));
 
     let none = l.d_lt(zero, zero);
     let mut t_enter = zero;
@@ -186,8 +189,7 @@ pub(super) fn quantised<L: Lanes>(l: L, depth: u32, origin: [L::D; 3], direction
     let mut outside = [none; 3];
     for a in 0..3 {
         outside[a] = l.d_lt(l.d(half), l.d_abs(p[a]));
-        let ahead = (l.d_lt(p[a], zero) & l.d_lt(zero, d[a]))
-            | (!l.d_lt(p[a], zero) & l.d_lt(d[a], zero));
+        let ahead = (l.d_lt(p[a], zero) & l.d_lt(zero, d[a])) | (!l.d_lt(p[a], zero) & l.d_lt(d[a], zero));
         valid = valid & (ahead | !outside[a]);
         let t = (l.d_with_sign(l.d(half), p[a]) - p[a]) / d[a];
         let later = outside[a] & (!entered | l.d_lt(t_enter, t));
@@ -200,13 +202,13 @@ pub(super) fn quantised<L: Lanes>(l: L, depth: u32, origin: [L::D; 3], direction
     let unit = f64::from(1_u32 << FRACTION_BITS);
     let limit = l.d(half * unit);
     let no_fraction = l.d(6_755_399_441_055_744.0);
-    let rounded = |x: L::D| (x + no_fraction) - no_fraction;
     let mut entry = [none; 3];
     let mut came = none;
     let mut fixed = p;
     for a in 0..3 {
         let on_face = l.d_with_sign(l.d(half), p[a]);
-        let at = rounded(l.d_choose(enters[a], on_face, p[a] + t_enter * d[a]) * l.d(unit));
+        let at = l.d_choose(enters[a], on_face, p[a] + t_enter * d[a]) * l.d(unit);
+        let at = (at + no_fraction) - no_fraction;
         valid = valid & l.d_le(l.d_abs(at), limit);
         entry[a] = outside[a] & l.d_eq(at, l.d_with_sign(limit, p[a])) & !came;
         came = came | entry[a];
@@ -216,7 +218,7 @@ pub(super) fn quantised<L: Lanes>(l: L, depth: u32, origin: [L::D; 3], direction
     Row {
         valid,
         origin: fixed,
-        direction: d.map(|v| rounded(v * l.d(scale))),
+        direction: each3!(A => (d[A] * l.d(scale) + no_fraction) - no_fraction),
         entry,
         t_start: t_enter * to_unit + zero,
         t_scale: l.d(scale / unit) * to_unit + zero,

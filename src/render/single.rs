@@ -11,7 +11,7 @@
 use crate::load::NodeView;
 
 use super::form::{Form, LanesKernel};
-use super::lanes::{Lanes, PAIRS, SINGLES, Truths};
+use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
 use super::occupancy::{Brick, at_least, place};
 use super::pierce::MirroredRay;
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
@@ -91,6 +91,43 @@ impl<V: NodeView, S: Surface<V>> LanesKernel for Single<'_, V, S> {
     }
 }
 
+/// A ray's line as the estimates see it: mirrored coordinates, in edges of the finest boxes; the direction
+/// is scaled to at most 1.
+struct Line<L: Lanes> {
+    origin: [f64; 3],
+    direction: [f64; 3],
+    /// How far a plane's cells are beside its middle, and the half width of their projections, by pair.
+    slope: [L::F; 3],
+    half: [f32; 3],
+    /// The box that the ray starts in, if it starts inside the grid.
+    start: [i32; 3],
+    starts_inside: bool,
+}
+
+impl<L: Lanes> Line<L> {
+    /// Boxes of edge `2^edge` in the brick at `low` that the line pierces and that are not behind the ray.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
+    fn pierced(&self, l: L, low: [u32; 3], edge: u32) -> u64 {
+        let half_brick = f64::from(2_u32.wrapping_shl(edge));
+        let per_edge = 2.0 / half_brick;
+        let from = each3!(A => f64::from(low[A]) + half_brick - self.origin[A]);
+        let mut boxes = u64::MAX;
+        for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
+            let e = (from[a] * self.direction[b] - from[b] * self.direction[a]) * per_edge;
+            let beside = l.f_abs(l.f(e as f32) + self.slope[pair]);
+            boxes &= l.extrude(pair, l.f_le(beside, l.f(self.half[pair])).bits());
+        }
+        if self.starts_inside {
+            for a in 0..3 {
+                let behind = self.start[a].wrapping_sub(low[a].cast_signed()) >> edge;
+                boxes &= at_least(a, behind.clamp(0, 4).cast_unsigned());
+            }
+        }
+        boxes
+    }
+}
+
 /// [`trace`] with lanes at hand.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "estimates within SLACK")]
@@ -121,41 +158,21 @@ pub(crate) fn first_hit<L: Lanes, V: NodeView, S: Surface<V>>(
     let direction = exact.direction.map(|d| d as f64 / f64::from(1_u32 << DIRECTION_BITS));
     let start = exact.origin.map(|o| (o >> (FRACTION_BITS + unit)) as i32);
     let starts_inside = ray.entry().is_none();
-    let slope = PAIRS.map(|(a, b)| {
-        lanes.f_load(&ALONG_A) * lanes.f(direction[b] as f32)
-            - lanes.f_load(&ALONG_B) * lanes.f(direction[a] as f32)
+    let (along_a, along_b) = (lanes.f_load(&ALONG_A), lanes.f_load(&ALONG_B));
+    let slope = each3!(PAIR => {
+        const A: usize = PAIRS[PAIR].0;
+        const B: usize = PAIRS[PAIR].1;
+        along_a * lanes.f(direction[B] as f32) - along_b * lanes.f(direction[A] as f32)
     });
-    let half =
-        PAIRS.map(|(a, b)| lanes.f(0.5 * (direction[a] as f32 + direction[b] as f32) + SLACK));
-    // Boxes of edge 2^edge in the brick at `low` that the ray's line pierces and that are not behind it.
-    let pierced = |low: [u32; 3], edge: u32| {
-        let half_brick = f64::from(2_u32.wrapping_shl(edge));
-        let per_edge = 2.0 / half_brick;
-        let from: [f64; 3] = std::array::from_fn(|a| f64::from(low[a]) + half_brick - origin[a]);
-        let mut boxes = u64::MAX;
-        for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
-            let e = (from[a] * direction[b] - from[b] * direction[a]) * per_edge;
-            let beside = lanes.f_abs(lanes.f(e as f32) + slope[pair]);
-            boxes &= lanes.extrude(pair, lanes.f_le(beside, half[pair]).bits());
-        }
-        if starts_inside {
-            for a in 0..3 {
-                let behind = start[a].wrapping_sub(low[a].cast_signed()) >> edge;
-                boxes &= at_least(a, behind.clamp(0, 4).cast_unsigned());
-            }
-        }
-        boxes
-    };
+    let half = PAIRS.map(|(a, b)| 0.5 * (direction[a] as f32 + direction[b] as f32) + SLACK);
+    let line = Line { origin, direction, slope, half, start, starts_inside };
 
     let mirror = exact.mirror;
     let mut edge = top_edge(depth);
-    let brick = if depth % 2 == 0 {
-        Brick::of(lanes, view, 0, mirror)
-    } else {
-        Brick::above_root(view, mirror)
-    };
+    let brick =
+        if depth % 2 == 0 { Brick::of(lanes, view, 0, mirror) } else { Brick::above_root(view, mirror) };
     let low = [0; 3];
-    let mut open = Open { brick, pending: brick.boxes & pierced(low, edge), first: 0, low };
+    let mut open = Open { brick, pending: brick.boxes & line.pierced(lanes, low, edge), first: 0, low };
     open.first = brick.first(view);
     trace.steps = 1;
     let mut waiting = [open; BRICK_LEVELS];
@@ -183,7 +200,7 @@ pub(crate) fn first_hit<L: Lanes, V: NodeView, S: Surface<V>>(
         waiting[edge as usize / 2 % BRICK_LEVELS] = open;
         edge = edge.wrapping_sub(2);
         let brick = Brick::of(lanes, view, number, mirror);
-        let pending = brick.boxes & pierced(low, edge);
+        let pending = brick.boxes & line.pierced(lanes, low, edge);
         open = Open { brick, pending, first: if pending == 0 { 0 } else { brick.first(view) }, low };
         trace.steps = trace.steps.wrapping_add(1);
     }

@@ -5,7 +5,7 @@
 //! only if `|e| <= (d_a + d_b) / 2`. As origin or direction is the same for all rays, e is affine in the
 //! pixel, so its extremes are those of four corners.
 
-use crate::render::lanes::{Lanes, PAIRS, SINGLES, Truths};
+use crate::render::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
 use crate::render::sight::Pencil;
 use crate::render::single::{ALONG_A, ALONG_B, SLACK};
 
@@ -117,12 +117,10 @@ impl<L: Lanes> Beam<L> {
                 origin[0][a] += size;
             }
         }
-        let shift = PAIRS.map(|(a, b)| {
-            [1, 2].map(|i| origin[i][b] * direction[0][a] - origin[i][a] * direction[0][b])
-        });
+        let shift = PAIRS
+            .map(|(a, b)| [1, 2].map(|i| origin[i][b] * direction[0][a] - origin[i][a] * direction[0][b]));
         // Rounding of e as singles grows with its change from pixel to pixel.
-        let reach: [f64; 3] =
-            std::array::from_fn(|a| origin[0][a].abs().max((size - origin[0][a]).abs()));
+        let reach: [f64; 3] = std::array::from_fn(|a| origin[0][a].abs().max((size - origin[0][a]).abs()));
         let change = PAIRS.iter().zip(&shift).fold(0.0_f64, |m, ((a, b), shift)| {
             let of = |i: usize| {
                 reach[*a] * direction[i][*b].abs() + reach[*b] * direction[i][*a].abs() + shift[i - 1].abs()
@@ -136,16 +134,17 @@ impl<L: Lanes> Beam<L> {
         let middle = range.map(|(low, high)| ((low + high) / 2.0) as f32);
         let radius = range.map(|(low, high)| ((high - low) / 2.0) as f32);
         let greatest = range.map(|(_, high)| high as f32);
-        let bounds = PAIRS.map(|(a, b)| {
-            let slope = along_a * l.f(middle[b]) - along_b * l.f(middle[a]);
-            let spread = l.f_abs(along_a) * l.f(radius[b]) + l.f_abs(along_b) * l.f(radius[a]);
-            let most = spread + l.f(0.5 * (greatest[a] + greatest[b]) + slack);
+        let bounds = each3!(PAIR => {
+            const A: usize = PAIRS[PAIR].0;
+            const B: usize = PAIRS[PAIR].1;
+            let slope = along_a * l.f(middle[B]) - along_b * l.f(middle[A]);
+            let spread = l.f_abs(along_a) * l.f(radius[B]) + l.f_abs(along_b) * l.f(radius[A]);
+            let most = spread + l.f(0.5 * (greatest[A] + greatest[B]) + slack);
             (slope + most, slope - most)
         });
         for (a, out) in rays.direction.iter_mut().enumerate() {
             let [constant, x, y] = [0, 1, 2].map(|i| direction[i][a] as f32);
-            let mut row =
-                l.f(constant) + l.f_load(&COLUMN) * l.f(x) + l.f_load(&ROW) * l.f(y);
+            let mut row = l.f(constant) + l.f_load(&COLUMN) * l.f(x) + l.f_load(&ROW) * l.f(y);
             for i in 0..BLOCKS {
                 l.f_store(row, block_mut(out, i));
                 row = row + l.f(2.0 * y);
@@ -167,8 +166,8 @@ impl<L: Lanes> Beam<L> {
             origin,
             direction,
             shift,
-            upper: bounds.map(|b| b.0),
-            lower: bounds.map(|b| b.1),
+            upper: each3!(PAIR => bounds[PAIR].0),
+            lower: each3!(PAIR => bounds[PAIR].1),
             behind: starts_inside.then(|| {
                 std::array::from_fn(|a| if still[a] { f64::MIN } else { origins[a].0 - f64::from(SLACK) })
             }),
@@ -179,12 +178,16 @@ impl<L: Lanes> Beam<L> {
     /// e at the point, its change with x, and with y, for each pair.
     #[inline(always)]
     fn beside(&self, point: [f64; 3]) -> [[f64; 3]; 3] {
-        let p: [f64; 3] = std::array::from_fn(|a| point[a] - self.origin[0][a]);
+        let p = each3!(A => point[A] - self.origin[0][A]);
         let d = &self.direction;
-        std::array::from_fn(|pair| {
-            let (a, b) = PAIRS[pair];
-            let of = |i: usize| p[a] * d[i][b] - p[b] * d[i][a];
-            [of(0), of(1) + self.shift[pair][0], of(2) + self.shift[pair][1]]
+        each3!(PAIR => {
+            const A: usize = PAIRS[PAIR].0;
+            const B: usize = PAIRS[PAIR].1;
+            [
+                p[A] * d[0][B] - p[B] * d[0][A],
+                p[A] * d[1][B] - p[B] * d[1][A] + self.shift[PAIR][0],
+                p[A] * d[2][B] - p[B] * d[2][A] + self.shift[PAIR][1],
+            ]
         })
     }
 
@@ -223,22 +226,22 @@ impl<L: Lanes> Beam<L> {
         let l = self.lanes;
         let e = self.beside(low.map(|c| f64::from(c) + 2.0));
         let (column, row) = (l.f_load(&COLUMN), l.f_load(&ROW));
-        let mut near: [Option<L::FTruths>; BLOCKS] = [None; BLOCKS];
+        let everywhere = l.f_le(l.f(0.0), l.f(0.0));
+        let mut near = [everywhere; BLOCKS];
         for (pair, [at, x, y]) in e.into_iter().enumerate() {
             let half = l.f(self.brick_half[pair]);
             let mut beside = l.f(at as f32) + column * l.f(x as f32) + row * l.f(y as f32);
             let step = l.f(2.0 * y as f32);
             for (i, near) in near.iter_mut().enumerate() {
                 l.f_store(beside, block_mut(&mut rays.beside[pair], i));
-                let within = l.f_le(l.f_abs(beside), half);
-                *near = Some(near.map_or(within, |near| near & within));
+                *near = *near & l.f_le(l.f_abs(beside), half);
                 beside = beside + step;
             }
         }
-        let bits = near
-            .into_iter()
-            .enumerate()
-            .fold(0, |bits, (i, near)| bits | u64::from(near.map_or(0, Truths::bits)) << (SINGLES * i));
+        let mut bits = 0;
+        for (i, near) in near.into_iter().enumerate() {
+            bits |= u64::from(near.bits()) << (SINGLES * i);
+        }
         bits & live
     }
 
@@ -248,7 +251,7 @@ impl<L: Lanes> Beam<L> {
         let l = self.lanes;
         let ray = ray % RAYS;
         let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
-        let d = [0, 1, 2].map(|a| l.f(rays.direction[a][ray]));
+        let d = each3!(A => l.f(rays.direction[A][ray]));
         let mut boxes = u64::MAX;
         for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
             let beside = l.f(rays.beside[pair][ray]) + along_a * d[b] - along_b * d[a];

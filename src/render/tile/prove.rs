@@ -4,7 +4,7 @@
 //!
 //! [`Passage::entry_hit`]: crate::render::surface::Passage::entry_hit
 
-use crate::render::lanes::{DOUBLES, Lanes, PAIRS, Truths};
+use crate::render::lanes::{DOUBLES, Lanes, PAIRS, Truths, each3};
 use crate::render::ray::FRACTION_BITS;
 use crate::render::sight::Row;
 
@@ -35,17 +35,19 @@ pub(super) fn entries<L: Lanes>(
     let zero = l.d(0.0);
     let one_cell = f64::from(1_u32 << FRACTION_BITS);
     let far = l.d(f64::from(1_u32.wrapping_shl(depth)) * one_cell);
-    let mirrored = |a: usize| mirror >> a & 1 == 1;
-    let origin: [L::D; 3] =
-        std::array::from_fn(|a| if mirrored(a) { far - row.origin[a] } else { row.origin[a] });
-    let direction: [L::D; 3] =
-        std::array::from_fn(|a| if mirrored(a) { zero - row.direction[a] } else { row.direction[a] });
-    let distance: [L::D; 3] =
-        std::array::from_fn(|a| l.d_load(low[a]) * l.d(one_cell) - origin[a]);
-    let whole = |x: L::D| l.d_bits(x + l.d(WHOLE)) - l.d_bits(l.d(WHOLE));
-    let (n, d) = (distance.map(whole), direction.map(whole));
-    let moves = direction.map(|d| l.d_lt(zero, d));
-    let positive = distance.map(|n| l.d_lt(zero, n));
+    let (mut origin, mut direction) = (row.origin, row.direction);
+    for a in 0..3 {
+        if mirror >> a & 1 == 1 {
+            origin[a] = far - origin[a];
+            direction[a] = zero - direction[a];
+        }
+    }
+    let distance = each3!(A => l.d_load(low[A]) * l.d(one_cell) - origin[A]);
+    let (offset, zeros) = (l.d(WHOLE), l.d_bits(l.d(WHOLE)));
+    let n = each3!(A => l.d_bits(distance[A] + offset) - zeros);
+    let d = each3!(A => l.d_bits(direction[A] + offset) - zeros);
+    let moves = each3!(A => l.d_lt(zero, direction[A]));
+    let positive = each3!(A => l.d_lt(zero, distance[A]));
 
     let edge = f64::from(1_u32.wrapping_shl(unit)) * one_cell;
     let mut proved = row.valid;
@@ -65,7 +67,7 @@ pub(super) fn entries<L: Lanes>(
         proved = proved & (within | !(moves[a] & moves[b]));
     }
     // The first axis of the latest crossing.
-    let counts: [L::Truths; 3] = std::array::from_fn(|a| positive[a] & moves[a]);
+    let counts = each3!(A => positive[A] & moves[A]);
     let y_later = counts[1] & (!counts[0] | l.i_gt(l.i(0), e[0]));
     let after_x = !counts[0] | l.i_gt(l.i(0), e[1]);
     let after_y = l.i_gt(l.i(0), e[2]);
@@ -73,14 +75,14 @@ pub(super) fn entries<L: Lanes>(
     let by_z = z_later;
     let by_y = y_later & !z_later;
     let by_x = counts[0] & !y_later & !z_later;
-    let pick = |v: [L::D; 3]| l.d_choose(by_z, v[2], l.d_choose(by_y, v[1], v[0]));
     let crossed = by_x | by_y | by_z;
-    let t = row.t_start + pick(distance) / pick(direction) * row.t_scale;
-    let mut entries =
-        Entries { proved: proved.bits() & 0xff, by_axis: [0; 3], t: [0.0; DOUBLES] };
+    let last_n = l.d_choose(by_z, distance[2], l.d_choose(by_y, distance[1], distance[0]));
+    let last_d = l.d_choose(by_z, direction[2], l.d_choose(by_y, direction[1], direction[0]));
+    let t = row.t_start + last_n / last_d * row.t_scale;
+    let mut entries = Entries { proved: proved.bits() & 0xff, by_axis: [0; 3], t: [0.0; DOUBLES] };
     l.d_store(l.d_choose(crossed, t, row.t_start), &mut entries.t);
     let starts = !crossed;
     let axes = [by_x, by_y, by_z];
-    entries.by_axis = std::array::from_fn(|a| (axes[a] | (starts & row.entry[a])).bits() & 0xff);
+    entries.by_axis = each3!(A => (axes[A] | (starts & row.entry[A])).bits() & 0xff);
     entries
 }
