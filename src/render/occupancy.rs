@@ -7,7 +7,7 @@
 
 use crate::load::NodeView;
 
-use super::lanes::Lanes;
+use super::lanes::{Lanes, each3};
 
 /// The 64 boxes two levels below a node, as a ray in mirrored coordinates sees them.
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +77,7 @@ fn mirrored(bits: u64, flip: u32) -> u64 {
 /// Coordinates within a brick of box `v`.
 #[inline(always)]
 pub(super) fn place(v: u32) -> [u32; 3] {
-    [0, 1, 2].map(|a| (v >> a & 1) | (v >> (a + 2) & 2))
+    each3!(A => (v >> A & 1) | (v >> (A + 2) & 2))
 }
 
 /// Boxes of a brick whose coordinate along `axis` is not below `from` (0..=4).

@@ -199,7 +199,7 @@ impl<L: Lanes> Beam<L> {
         let half = f64::from(2_u32.wrapping_shl(edge));
         let per_edge = 2.0 / half;
         let last = (TILE - 1) as f64;
-        let e = self.beside(low.map(|c| f64::from(c) + half));
+        let e = self.beside(each3!(A => f64::from(low[A]) + half));
         let mut boxes = u64::MAX;
         for (pair, [at, x, y]) in e.into_iter().enumerate() {
             let (x, y) = (x * last, y * last);
@@ -224,7 +224,7 @@ impl<L: Lanes> Beam<L> {
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
     pub(super) fn meets(&self, rays: &mut Rays, low: [u32; 3], live: u64) -> u64 {
         let l = self.lanes;
-        let e = self.beside(low.map(|c| f64::from(c) + 2.0));
+        let e = self.beside(each3!(A => f64::from(low[A]) + 2.0));
         let (column, row) = (l.f_load(&COLUMN), l.f_load(&ROW));
         let everywhere = l.f_le(l.f(0.0), l.f(0.0));
         let mut near = [everywhere; BLOCKS];

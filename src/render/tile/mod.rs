@@ -7,6 +7,7 @@ mod walk;
 use crate::load::NodeView;
 
 use super::form::Form;
+use super::lanes::each3;
 use super::ray::Face;
 use super::sight::Sight;
 use super::surface::Surface;
@@ -40,68 +41,76 @@ pub struct TileHits {
     /// Rays that hit, as bits.
     hits: u64,
     number: [u64; RAYS],
-    cell: [[u32; RAYS]; 3],
-    edge_log2: u32,
+    /// Lowest cell of the box in mirrored coordinates.
+    low: [[f64; RAYS]; 3],
     t: [f64; RAYS],
-    /// 2 axis + high, or [`NO_FACE`].
-    face: [u8; RAYS],
+    /// Rays that enter by a face of axis x, y, z, as bits, and those that do so by the high one.
+    by_axis: [u64; 3],
+    by_high: u64,
     steps: [u32; RAYS],
+    /// Axes that are mirrored, and the mirror image of cell 0.
+    mirror: u32,
+    last: u32,
+    edge_log2: u32,
 }
-
-/// Of a ray that starts in what it hits.
-const NO_FACE: u8 = u8::MAX;
 
 impl TileHits {
     const fn new() -> Self {
         Self {
             hits: 0,
             number: [0; RAYS],
-            cell: [[0; RAYS]; 3],
-            edge_log2: 0,
+            low: [[0.0; RAYS]; 3],
             t: [0.0; RAYS],
-            face: [NO_FACE; RAYS],
+            by_axis: [0; 3],
+            by_high: 0,
             steps: [0; RAYS],
+            mirror: 0,
+            last: 0,
+            edge_log2: 0,
         }
     }
 
-    fn clear(&mut self, edge_log2: u32) {
-        self.hits = 0;
-        self.edge_log2 = edge_log2;
+    fn clear(&mut self) {
+        (self.hits, self.by_axis, self.by_high) = (0, [0; 3], 0);
+        (self.mirror, self.last, self.edge_log2) = (0, 0, 0);
         self.steps = [0; RAYS];
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "an axis is 0, 1 or 2")]
-    fn set(&mut self, ray: usize, hit: &Hit) {
-        let ray = ray % RAYS;
-        self.hits |= 1 << ray;
-        self.number[ray] = hit.box_number;
-        for a in 0..3 {
-            self.cell[a][ray] = hit.cell[a];
-        }
-        self.edge_log2 = hit.edge_log2;
-        self.t[ray] = hit.t;
-        self.face[ray] = hit.face.map_or(NO_FACE, |f| 2 * f.axis + u8::from(f.high));
+    /// What follows is in coordinates mirrored like this, about boxes with an edge of `2^edge_log2`.
+    fn mirrored(&mut self, mirror: u32, last: u32, edge_log2: u32) {
+        (self.mirror, self.last, self.edge_log2) = (mirror, last, edge_log2);
     }
 
-    /// The hits of a row that begins with ray `first`.
-    #[inline(always)]
-    fn set_row(&mut self, first: usize, hits: u32, entries: &prove::Entries, mirror: u32) {
-        self.hits |= u64::from(hits) << first;
-        let high = |axis: u32| (mirror >> axis & 1) as u8;
-        for (i, t) in entries.t.iter().enumerate() {
-            let by = |axis: usize| entries.by_axis[axis] >> i & 1 == 1;
-            let ray = (first + i) % RAYS;
-            self.t[ray] = *t;
-            self.face[ray] = if by(0) {
-                high(0)
-            } else if by(1) {
-                2 + high(1)
-            } else if by(2) {
-                4 + high(2)
-            } else {
-                NO_FACE
-            };
+    /// A cell's coordinate along an axis, mirrored if that is; and back.
+    fn mirror(&self, axis: usize, cell: u32) -> u32 {
+        if self.mirror >> axis & 1 == 1 { self.last.wrapping_sub(cell) } else { cell }
+    }
+
+    fn set(&mut self, ray: usize, hit: &Hit) {
+        let ray = ray % RAYS;
+        self.edge_log2 = hit.edge_log2;
+        self.number[ray] = hit.box_number;
+        self.t[ray] = hit.t;
+        for a in 0..3 {
+            self.low[a][ray] = f64::from(self.mirror(a, hit.cell[a]));
         }
+        self.hits |= 1 << ray;
+        if let Some(face) = hit.face {
+            self.by_axis[usize::from(face.axis) % 3] |= 1 << ray;
+            self.by_high |= u64::from(face.high) << ray;
+        }
+    }
+
+    /// The hits of a row that begins with ray `first`; numbers and cells are written already.
+    #[inline(always)]
+    fn set_row(&mut self, first: usize, hits: u32, entries: &prove::Entries) {
+        self.hits |= u64::from(hits) << first;
+        for (axis, by) in entries.by_axis.into_iter().enumerate() {
+            let by = u64::from(by & hits) << first;
+            self.by_axis[axis] |= by;
+            self.by_high |= if self.mirror >> axis & 1 == 1 { by } else { 0 };
+        }
+        self.t.as_chunks_mut().0[first / TILE] = entries.t;
     }
 
     /// Rays that hit, as bits: ray `8 y + x` is that of column x and row y.
@@ -112,13 +121,18 @@ impl TileHits {
 
     /// The hit of a ray, if it hit.
     #[inline]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells of the grid")]
     pub fn hit(&self, ray: usize) -> Option<Hit> {
-        let face = *self.face.get(ray)?;
-        (self.hits >> ray & 1 == 1).then(|| Hit {
+        if ray >= RAYS || self.hits >> ray & 1 == 0 {
+            return None;
+        }
+        let by = |axis: usize| self.by_axis[axis] >> ray & 1 == 1;
+        let face = |axis| Face::new(axis, self.by_high >> ray & 1 == 1);
+        Some(Hit {
             box_number: self.number[ray],
-            cell: [0, 1, 2].map(|a| self.cell[a][ray]),
+            cell: each3!(A => self.mirror(A, self.low[A][ray] as u32)),
             edge_log2: self.edge_log2,
-            face: (face != NO_FACE).then(|| Face::new(usize::from(face / 2), face % 2 == 1)),
+            face: (0..3).find(|axis| by(*axis)).map(face),
             t: self.t[ray],
         })
     }
@@ -133,7 +147,7 @@ impl TileHits {
 /// Traces tiles, one after the other. Memory: 7 KiB.
 pub struct Tracer {
     form: Form,
-    scratch: walk::Scratch,
+    rays: beam::Rays,
     hits: TileHits,
 }
 
@@ -152,7 +166,7 @@ impl Default for Tracer {
 impl Tracer {
     /// A tracer of this form.
     pub const fn new(form: Form) -> Self {
-        Self { form, scratch: walk::Scratch::new(), hits: TileHits::new() }
+        Self { form, rays: beam::Rays::new(), hits: TileHits::new() }
     }
 
     /// First hits of a tile's rays: those of [`super::traverse::first_hit_sealed`], for every form.
@@ -166,8 +180,8 @@ impl Tracer {
         sight: &Sight<'_>,
         tile: Tile,
     ) -> &TileHits {
-        let Self { form, scratch, hits } = self;
-        form.run(walk::Walk { view, surface, sight, tile, scratch, hits });
+        let Self { form, rays, hits } = self;
+        form.run(walk::Walk { view, surface, sight, tile, rays, hits });
         hits
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::load::NodeView;
 use crate::render::form::LanesKernel;
-use crate::render::lanes::{DOUBLES, Lanes};
+use crate::render::lanes::{DOUBLES, Lanes, each3};
 use crate::render::occupancy::{Brick, place};
 use crate::render::pierce::MirroredRay;
 use crate::render::ray::{MAX_DEPTH, Ray};
@@ -19,27 +19,13 @@ use super::{Tile, TileHits};
 /// damaged bytes can take.
 const MOST_BRICKS: u32 = 1024;
 
-/// What a tile's walk writes beside its hits.
-pub(super) struct Scratch {
-    rays: Rays,
-    /// Candidates: number, and lowest cell in mirrored coordinates.
-    number: [u64; RAYS],
-    low: [[f64; RAYS]; 3],
-}
-
-impl Scratch {
-    pub(super) const fn new() -> Self {
-        Self { rays: Rays::new(), number: [0; RAYS], low: [[0.0; RAYS]; 3] }
-    }
-}
-
 /// The walk of one tile, for any lanes.
 pub(super) struct Walk<'a, 'b, V, S> {
     pub(super) view: &'a V,
     pub(super) surface: &'a S,
     pub(super) sight: &'a Sight<'b>,
     pub(super) tile: Tile,
-    pub(super) scratch: &'a mut Scratch,
+    pub(super) rays: &'a mut Rays,
     pub(super) hits: &'a mut TileHits,
 }
 
@@ -48,7 +34,7 @@ impl<V: NodeView, S: Surface<V>> LanesKernel for Walk<'_, '_, V, S> {
 
     #[inline(always)]
     fn run(mut self, lanes: impl Lanes) {
-        self.hits.clear(self.tile.lod_edge_log2);
+        self.hits.clear();
         let live = self.tile.live();
         if self.view.voxel_count() == 0 {
             return;
@@ -58,9 +44,13 @@ impl<V: NodeView, S: Surface<V>> LanesKernel for Walk<'_, '_, V, S> {
         let beam = (depth > unit)
             .then(|| self.sight.pencil(self.tile.corner))
             .flatten()
-            .and_then(|pencil| Beam::new(lanes, &pencil, depth, unit, &mut self.scratch.rays));
+            .and_then(|pencil| Beam::new(lanes, &pencil, depth, unit, self.rays));
         let alone = match beam {
-            Some(beam) => self.together(lanes, &beam, live, depth, unit),
+            Some(beam) => {
+                let last = 1_u32.wrapping_shl(depth).wrapping_sub(1_u32.wrapping_shl(unit));
+                self.hits.mirrored(beam.mirror, last, unit);
+                self.together(lanes, &beam, live, depth, unit)
+            }
             None => live,
         };
         self.alone(lanes, alone);
@@ -86,7 +76,7 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
         let mut waiting = [open; BRICK_LEVELS];
         let mut bricks = 0_u32;
         if top == 0 {
-            let near = beam.meets(&mut self.scratch.rays, low, live);
+            let near = beam.meets(self.rays, low, live);
             candidates = self.rays_of_brick(beam, &brick, low, near, &mut live, unit);
         } else {
             open.pending = brick.boxes & beam.pierced(low, edge);
@@ -103,14 +93,14 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
             let v = open.pending.trailing_zeros();
             open.pending &= open.pending.wrapping_sub(1);
             let at = place(v);
-            let low: [u32; 3] = std::array::from_fn(|a| open.low[a].wrapping_add(at[a].wrapping_shl(edge)));
+            let low = each3!(A => open.low[A].wrapping_add(at[A].wrapping_shl(edge)));
             let number = open.first.wrapping_add(open.brick.before(v));
             if edge == 2 {
                 bricks = bricks.wrapping_add(1);
                 if bricks > MOST_BRICKS {
                     break 'walk;
                 }
-                let near = beam.meets(&mut self.scratch.rays, low, live);
+                let near = beam.meets(self.rays, low, live);
                 if near != 0 {
                     let brick = Brick::of(l, self.view, number, beam.mirror);
                     candidates |= self.rays_of_brick(beam, &brick, low, near, &mut live, unit);
@@ -149,16 +139,16 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
             let ray = near.trailing_zeros() as usize % RAYS;
             near &= near.wrapping_sub(1);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
-            let mut boxes = brick.boxes & beam.pierced_by(&self.scratch.rays, ray, low);
+            let mut boxes = brick.boxes & beam.pierced_by(self.rays, ray, low);
             while boxes != 0 {
                 let v = boxes.trailing_zeros();
                 let first = *first.get_or_insert_with(|| brick.first(self.view));
                 let number = first.wrapping_add(brick.before(v));
                 let at = place(v);
                 if S::SOLID {
-                    self.scratch.number[ray] = number;
+                    self.hits.number[ray] = number;
                     for a in 0..3 {
-                        self.scratch.low[a][ray] = f64::from((low[a] | at[a]).wrapping_shl(unit));
+                        self.hits.low[a][ray] = f64::from((low[a] | at[a]).wrapping_shl(unit));
                     }
                     met |= 1 << ray;
                     break;
@@ -205,21 +195,10 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
             }
             let (x, y) = (self.tile.corner.0, self.tile.corner.1 + y);
             let row = self.sight.row(l, (x, y));
-            let low: [&[f64; DOUBLES]; 3] =
-                std::array::from_fn(|a| &self.scratch.low[a].as_chunks().0[first / TILE]);
+            let low: [&[f64; DOUBLES]; 3] = each3!(A => &self.hits.low[A].as_chunks().0[first / TILE]);
             let entries = entries(l, &row, mirror, depth, unit, low);
             failed |= u64::from(row_candidates & !entries.proved) << first;
-            self.hits.set_row(first, row_candidates & entries.proved, &entries, mirror);
-            let last = 1_u32.wrapping_shl(depth).wrapping_sub(1_u32.wrapping_shl(unit));
-            for i in 0..DOUBLES {
-                let ray = first + i;
-                self.hits.number[ray] = self.scratch.number[ray];
-                for a in 0..3 {
-                    let cell = self.scratch.low[a][ray] as u32;
-                    self.hits.cell[a][ray] =
-                        if mirror >> a & 1 == 1 { last.wrapping_sub(cell) } else { cell };
-                }
-            }
+            self.hits.set_row(first, row_candidates & entries.proved, &entries);
         }
         failed
     }
