@@ -193,6 +193,7 @@ fn code(codes: Option<&[[u8; 2]]>, at: u64) -> Option<u16> {
     codes?.get(usize::try_from(at).ok()?).map(|c| u16::from_le_bytes(*c))
 }
 
+// Always inlined: a traversal compiled for more instructions would else call these without them.
 impl NodeView for ModelView<'_> {
     fn depth(&self) -> u32 {
         self.depth
@@ -206,12 +207,12 @@ impl NodeView for ModelView<'_> {
         self.voxels
     }
 
-    #[inline]
+    #[inline(always)]
     fn infobyte(&self, node: u64) -> u8 {
         usize::try_from(node).ok().and_then(|at| self.nodes.get(at)).copied().unwrap_or(0)
     }
 
-    #[inline]
+    #[inline(always)]
     fn infobytes(&self, node: u64) -> u64 {
         let rest = usize::try_from(node).ok().and_then(|at| self.nodes.get(at..)).unwrap_or(&[]);
         match rest.first_chunk() {
@@ -220,7 +221,7 @@ impl NodeView for ModelView<'_> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn first_child(&self, node: u64) -> u64 {
         // A directory of wrong bytes may say anything; held to the boxes there are, sums cannot overflow.
         rank::rank(self.nodes, self.rank, node).min(self.boxes) + 1

@@ -134,7 +134,7 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
     ) -> u64 {
         let mut near = near;
         let mut met = 0_u64;
-        let mut first = None;
+        let (mut first, mut ranked) = (0, false);
         while near != 0 {
             let ray = near.trailing_zeros() as usize % RAYS;
             near &= near.wrapping_sub(1);
@@ -142,7 +142,9 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
             let mut boxes = brick.boxes & beam.pierced_by(self.rays, ray, low);
             while boxes != 0 {
                 let v = boxes.trailing_zeros();
-                let first = *first.get_or_insert_with(|| brick.first(self.view));
+                if !ranked {
+                    (first, ranked) = (brick.first(self.view), true);
+                }
                 let number = first.wrapping_add(brick.before(v));
                 let at = place(v);
                 if S::SOLID {
