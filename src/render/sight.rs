@@ -15,6 +15,8 @@ pub struct Sight<'a> {
     camera: &'a Camera,
     width: f64,
     height: f64,
+    /// The rays as affine functions of the pixel, if those are close enough.
+    pencil: Option<Pencil>,
 }
 
 /// Rays in grid space as affine functions of the pixel (x, y): not the exact rays, but within 2^-16 cell of
@@ -50,10 +52,47 @@ const MOST_CANCELLED: f64 = 1024.0;
 /// Exponents of directions that rows are made for: scaling by 2^400 at once or in two steps is the same.
 const MOST_EXPONENT: i64 = 400;
 
+impl Pencil {
+    /// Of a picture of this size; `None` where rounding, here or in the exact rays, could move a ray by
+    /// more than 2^-16 cell within the grid.
+    fn new(space: &GridSpace, camera: &Camera, width: f64, height: f64) -> Option<Self> {
+        let frame = camera.frame();
+        let matrix = &space.world_to_grid().rows;
+        let first = (1.0 / width - 1.0, 1.0 - 1.0 / height);
+        let step = (2.0 / width, -2.0 / height);
+        let in_grid = |v: [f64; 3]| matrix.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2]);
+        let affine = |[constant, across, along]: [[f64; 3]; 3]| {
+            let at = std::array::from_fn(|i| constant[i] + first.0 * across[i] + first.1 * along[i]);
+            [in_grid(at), in_grid(across).map(|c| c * step.0), in_grid(along).map(|c| c * step.1)]
+        };
+        // The greatest sum of sizes that a coordinate is made of, wherever in the picture.
+        let summed = |vectors: [[f64; 3]; 3]| {
+            let size: [f64; 3] = std::array::from_fn(|i| vectors.iter().map(|v| v[i].abs()).sum());
+            matrix.map(|r| r[0].abs() * size[0] + r[1].abs() * size[1] + r[2].abs() * size[2])
+        };
+        let (mut origin, direction) = (affine(frame.origin), affine(frame.direction));
+        let most = summed(frame.origin)
+            .iter()
+            .zip(matrix)
+            .fold(0.0_f64, |most, (sum, r)| most.max(sum + r[3].abs()));
+        let most_direction = summed(frame.direction).iter().fold(0.0_f64, |most, sum| most.max(*sum));
+        // In the middle of the picture, where all of a perspective camera's rays are about as long.
+        let longest = in_grid(frame.direction[0]).iter().fold(0.0_f64, |most, c| most.max(c.abs()));
+        if !(most <= MOST_CELLS && most_direction <= MOST_CANCELLED * longest) {
+            return None;
+        }
+        for a in 0..3 {
+            origin[0][a] += matrix[a][3];
+        }
+        Some(Self { origin, direction })
+    }
+}
+
 impl<'a> Sight<'a> {
     /// The lines of sight of a camera through a picture of this size in pixels.
     pub fn new(space: &'a GridSpace, camera: &'a Camera, width: u32, height: u32) -> Self {
-        Self { space, camera, width: f64::from(width), height: f64::from(height) }
+        let (width, height) = (f64::from(width), f64::from(height));
+        Self { space, camera, width, height, pencil: Pencil::new(space, camera, width, height) }
     }
 
     /// The place that the rays run in.
@@ -78,49 +117,16 @@ impl<'a> Sight<'a> {
 
     /// The rays as affine functions of the pixel counted from `corner`; `None` where that would not be
     /// close enough to the exact rays.
+    #[inline(always)]
     pub(super) fn pencil(&self, corner: (usize, usize)) -> Option<Pencil> {
-        let frame = self.camera.frame();
-        let step = (2.0 / self.width, -2.0 / self.height);
-        let first = (
-            (2.0 * (corner.0 as f64 + 0.5) - self.width) / self.width,
-            (self.height - 2.0 * (corner.1 as f64 + 0.5)) / self.height,
-        );
-        let matrix = &self.space.world_to_grid().rows;
-        let at = |[constant, across, along]: [[f64; 3]; 3]| {
-            std::array::from_fn(|i| constant[i] + first.0 * across[i] + first.1 * along[i])
-        };
-        let vector = |v: [f64; 3]| matrix.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2]);
-        let origin = vector(at(frame.origin));
-        let most: f64 = matrix
-            .iter()
-            .map(|r| {
-                let sum: f64 =
-                    (0..3).map(|i| r[i].abs() * frame.origin.iter().map(|v| v[i].abs()).sum::<f64>()).sum();
-                sum + r[3].abs()
-            })
-            .fold(0.0, f64::max);
-        let direction = vector(at(frame.direction));
-        let longest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let summed = matrix
-            .iter()
-            .map(|r| {
-                (0..3)
-                    .map(|i| r[i].abs() * frame.direction.iter().map(|v| v[i].abs()).sum::<f64>())
-                    .sum::<f64>()
-            })
-            .fold(0.0, f64::max);
-        let close = most <= MOST_CELLS && summed <= MOST_CANCELLED * longest && summed.is_finite();
-        let changes = |v: [f64; 3], by: f64| vector(v).map(|c| c * by);
-        let [_, across_o, along_o] = frame.origin;
-        let [_, across_d, along_d] = frame.direction;
-        close.then(|| Pencil {
-            origin: [
-                std::array::from_fn(|a| origin[a] + matrix[a][3]),
-                changes(across_o, step.0),
-                changes(along_o, step.1),
-            ],
-            direction: [direction, changes(across_d, step.0), changes(along_d, step.1)],
-        })
+        let (x, y) = (corner.0 as f64, corner.1 as f64);
+        let mut pencil = self.pencil?;
+        for rays in [&mut pencil.origin, &mut pencil.direction] {
+            for a in 0..3 {
+                rays[0][a] += x * rays[1][a] + y * rays[2][a];
+            }
+        }
+        Some(pencil)
     }
 
     /// The rays of eight pixels of a row from (x, y) on.

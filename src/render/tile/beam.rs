@@ -63,6 +63,16 @@ impl Rays {
     }
 }
 
+/// Least and greatest of an affine function of the pixel, by axis.
+#[inline(always)]
+fn extremes(v: &[[f64; 3]; 3]) -> [(f64, f64); 3] {
+    let last = (TILE - 1) as f64;
+    each3!(A => {
+        let (x, y) = (v[1][A] * last, v[2][A] * last);
+        (v[0][A] + x.min(0.0) + y.min(0.0), v[0][A] + x.max(0.0) + y.max(0.0))
+    })
+}
+
 /// The lanes of `block`.
 #[inline(always)]
 fn block(values: &[f32; RAYS], block: usize) -> &[f32; SINGLES] {
@@ -81,18 +91,10 @@ impl<L: Lanes> Beam<L> {
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
     pub(super) fn new(l: L, pencil: &Pencil, depth: u32, unit: u32, rays: &mut Rays) -> Option<Self> {
-        let last = (TILE - 1) as f64;
         let size = f64::from(1_u32.wrapping_shl(depth - unit));
         let per_unit = 1.0 / f64::from(1_u32.wrapping_shl(unit));
-        let at = |v: &[[f64; 3]; 3], a: usize, x: f64, y: f64| v[0][a] + x * v[1][a] + y * v[2][a];
-        let corners = [(0.0, 0.0), (last, 0.0), (0.0, last), (last, last)];
-        let extremes = |v: &[[f64; 3]; 3], a: usize| {
-            corners.iter().map(|(x, y)| at(v, a, *x, *y)).fold((f64::MAX, f64::MIN), |(low, high), c| {
-                (if c < low { c } else { low }, if c > high { c } else { high })
-            })
-        };
         let (mut origin, mut direction) = (pencil.origin, pencil.direction);
-        let range: [(f64, f64); 3] = std::array::from_fn(|a| extremes(&direction, a));
+        let range: [(f64, f64); 3] = extremes(&direction);
         let longest = range.iter().fold(0.0_f64, |m, r| m.max(r.1).max(-r.0));
         // Of every ray some component is at least this long.
         let shortest = range.iter().fold(0.0_f64, |m, r| m.max(r.0).max(-r.1));
@@ -130,7 +132,7 @@ impl<L: Lanes> Beam<L> {
         let slack = SLACK + (8.0 + 14.0 * change) as f32 * (1.0 / 2_097_152.0);
 
         let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
-        let range: [(f64, f64); 3] = std::array::from_fn(|a| extremes(&direction, a));
+        let range: [(f64, f64); 3] = extremes(&direction);
         let middle = range.map(|(low, high)| ((low + high) / 2.0) as f32);
         let radius = range.map(|(low, high)| ((high - low) / 2.0) as f32);
         let greatest = range.map(|(_, high)| high as f32);
@@ -157,7 +159,7 @@ impl<L: Lanes> Beam<L> {
                 l.f_store((da + db) * l.f(0.5) + l.f(slack), block_mut(out, i));
             }
         }
-        let origins: [(f64, f64); 3] = std::array::from_fn(|a| extremes(&origin, a));
+        let origins: [(f64, f64); 3] = extremes(&origin);
         // A ray that comes from outside the grid along some axis has nothing behind it in the grid.
         let starts_inside = (0..3).all(|a| still[a] || origins[a].1 > 0.0);
         Some(Self {
