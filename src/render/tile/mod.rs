@@ -1,4 +1,47 @@
 //! Primary rays: 8 x 8 neighbours walk the octree together.
+//!
+//! ```text
+//! Sight --Pencil--> Beam: nodes, two levels at a time, over-estimated for all 64 rays at once
+//!   |                 |  brick of 4 x 4 x 4 finest boxes
+//!   |                 v
+//!   |               which rays come near it; for each, which boxes its line pierces
+//!   |                 |  lowest occupied one: a candidate
+//!   '-----Row-------> prove: eight exact rays decide in integers --> TileHits
+//!                     |  not proved, or no beam: one ray alone (`single`)
+//! ```
+//!
+//! 1. **Two levels at once.** [`super::occupancy`] gives the 4 x 4 x 4 boxes below a node as 64 bits.
+//! 2. **Order for free.** In mirrored coordinates no ray runs backwards, so Morton order is front to back for
+//!    all of them, and the first hit is the lowest set bit of pierced and occupied.
+//! 3. **Pierced boxes by three projections.** Three intervals on a line have a point in common if every two
+//!    have; so a line pierces a box if and only if it does so in the projections onto xy, xz and yz. Each is
+//!    a plane of 16 cells: one comparison of 16 lanes, extruded along the third axis to 64 bits.
+//! 4. **Estimates are wide, the decision is exact.** Nodes are estimated for the whole beam with singles that
+//!    start from doubles in the node; a slack of 2^-12 box (more where a pixel covers many boxes) covers their
+//!    rounding and that of the rays. What is left is decided once a ray in integers.
+//! 5. **Alone** go the rays of a tile in which an axis changes its sign, of one that has looked at more than
+//!    1024 bricks, and those whose candidate was not entered after all.
+//!
+//! The volume's box needs no test: a beam descends into occupied boxes only, so air beside a flat volume
+//! costs nothing.
+//!
+//! # What was tried
+//!
+//! One thread, AVX2, 1024^2 pixels, on two virtual cores (Zen 3) that other work shared: only the two sides
+//! of a line were measured in turns.
+//!
+//! | step | effect |
+//! |---|---|
+//! | vectors in closures, as `array::map` takes them, against loops and a macro | 3.6 -> 19 M rays/s (256^3): closures are inlined after their intrinsics, if at all, and every instruction is a call |
+//! | candidates, cells and faces written once, worked out when read | 14 % less time (1024^3) |
+//! | ranks and infobytes always inlined | about 20 % less: the call had no population count, and all registers were saved around it |
+//! | the next brick fetched while rays are compared with one | 2 to 9 % more time: ranks of bricks that no living ray is near; dropped |
+//! | fused multiply-add | not used: without it every form gives the same bits, steps included |
+//!
+//! A tile of that picture compares 12 bricks with its beam (9 of them have a ray near), its rays with 81
+//! bricks (2.5 a hit), opens 9 inner nodes and proves 4 rows of 8. Time goes to: rays against bricks 20 %,
+//! infobytes and ranks 20 %, exact rays and proof 16 %, beam against bricks and nodes 16 %, keeping
+//! candidates 10 %, setting up a tile 5 %.
 
 mod beam;
 mod prove;
