@@ -9,9 +9,12 @@ mod support;
 
 use infobyte::geom::Dims;
 use infobyte::load::{MemoryTree, NodeView};
+use infobyte::render::form::Form;
 use infobyte::render::ray::{BadRay, Ray};
 use infobyte::render::reference::{self, BitVolume};
 use infobyte::render::selfcheck::{Mismatches, Random, mismatches, random_ray};
+use infobyte::render::single;
+use infobyte::render::surface::Skin;
 use infobyte::render::traverse::{Hit, first_hit, first_hit_sealed, step_limit};
 use support::{Scene, Symmetry, in_ball, in_gyroid, in_torus, noise, plane};
 
@@ -56,6 +59,15 @@ fn scenes() -> Vec<Scene> {
         scenes.push(noise(&format!("depth {depth}"), [n; 3], 2.0 / f64::from(n), u64::from(depth) + 50));
     }
     scenes
+}
+
+/// The sealed hit of a ray, which every form of the traversal must have, too.
+fn sealed_hit<V: NodeView>(view: &V, ray: &Ray, lod_edge_log2: u32) -> Option<Hit> {
+    let want = first_hit_sealed(view, ray, lod_edge_log2).hit;
+    for form in Form::available() {
+        assert_eq!(single::trace(form, view, &Skin, ray, lod_edge_log2).hit, want, "{form:?} {ray:?}");
+    }
+    want
 }
 
 /// Rays per scene from the environment, for longer runs than a test should take.
@@ -311,7 +323,7 @@ fn hard_cases_hit_the_expected_voxel_under_all_symmetries() {
                         .map(|h| (h.cell, h.face));
                     assert_eq!(got, walked, "{label}");
                     assert_eq!(got, slabs, "{label}");
-                    let sealed = first_hit_sealed(&turned.tree, &ray, 0).hit.map(|h| h.cell);
+                    let sealed = sealed_hit(&turned.tree, &ray, 0).map(|h| h.cell);
                     let want = reference::walk(&turned.bits, &ray, true, |_| {}).map(|h| h.cell);
                     assert_eq!(sealed, want, "{label}, sealed");
                     compared += 1;
@@ -395,6 +407,7 @@ fn random_rays_turn_with_the_scene() {
             let direction = [0; 3].map(|_| random.range(-1.0, 1.0));
             let hit = |scene: &Scene, o, d| {
                 let ray = Ray::new(5, o, d, 0.0).unwrap()?;
+                sealed_hit(&scene.tree, &ray, 0);
                 first_hit(&scene.tree, &ray, 0).hit.map(|h| (h.cell, h.t))
             };
             let straight = hit(&scene, origin, direction).map(|(c, t)| (symmetry.cell(c, 32), t));
@@ -435,7 +448,7 @@ fn passes(scene: &Scene, inside: impl Fn([u32; 3]) -> bool, rays: u32, seed: u64
         let ray = Ray::new(scene.tree.depth(), origin, direction, 0.0).unwrap().expect("aims at the grid");
         // Exactly tied rays are the sealed walk's affair; on all others both must stop.
         let stops = |hit: Option<Hit>| hit.is_some_and(|hit| hit.t < 1.0);
-        let sealed = stops(first_hit_sealed(&scene.tree, &ray, 0).hit);
+        let sealed = stops(sealed_hit(&scene.tree, &ray, 0));
         passed += u32::from(!sealed || (!on_lattice && !stops(first_hit(&scene.tree, &ray, 0).hit)));
     }
     passed
@@ -472,7 +485,7 @@ fn an_edge_between_two_voxels_is_open_by_definition_and_sealed_for_pictures() {
     let scene = Scene::new("two voxels", [8; 3], vec![[3, 2, 4], [2, 3, 4]]);
     let ray = Ray::new(3, [2.0, 2.0, 4.5], [1.0, 1.0, 0.0], 0.0).unwrap().unwrap();
     assert_eq!(first_hit(&scene.tree, &ray, 0).hit, None);
-    let hit = first_hit_sealed(&scene.tree, &ray, 0).hit.unwrap();
+    let hit = sealed_hit(&scene.tree, &ray, 0).unwrap();
     assert_eq!((hit.cell, hit.t), ([3, 2, 4], 1.0));
     // One unit of 2^-16 beside the edge both definitions agree.
     let ray = Ray::new(3, [2.0, 2.0 + 1.0 / 65536.0, 4.5], [1.0, 1.0, 0.0], 0.0).unwrap().unwrap();
@@ -498,6 +511,7 @@ fn level_of_detail_stops_at_the_first_non_empty_node() {
                 }
             });
             let hit = first_hit(&scene.tree, &ray, k).hit;
+            sealed_hit(&scene.tree, &ray, k);
             assert_eq!(hit.map(|h| h.cell.map(|v| v >> k)), first, "{k} {ray:?}");
             assert!(hit.is_none_or(|h| h.edge_log2 == k && h.voxel(&scene.tree).is_some() == (k == 0)));
         }
@@ -539,6 +553,9 @@ fn damaged_trees_neither_panic_nor_hold_a_ray() {
         for depth in [0, 1, 5, 9, 16] {
             if let Some(ray) = random_ray(&mut random, depth) {
                 assert!(first_hit(&Garbage(seed), &ray, 0).steps <= step_limit(depth));
+                for form in Form::available() {
+                    let _ = single::trace(form, &Garbage(seed), &Skin, &ray, 0);
+                }
             }
         }
     }
@@ -564,6 +581,7 @@ fn the_deepest_grid_is_walked_exactly() {
         let direction = std::array::from_fn(|a| goal[a] - origin[a]);
         let Some(ray) = Ray::new(16, origin, direction, 0.0).unwrap() else { continue };
         let trace = first_hit(&tree, &ray, 0);
+        sealed_hit(&tree, &ray, 0);
         let want = reference::nearest_by_slabs(cells.iter().copied(), &ray);
         assert_eq!(trace.hit.map(|h| (h.cell, h.face)), want.map(|h| (h.cell, h.face)), "{ray:?}");
         hits += u32::from(want.is_some());

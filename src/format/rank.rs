@@ -52,7 +52,9 @@ impl RankBuilder {
 }
 
 /// Set bits in `infobytes[..node]`, by the directory. Any bytes are safe: what lies outside counts 0.
-#[inline]
+///
+/// Always inlined, so that a caller compiled with population count has it here, too.
+#[inline(always)]
 pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
     let supers = infobytes.len().div_ceil(SUPER) * 8;
     let Ok(at) = usize::try_from(node) else { return 0 };
@@ -67,18 +69,17 @@ pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
 }
 
 /// Set bits in the infobytes of `at`'s block before `at`.
-#[inline]
+#[inline(always)]
 fn partial_block(infobytes: &[u8], at: usize) -> u64 {
     let start = at & !(BLOCK - 1);
     let within = at - start;
     if let Some(block) = infobytes.get(start..).and_then(|rest| rest.first_chunk::<BLOCK>()) {
-        let word = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| block[8 * i + k]));
         let mut ones = 0;
-        for i in 0..4 {
+        for (i, word) in block.as_chunks::<8>().0.iter().enumerate() {
             // Bits of word i that lie before `within`: all, some or none, without a branch.
             let bits = (8 * within).saturating_sub(64 * i).min(64);
             let mask = if bits == 64 { u64::MAX } else { (1 << bits) - 1 };
-            ones += u64::from((word(i) & mask).count_ones());
+            ones += u64::from((u64::from_le_bytes(*word) & mask).count_ones());
         }
         return ones;
     }

@@ -227,6 +227,7 @@ fn code(codes: Option<&[[u8; 2]]>, at: u64) -> Option<u16> {
     codes?.get(usize::try_from(at).ok()?).map(|c| u16::from_le_bytes(*c))
 }
 
+// Always inlined: a traversal compiled for more instructions would else call these without them.
 impl NodeView for ModelView<'_> {
     fn depth(&self) -> u32 {
         self.depth
@@ -240,12 +241,21 @@ impl NodeView for ModelView<'_> {
         self.voxels
     }
 
-    #[inline]
+    #[inline(always)]
     fn infobyte(&self, node: u64) -> u8 {
         usize::try_from(node).ok().and_then(|at| self.nodes.get(at)).copied().unwrap_or(0)
     }
 
-    #[inline]
+    #[inline(always)]
+    fn infobytes(&self, node: u64) -> u64 {
+        let rest = usize::try_from(node).ok().and_then(|at| self.nodes.get(at..)).unwrap_or(&[]);
+        match rest.first_chunk() {
+            Some(bytes) => u64::from_le_bytes(*bytes),
+            None => rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
+        }
+    }
+
+    #[inline(always)]
     fn first_child(&self, node: u64) -> u64 {
         // A directory of wrong bytes may say anything; held to the boxes there are, sums cannot overflow.
         rank::rank(self.nodes, self.rank, node).min(self.boxes) + 1
@@ -278,6 +288,11 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     #[inline]
     fn infobyte(&self, node: u64) -> u8 {
         self.view().infobyte(node)
+    }
+
+    #[inline]
+    fn infobytes(&self, node: u64) -> u64 {
+        self.view().infobytes(node)
     }
 
     #[inline]

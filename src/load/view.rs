@@ -17,6 +17,12 @@ pub trait NodeView: Sync {
     /// Infobyte of a node.
     fn infobyte(&self, node: u64) -> u8;
 
+    /// Infobytes of the eight nodes from `node` on, the first in the lowest byte.
+    #[inline]
+    fn infobytes(&self, node: u64) -> u64 {
+        (0..8).fold(0, |word, i| word | u64::from(self.infobyte(node.wrapping_add(i))) << (8 * i))
+    }
+
     /// Box number of the first child of a node.
     fn first_child(&self, node: u64) -> u64;
 

@@ -248,6 +248,26 @@ impl Camera {
         }
     }
 
+    /// The formula of [`Camera::ray`] as numbers.
+    pub(super) fn frame(&self) -> Frame {
+        let sides = [self.right.map(|c| c * self.half_width), self.up.map(|c| c * self.half_height)];
+        let parallel = self.projection == Projection::Parallel;
+        let (of_origin, of_direction) =
+            if parallel { (sides, [[0.0; 3]; 2]) } else { ([[0.0; 3]; 2], sides) };
+        Frame {
+            parallel,
+            origin: [self.eye, of_origin[0], of_origin[1]],
+            direction: [self.forward, of_direction[0], of_direction[1]],
+            unit_right: self.right,
+            unit_up: self.up,
+        }
+    }
+
+    /// Half the picture's width and height, as [`Camera::ray`] scales its point.
+    pub(super) fn half_sides(&self) -> (f64, f64) {
+        (self.half_width, self.half_height)
+    }
+
     /// Height in mm of a pixel at a depth, for a picture `height` pixels high.
     pub fn pixel_mm(&self, height: u32, depth_mm: f64) -> f64 {
         let per_pixel = 2.0 * self.half_height / f64::from(height);
@@ -263,6 +283,17 @@ impl Camera {
         let near = (-support(self.forward.map(|c| -c)) - at).max(0.0);
         (near, (support(self.forward) - at).max(near))
     }
+}
+
+/// Rays as affine functions of the picture point (x, y): each is a constant, its change with x, and with y.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    /// Does the origin change, and not the direction?
+    pub(super) parallel: bool,
+    pub(super) origin: [[f64; 3]; 3],
+    pub(super) direction: [[f64; 3]; 3],
+    pub(super) unit_right: [f64; 3],
+    pub(super) unit_up: [f64; 3],
 }
 
 /// Three unit vectors at right angles.

@@ -1,13 +1,19 @@
 //! Pictures: camera, the one traversal kernel, shading, image files.
 //!
 //! ```text
-//! Camera --world ray--> GridSpace --Ray (integers)--> traverse --Hit--> shade --> Image --> PNG
+//! Camera + GridSpace --> Sight --rays (integers)--> tile, single --Hit--> shade --> Image --> PNG
 //! ```
 //!
 //! | module | what it owns |
 //! |---|---|
 //! | [`ray`] | quantised rays: the only place where a ray is rounded |
-//! | [`traverse`] | the one traversal, over any [`crate::load::NodeView`] |
+//! | [`traverse`] | what a first hit is, and the oracle: the plain walk over any [`crate::load::NodeView`] |
+//! | [`tile`] | the traversal of pictures: 8 x 8 rays together |
+//! | [`single`] | the same for one ray alone |
+//! | [`surface`] | the last decision: is this box a hit |
+//! | [`form`] | portable, AVX2 or AVX-512; `lanes` and `lanes_x86` are their arithmetic |
+//! | `occupancy`, `pierce` | two levels of the octree at once; whether a ray passes through a box, exactly |
+//! | [`sight`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
@@ -15,13 +21,23 @@
 
 pub mod camera;
 mod error;
+pub mod form;
 pub mod image;
+mod lanes;
+#[cfg(target_arch = "x86_64")]
+mod lanes_x86;
+mod occupancy;
 pub mod picture;
+mod pierce;
 pub mod ray;
 pub mod reference;
 pub mod selfcheck;
 pub mod shade;
+pub mod sight;
+pub mod single;
 pub mod space;
+pub mod surface;
+pub mod tile;
 pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};

@@ -7,20 +7,20 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::cpu::{Isa, Kernel, dispatch};
 use crate::format::normal;
 use crate::load::NodeView;
 
+use super::form::Form;
 use super::image::Image;
 use super::ray::Face;
 use super::shade::Shader;
+use super::sight::Sight;
+use super::single;
 use super::space::GridSpace;
-use super::traverse::{Trace, first_hit_sealed};
+use super::surface::Skin;
+use super::tile::{RAYS as TILE_PIXELS, TILE, Tile, Tracer};
+use super::traverse::Trace;
 use super::{Camera, RenderError};
-
-/// Side of a tile in pixels: neighbouring rays share cache lines of the octree.
-const TILE: usize = 16;
-const TILE_PIXELS: usize = TILE * TILE;
 
 /// Pixels traced between two shading passes; bounds the memory for hits to 4 MiB, or a row of tiles.
 const BAND_PIXELS: usize = 1 << 18;
@@ -58,9 +58,9 @@ pub struct Counts {
     pub rays: u64,
     /// Rays that hit.
     pub hits: u64,
-    /// Traversal steps of all rays.
+    /// Bricks of 4 x 4 x 4 boxes that rays were compared with.
     pub steps: u64,
-    /// Steps of the longest.
+    /// Most of one ray.
     pub max_steps: u32,
     /// Wall time of tracing.
     pub trace: Duration,
@@ -162,39 +162,10 @@ fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
 /// Everything that a pixel's worker reads.
 struct Painter<'a, V> {
     view: &'a V,
-    space: &'a GridSpace,
-    camera: &'a Camera,
+    sight: Sight<'a>,
+    form: Form,
     canvas: Canvas,
     shader: Shader,
-}
-
-/// The rays of one tile: compiled with population count and friends where the machine has them.
-struct TileKernel<'a, 'b, V> {
-    painter: &'a Painter<'b, V>,
-    seen: &'a mut [Seen],
-    /// Pixel of the tile's top left corner.
-    corner: (usize, usize),
-    /// Pixels of the tile that lie in the picture.
-    limits: (usize, usize),
-}
-
-impl<V: NodeView> Kernel for TileKernel<'_, '_, V> {
-    type Output = Counts;
-
-    #[inline(always)]
-    fn run(self, _: impl Isa) -> Counts {
-        let mut counts = Counts::default();
-        for (i, pixel) in self.seen.iter_mut().enumerate() {
-            let (x, y) = (i % TILE, i / TILE);
-            if x < self.limits.0 && y < self.limits.1 {
-                let (x, y) = (self.corner.0 + x, self.corner.1 + y);
-                let trace = self.painter.trace(x as f64 + 0.5, y as f64 + 0.5);
-                counts = counts.add(&trace);
-                *pixel = Seen::new(&trace);
-            }
-        }
-        counts
-    }
 }
 
 /// Bytes that [`paint`] takes for a picture of this size with smooth edges, beside the model: the picture,
@@ -218,7 +189,8 @@ pub fn paint<V: NodeView>(
     canvas: Canvas,
 ) -> Result<(Image, Counts), RenderError> {
     check_size(canvas.width, canvas.height)?;
-    let painter = Painter { view, space, camera, canvas, shader: Shader::new() };
+    let sight = Sight::new(space, camera, canvas.width, canvas.height);
+    let painter = Painter { view, sight, form: Form::best(), canvas, shader: Shader::new() };
     Ok(pool(canvas.threads)?.install(|| painter.paint()))
 }
 
@@ -259,13 +231,37 @@ impl<V: NodeView> Painter<'_, V> {
         let mut counts = seen
             .par_chunks_mut(TILE_PIXELS)
             .enumerate()
-            .map(|(tile, seen)| {
-                let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
-                let limits = (width.saturating_sub(left), rows.saturating_sub(above));
-                dispatch(TileKernel { painter: self, seen, corner: (left, top + above), limits })
-            })
+            .map_init(
+                || Tracer::new(self.form),
+                |tracer, (tile, seen)| {
+                    let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
+                    let limits = (width.saturating_sub(left), rows.saturating_sub(above));
+                    self.trace_tile(tracer, seen, (left, top + above), limits)
+                },
+            )
             .reduce(Counts::default, Counts::plus);
         counts.trace = start.elapsed();
+        counts
+    }
+
+    /// Traces one tile; `limits` are its columns and rows that lie in the picture.
+    fn trace_tile(
+        &self,
+        tracer: &mut Tracer,
+        seen: &mut [Seen],
+        corner: (usize, usize),
+        limits: (usize, usize),
+    ) -> Counts {
+        let tile = Tile { corner, limits, lod_edge_log2: self.canvas.lod_edge_log2 };
+        let hits = tracer.trace(self.view, &Skin, &self.sight, tile);
+        let mut counts = Counts::default();
+        for (ray, pixel) in seen.iter_mut().enumerate() {
+            if ray % TILE < limits.0 && ray / TILE < limits.1 {
+                let trace = Trace { hit: hits.hit(ray), steps: hits.steps(ray) };
+                counts = counts.add(&trace);
+                *pixel = Seen::new(&trace);
+            }
+        }
         counts
     }
 
@@ -277,7 +273,7 @@ impl<V: NodeView> Painter<'_, V> {
             let (out, _) = row.as_chunks_mut::<4>();
             for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                 if pixel.is_hit() {
-                    let sight = self.sight(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
+                    let sight = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
                     let [r, g, b] = self.light(pixel, sight).map(|c| self.shader.encode(c));
                     *out = [r, g, b, 255];
                 }
@@ -300,7 +296,7 @@ impl<V: NodeView> Painter<'_, V> {
                 let (out, _) = row.as_chunks_mut::<3>();
                 for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                     if pixel.is_hit() {
-                        let sight = self.sight(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
+                        let sight = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
                         *out = self.normal(pixel, sight).map(code);
                     }
                 }
@@ -344,7 +340,7 @@ impl<V: NodeView> Painter<'_, V> {
                     let seen = Seen::new(&trace);
                     if seen.is_hit() {
                         hits += 1;
-                        let light = self.light(seen, self.sight(x + dx, y + dy).1);
+                        let light = self.light(seen, self.sight.line(x + dx, y + dy).1);
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -365,21 +361,11 @@ impl<V: NodeView> Painter<'_, V> {
         counts
     }
 
-    /// Line of sight through a point of the picture in pixels from its top left corner.
-    #[inline]
-    fn sight(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
-        let (width, height) = (f64::from(self.canvas.width), f64::from(self.canvas.height));
-        self.camera.ray((2.0 * x - width) / width, (height - 2.0 * y) / height)
-    }
-
-    #[inline(always)]
+    /// Traces the ray through a point of the picture alone.
     fn trace(&self, x: f64, y: f64) -> Trace {
-        let (origin, direction) = self.sight(x, y);
-        // A camera's rays are finite and have a direction; one that overflows in the grid sees nothing.
-        match self.space.ray(origin, direction) {
-            Ok(Some(ray)) => first_hit_sealed(self.view, &ray, self.canvas.lod_edge_log2),
-            Ok(None) | Err(_) => Trace { hit: None, steps: 0 },
-        }
+        let ray = self.sight.ray(x, y);
+        let alone = |ray| single::trace(self.form, self.view, &Skin, &ray, self.canvas.lod_edge_log2);
+        ray.map_or(Trace { hit: None, steps: 0 }, alone)
     }
 
     fn light(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
@@ -405,6 +391,6 @@ impl<V: NodeView> Painter<'_, V> {
                 return sight.map(|c| -c / length);
             }
         };
-        self.space.normal_to_world(box_frame)
+        self.sight.space().normal_to_world(box_frame)
     }
 }

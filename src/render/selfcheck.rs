@@ -1,10 +1,16 @@
 //! The traversal against the reference on many random rays, for tests and for users who want to see it.
 
+use crate::geom::{Affine, Dims};
 use crate::load::NodeView;
 
-use super::ray::Ray;
+use super::form::Form;
+use super::ray::{MAX_DEPTH, Ray};
 use super::reference::{self, BitVolume};
+use super::sight::Sight;
+use super::surface::Skin;
+use super::tile::{RAYS, TILE, Tile, Tracer};
 use super::traverse::{first_hit, first_hit_sealed, step_limit};
+use super::{Camera, GridSpace, Projection, ViewPoint, single};
 
 /// Counts of a comparison; all mismatch counts are 0 for a sound build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -25,6 +31,10 @@ pub struct Mismatches {
     pub inconsistent: u64,
     /// Rays whose sealed hit is not the voxel of the sealed reference walk.
     pub sealed: u64,
+    /// Rays, alone and in tiles, whose hit in some form of the traversal is not the sealed one.
+    pub forms: u64,
+    /// Rays traced in tiles.
+    pub tile_rays: u64,
     /// Rays that took more steps than allowed.
     pub over_limit: u64,
     /// Steps of all rays, and of the longest.
@@ -37,7 +47,7 @@ impl Mismatches {
     /// All disagreements together.
     pub fn total(&self) -> u64 {
         let hits = self.voxel + self.face + self.false_hits + self.false_misses;
-        hits + self.inconsistent + self.sealed + self.over_limit
+        hits + self.inconsistent + self.sealed + self.forms + self.over_limit
     }
 
     /// Counts of both.
@@ -51,6 +61,8 @@ impl Mismatches {
             false_misses: self.false_misses + other.false_misses,
             inconsistent: self.inconsistent + other.inconsistent,
             sealed: self.sealed + other.sealed,
+            forms: self.forms + other.forms,
+            tile_rays: self.tile_rays + other.tile_rays,
             over_limit: self.over_limit + other.over_limit,
             steps: self.steps + other.steps,
             max_steps: self.max_steps.max(other.max_steps),
@@ -68,6 +80,9 @@ impl Mismatches {
         let sealed = first_hit_sealed(view, ray, 0);
         let want_sealed = reference::walk(volume, ray, true, |_| {});
         self.sealed += u64::from(sealed.hit.map(|h| h.cell) != want_sealed.map(|h| h.cell));
+        for form in Form::available() {
+            self.forms += u64::from(single::trace(form, view, &Skin, ray, 0).hit != sealed.hit);
+        }
         self.over_limit += u64::from(sealed.steps > step_limit(ray.depth()));
         self.over_limit += u64::from(trace.steps > step_limit(ray.depth()));
         match (trace.hit, want) {
@@ -82,6 +97,83 @@ impl Mismatches {
             }
         }
     }
+}
+
+impl Mismatches {
+    /// Compares a tile of a picture, in every form, with the sealed traversal of its rays.
+    pub fn compare_tile<V: NodeView>(&mut self, view: &V, sight: &Sight<'_>, tile: Tile) {
+        let want: [Option<_>; RAYS] = std::array::from_fn(|ray| {
+            let (x, y) = (ray % TILE, ray / TILE);
+            if x >= tile.limits.0 || y >= tile.limits.1 {
+                return None;
+            }
+            let ray = sight.ray((tile.corner.0 + x) as f64 + 0.5, (tile.corner.1 + y) as f64 + 0.5)?;
+            first_hit_sealed(view, &ray, tile.lod_edge_log2).hit
+        });
+        for form in Form::available() {
+            let mut tracer = Tracer::new(form);
+            let hits = tracer.trace(view, &Skin, sight, tile);
+            for (ray, want) in want.iter().enumerate() {
+                self.forms += u64::from(hits.hit(ray) != *want);
+            }
+        }
+        self.tile_rays += RAYS as u64;
+    }
+}
+
+/// A random picture of a grid of 2^depth cells, from outside or inside; one in four has its eye or its
+/// direction on a lattice, where ties happen. `None` for an impossible camera.
+fn random_picture(random: &mut Random, depth: u32) -> Option<(GridSpace, Camera, u32)> {
+    let side = 1_u32 << depth.min(MAX_DEPTH);
+    let spacing = if random.bits() & 3 == 0 { [1.0, 0.5, 3.0] } else { [1.0; 3] };
+    let space = GridSpace::new(Dims::new(side, side, side)?, &Affine::from_spacing(spacing)).ok()?;
+    let length = f64::from(side);
+    let kind = random.bits();
+    let (low, high) = if kind & 1 == 0 { (0.0, length) } else { (-1.5 * length, 2.5 * length) };
+    // A voxel's centre is a whole number in the world, so a grid plane is half a spacing beside.
+    let in_world = |p: [f64; 3]| std::array::from_fn(|a| (p[a] - 0.5) * spacing[a]);
+    let mut eye = [0.0; 3].map(|_: f64| random.range(low, high));
+    let goal = [0.0; 3].map(|_: f64| random.range(0.0, length));
+    let mut along: [f64; 3] = std::array::from_fn(|a| goal[a] - eye[a]);
+    match kind >> 1 & 15 {
+        0 => eye = eye.map(f64::round),
+        1 => along = along.map(|v| (v * 3.0 / length).round()),
+        2 => {
+            eye = eye.map(|v| (v * 2.0).round() / 2.0);
+            along = along.map(|v| (v * 2.0 / length).round());
+        }
+        3 => along[usize::from(kind & 32 > 0)] = 0.0,
+        _ => {}
+    }
+    let eye_world = in_world(eye);
+    let look_at = std::array::from_fn(|a| eye_world[a] + along[a] * spacing[a]);
+    let projection = if kind & 64 == 0 { Projection::Parallel } else { Projection::Perspective };
+    let point = ViewPoint::Free { eye: eye_world, look_at, up: None };
+    let camera = Camera::new(point, projection, random.range(0.5, 120.0), 1.0, |_| 0.0).ok()?;
+    let size = 8 + u32::try_from(kind >> 8 & 1023).unwrap_or(0);
+    Some((space, camera, size))
+}
+
+/// Compares tiles of random pictures in every form with the sealed traversal: about `rays` rays, each 1 to
+/// 64 tiles of a picture; the same seed gives the same tiles. Levels of detail are among them.
+pub fn tile_mismatches<V: NodeView>(view: &V, rays: u64, seed: u64) -> Mismatches {
+    let mut random = Random::new(seed ^ 0x7469_6c65);
+    let mut counts = Mismatches::default();
+    for _ in 0..rays.div_ceil(4 * RAYS as u64) {
+        let Some((space, camera, size)) = random_picture(&mut random, view.depth()) else { continue };
+        let sight = Sight::new(&space, &camera, size, size);
+        for _ in 0..4 {
+            let bits = random.bits();
+            let at = |bits: u64| usize::try_from(bits % u64::from(size)).unwrap_or(0) / TILE * TILE;
+            let corner = (at(bits & 0xffff), at(bits >> 16 & 0xffff));
+            let limits = (size as usize - corner.0, size as usize - corner.1);
+            let lod_edge_log2 =
+                if bits >> 32 & 7 == 0 { u32::try_from(bits >> 40 & 15).unwrap_or(0) } else { 0 };
+            let tile = Tile { corner, limits, lod_edge_log2: lod_edge_log2.min(view.depth()) };
+            counts.compare_tile(view, &sight, tile);
+        }
+    }
+    counts
 }
 
 /// Number of the voxel box at a cell, by descending from the root.
@@ -166,7 +258,8 @@ pub fn random_ray(random: &mut Random, depth: u32) -> Option<Ray> {
     Ray::new(depth, origin, direction, 0.0).ok().flatten()
 }
 
-/// Compares traversal and reference on `rays` random rays; the same seed gives the same rays.
+/// Compares traversal and reference on `rays` random rays, and a quarter as many in tiles; the same seed
+/// gives the same rays.
 ///
 /// Cost: about a microsecond per ray and 100 cells of side.
 pub fn mismatches<V: NodeView>(view: &V, volume: &BitVolume, rays: u64, seed: u64) -> Mismatches {
@@ -178,5 +271,5 @@ pub fn mismatches<V: NodeView>(view: &V, volume: &BitVolume, rays: u64, seed: u6
             None => counts.rays += 1,
         }
     }
-    counts
+    counts.plus(tile_mismatches(view, rays / 4, seed))
 }

@@ -52,6 +52,11 @@ impl GridSpace {
         self.dims
     }
 
+    /// World (LPS mm) to grid.
+    pub(super) fn world_to_grid(&self) -> &Affine {
+        &self.world_to_grid
+    }
+
     /// Longest edge of a voxel in mm.
     pub fn largest_spacing_mm(&self) -> f64 {
         self.spacing_mm.iter().fold(0.0, |m: f64, s| m.max(*s))

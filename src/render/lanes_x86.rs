@@ -1,0 +1,479 @@
+//! [`Lanes`] of x86-64 machines: AVX2 in two registers, AVX-512 in one; and running a kernel with them.
+//!
+//! SAFETY (every block of the two instances): a value of [`Avx2`] or [`Avx512`] is made only after its
+//! features were detected on this machine, and every other type here is made from such a value. Loads and
+//! stores go through references to whole arrays; no other memory is accessed.
+#![allow(unsafe_code)]
+
+use std::arch::x86_64::*;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+
+use super::form::LanesKernel;
+use super::lanes::{DOUBLES, Lanes, PLANE, REPEAT, SINGLES, Truths};
+
+/// Proof of AVX2, bit manipulation and population count.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx2(());
+
+/// Proof of those and of AVX-512 F and DQ.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx512(());
+
+impl Avx2 {
+    /// The proof, if this machine has the instructions.
+    #[inline]
+    pub(crate) fn detect() -> Option<Self> {
+        (is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("bmi1")
+            && is_x86_feature_detected!("bmi2")
+            && is_x86_feature_detected!("lzcnt")
+            && is_x86_feature_detected!("popcnt"))
+        .then_some(Self(()))
+    }
+
+    /// Runs a kernel compiled with these instructions.
+    #[inline]
+    pub(crate) fn run<K: LanesKernel>(self, kernel: K) -> K::Output {
+        // SAFETY: `self` proves every feature that `with_avx2` enables.
+        unsafe { with_avx2(self, kernel) }
+    }
+}
+
+impl Avx512 {
+    /// The proof, if this machine has the instructions.
+    #[inline]
+    pub(crate) fn detect() -> Option<Self> {
+        (Avx2::detect().is_some()
+            && is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512dq"))
+        .then_some(Self(()))
+    }
+
+    /// Runs a kernel compiled with these instructions.
+    #[inline]
+    pub(crate) fn run<K: LanesKernel>(self, kernel: K) -> K::Output {
+        // SAFETY: `self` proves every feature that `with_avx512` enables.
+        unsafe { with_avx512(self, kernel) }
+    }
+}
+
+/// # Safety
+/// The machine must have the features named.
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn with_avx2<K: LanesKernel>(avx2: Avx2, kernel: K) -> K::Output {
+    kernel.run(avx2)
+}
+
+/// # Safety
+/// The machine must have the features named.
+#[target_feature(enable = "avx512f,avx512dq,avx2,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn with_avx512<K: LanesKernel>(avx512: Avx512, kernel: K) -> K::Output {
+    kernel.run(avx512)
+}
+
+/// The two methods that both machines answer with bit manipulation.
+macro_rules! bit_manipulation {
+    () => {
+        #[inline(always)]
+        fn extrude(self, pair: usize, plane: u32) -> u64 {
+            // SAFETY: see the top of this file.
+            unsafe { _pdep_u64(u64::from(plane), PLANE[pair]) }.wrapping_mul(REPEAT[pair])
+        }
+        #[inline(always)]
+        fn spread_children(self, infobyte: u8, children: u64) -> u64 {
+            // SAFETY: see the top of this file.
+            let lowest = unsafe { _pdep_u64(u64::from(infobyte), 0x0101_0101_0101_0101) };
+            // SAFETY: see the top of this file.
+            unsafe { _pdep_u64(children, lowest.wrapping_mul(0xff)) }
+        }
+    };
+}
+
+/// An expression of each of two registers. Not a closure: intrinsics in closures are inlined too late, if at
+/// all.
+macro_rules! both {
+    ($x:ident in $of:expr => $e:expr) => {{
+        let [$x, second] = $of.0;
+        let first = $e;
+        let $x = second;
+        [first, $e]
+    }};
+}
+
+/// Operators of a vector type by the intrinsics of its registers.
+macro_rules! operators {
+    ($t:ident, $registers:tt, $($trait:ident $method:ident $intrinsic:ident),*) => {$(
+        impl $trait for $t {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                // SAFETY: see the top of this file.
+                unsafe { operators!($registers $intrinsic self other) }
+            }
+        }
+    )*};
+    (two $intrinsic:ident $a:ident $b:ident) => {
+        Self([$intrinsic($a.0[0], $b.0[0]), $intrinsic($a.0[1], $b.0[1])])
+    };
+    (one $intrinsic:ident $a:ident $b:ident) => {
+        Self($intrinsic($a.0, $b.0))
+    };
+}
+
+/// Low 64 bits of a * b for b in 0..2^32, in four lanes.
+///
+/// # Safety
+/// The machine must have AVX2.
+#[inline(always)]
+unsafe fn times_u32(a: __m256i, b: __m256i) -> __m256i {
+    // SAFETY: by the caller.
+    unsafe {
+        let high = _mm256_slli_epi64::<32>(_mm256_mul_epu32(_mm256_srli_epi64::<32>(a), b));
+        _mm256_add_epi64(_mm256_mul_epu32(a, b), high)
+    }
+}
+
+/// The same in eight lanes.
+///
+/// # Safety
+/// The machine must have AVX-512 F.
+#[inline(always)]
+unsafe fn times_u32_wide(a: __m512i, b: __m512i) -> __m512i {
+    // SAFETY: by the caller.
+    unsafe {
+        let high = _mm512_slli_epi64::<32>(_mm512_mul_epu32(_mm512_srli_epi64::<32>(a), b));
+        _mm512_add_epi64(_mm512_mul_epu32(a, b), high)
+    }
+}
+
+/// Sixteen singles in two registers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct F2([__m256; 2]);
+/// Eight doubles in two registers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct D2([__m256d; 2]);
+/// Eight integers in two registers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct I2([__m256i; 2]);
+/// Truth of sixteen comparisons of singles: all bits of a lane, or none.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FTruths2([__m256; 2]);
+/// Truth of eight comparisons of doubles or integers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Truths2([__m256d; 2]);
+
+operators!(F2, two, Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps);
+operators!(D2, two, Add add _mm256_add_pd, Sub sub _mm256_sub_pd, Mul mul _mm256_mul_pd, Div div _mm256_div_pd);
+operators!(I2, two, Add add _mm256_add_epi64, Sub sub _mm256_sub_epi64, Mul mul times_u32);
+operators!(FTruths2, two, BitAnd bitand _mm256_and_ps, BitOr bitor _mm256_or_ps);
+operators!(Truths2, two, BitAnd bitand _mm256_and_pd, BitOr bitor _mm256_or_pd);
+
+impl Not for FTruths2 {
+    type Output = Self;
+    #[inline(always)]
+    fn not(self) -> Self {
+        // SAFETY: see the top of this file.
+        Self(both!(x in self => unsafe { _mm256_xor_ps(x, _mm256_castsi256_ps(_mm256_set1_epi64x(-1))) }))
+    }
+}
+
+impl Not for Truths2 {
+    type Output = Self;
+    #[inline(always)]
+    fn not(self) -> Self {
+        // SAFETY: see the top of this file.
+        Self(both!(x in self => unsafe { _mm256_xor_pd(x, _mm256_castsi256_pd(_mm256_set1_epi64x(-1))) }))
+    }
+}
+
+impl Truths for FTruths2 {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        // SAFETY: see the top of this file.
+        let [low, high] = both!(x in self => unsafe { _mm256_movemask_ps(x) }.cast_unsigned());
+        low | high << 8
+    }
+}
+
+impl Truths for Truths2 {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        // SAFETY: see the top of this file.
+        let [low, high] = both!(x in self => unsafe { _mm256_movemask_pd(x) }.cast_unsigned());
+        low | high << 4
+    }
+}
+
+impl Lanes for Avx2 {
+    type F = F2;
+    type FTruths = FTruths2;
+    type D = D2;
+    type I = I2;
+    type Truths = Truths2;
+
+    #[inline(always)]
+    fn f(self, x: f32) -> F2 {
+        // SAFETY: see the top of this file.
+        F2([unsafe { _mm256_set1_ps(x) }; 2])
+    }
+    #[inline(always)]
+    fn f_load(self, x: &[f32; SINGLES]) -> F2 {
+        let p = x.as_ptr();
+        // SAFETY: see the top of this file; sixteen singles are readable from `p`.
+        F2(unsafe { [_mm256_loadu_ps(p), _mm256_loadu_ps(p.add(8))] })
+    }
+    #[inline(always)]
+    fn f_store(self, x: F2, to: &mut [f32; SINGLES]) {
+        let p = to.as_mut_ptr();
+        // SAFETY: see the top of this file; sixteen singles are writable from `p`.
+        unsafe {
+            _mm256_storeu_ps(p, x.0[0]);
+            _mm256_storeu_ps(p.add(8), x.0[1]);
+        }
+    }
+    #[inline(always)]
+    fn f_abs(self, x: F2) -> F2 {
+        // SAFETY: see the top of this file.
+        F2(both!(x in x => unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), x) }))
+    }
+    #[inline(always)]
+    fn f_le(self, a: F2, b: F2) -> FTruths2 {
+        // SAFETY: see the top of this file.
+        FTruths2(unsafe {
+            [_mm256_cmp_ps::<_CMP_LE_OQ>(a.0[0], b.0[0]), _mm256_cmp_ps::<_CMP_LE_OQ>(a.0[1], b.0[1])]
+        })
+    }
+
+    #[inline(always)]
+    fn d(self, x: f64) -> D2 {
+        // SAFETY: see the top of this file.
+        D2([unsafe { _mm256_set1_pd(x) }; 2])
+    }
+    #[inline(always)]
+    fn d_load(self, x: &[f64; DOUBLES]) -> D2 {
+        let p = x.as_ptr();
+        // SAFETY: see the top of this file; eight doubles are readable from `p`.
+        D2(unsafe { [_mm256_loadu_pd(p), _mm256_loadu_pd(p.add(4))] })
+    }
+    #[inline(always)]
+    fn d_store(self, x: D2, to: &mut [f64; DOUBLES]) {
+        let p = to.as_mut_ptr();
+        // SAFETY: see the top of this file; eight doubles are writable from `p`.
+        unsafe {
+            _mm256_storeu_pd(p, x.0[0]);
+            _mm256_storeu_pd(p.add(4), x.0[1]);
+        }
+    }
+    #[inline(always)]
+    fn d_abs(self, x: D2) -> D2 {
+        // SAFETY: see the top of this file.
+        D2(both!(x in x => unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), x) }))
+    }
+    #[inline(always)]
+    fn d_with_sign(self, magnitude: D2, sign: D2) -> D2 {
+        // SAFETY: see the top of this file.
+        D2(unsafe {
+            [
+                _mm256_or_pd(magnitude.0[0], _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0[0])),
+                _mm256_or_pd(magnitude.0[1], _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0[1])),
+            ]
+        })
+    }
+    #[inline(always)]
+    fn d_lt(self, a: D2, b: D2) -> Truths2 {
+        // SAFETY: see the top of this file.
+        Truths2(unsafe {
+            [_mm256_cmp_pd::<_CMP_LT_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_LT_OQ>(a.0[1], b.0[1])]
+        })
+    }
+    #[inline(always)]
+    fn d_le(self, a: D2, b: D2) -> Truths2 {
+        // SAFETY: see the top of this file.
+        Truths2(unsafe {
+            [_mm256_cmp_pd::<_CMP_LE_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_LE_OQ>(a.0[1], b.0[1])]
+        })
+    }
+    #[inline(always)]
+    fn d_eq(self, a: D2, b: D2) -> Truths2 {
+        // SAFETY: see the top of this file.
+        Truths2(unsafe {
+            [_mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[1], b.0[1])]
+        })
+    }
+    #[inline(always)]
+    fn d_choose(self, which: Truths2, a: D2, b: D2) -> D2 {
+        // SAFETY: see the top of this file.
+        D2(unsafe {
+            [_mm256_blendv_pd(b.0[0], a.0[0], which.0[0]), _mm256_blendv_pd(b.0[1], a.0[1], which.0[1])]
+        })
+    }
+    #[inline(always)]
+    fn d_bits(self, x: D2) -> I2 {
+        // SAFETY: see the top of this file.
+        I2(both!(x in x => unsafe { _mm256_castpd_si256(x) }))
+    }
+
+    #[inline(always)]
+    fn i(self, x: i64) -> I2 {
+        // SAFETY: see the top of this file.
+        I2([unsafe { _mm256_set1_epi64x(x) }; 2])
+    }
+    #[inline(always)]
+    fn i_gt(self, a: I2, b: I2) -> Truths2 {
+        // SAFETY: see the top of this file.
+        Truths2(unsafe {
+            [
+                _mm256_castsi256_pd(_mm256_cmpgt_epi64(a.0[0], b.0[0])),
+                _mm256_castsi256_pd(_mm256_cmpgt_epi64(a.0[1], b.0[1])),
+            ]
+        })
+    }
+    #[inline(always)]
+    fn exponent_field(self, x: D2) -> I2 {
+        // SAFETY: see the top of this file.
+        I2(both!(x in x => unsafe { _mm256_srli_epi64::<52>(_mm256_castpd_si256(x)) }))
+    }
+    #[inline(always)]
+    fn power(self, field: I2) -> D2 {
+        // SAFETY: see the top of this file.
+        D2(both!(x in field => unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(x)) }))
+    }
+
+    bit_manipulation!();
+}
+
+/// Sixteen singles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct F1(__m512);
+/// Eight doubles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct D1(__m512d);
+/// Eight integers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct I1(__m512i);
+
+operators!(F1, one, Add add _mm512_add_ps, Sub sub _mm512_sub_ps, Mul mul _mm512_mul_ps);
+operators!(D1, one, Add add _mm512_add_pd, Sub sub _mm512_sub_pd, Mul mul _mm512_mul_pd, Div div _mm512_div_pd);
+operators!(I1, one, Add add _mm512_add_epi64, Sub sub _mm512_sub_epi64, Mul mul times_u32_wide);
+
+impl Truths for __mmask16 {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        u32::from(self)
+    }
+}
+
+impl Truths for __mmask8 {
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        u32::from(self)
+    }
+}
+
+impl Lanes for Avx512 {
+    type F = F1;
+    type FTruths = __mmask16;
+    type D = D1;
+    type I = I1;
+    type Truths = __mmask8;
+
+    #[inline(always)]
+    fn f(self, x: f32) -> F1 {
+        // SAFETY: see the top of this file.
+        F1(unsafe { _mm512_set1_ps(x) })
+    }
+    #[inline(always)]
+    fn f_load(self, x: &[f32; SINGLES]) -> F1 {
+        // SAFETY: see the top of this file; sixteen singles are readable.
+        F1(unsafe { _mm512_loadu_ps(x.as_ptr()) })
+    }
+    #[inline(always)]
+    fn f_store(self, x: F1, to: &mut [f32; SINGLES]) {
+        // SAFETY: see the top of this file; sixteen singles are writable.
+        unsafe { _mm512_storeu_ps(to.as_mut_ptr(), x.0) }
+    }
+    #[inline(always)]
+    fn f_abs(self, x: F1) -> F1 {
+        // SAFETY: see the top of this file.
+        F1(unsafe { _mm512_abs_ps(x.0) })
+    }
+    #[inline(always)]
+    fn f_le(self, a: F1, b: F1) -> __mmask16 {
+        // SAFETY: see the top of this file.
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a.0, b.0) }
+    }
+
+    #[inline(always)]
+    fn d(self, x: f64) -> D1 {
+        // SAFETY: see the top of this file.
+        D1(unsafe { _mm512_set1_pd(x) })
+    }
+    #[inline(always)]
+    fn d_load(self, x: &[f64; DOUBLES]) -> D1 {
+        // SAFETY: see the top of this file; eight doubles are readable.
+        D1(unsafe { _mm512_loadu_pd(x.as_ptr()) })
+    }
+    #[inline(always)]
+    fn d_store(self, x: D1, to: &mut [f64; DOUBLES]) {
+        // SAFETY: see the top of this file; eight doubles are writable.
+        unsafe { _mm512_storeu_pd(to.as_mut_ptr(), x.0) }
+    }
+    #[inline(always)]
+    fn d_abs(self, x: D1) -> D1 {
+        // SAFETY: see the top of this file.
+        D1(unsafe { _mm512_abs_pd(x.0) })
+    }
+    #[inline(always)]
+    fn d_with_sign(self, magnitude: D1, sign: D1) -> D1 {
+        // SAFETY: see the top of this file.
+        D1(unsafe { _mm512_or_pd(magnitude.0, _mm512_and_pd(_mm512_set1_pd(-0.0), sign.0)) })
+    }
+    #[inline(always)]
+    fn d_lt(self, a: D1, b: D1) -> __mmask8 {
+        // SAFETY: see the top of this file.
+        unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a.0, b.0) }
+    }
+    #[inline(always)]
+    fn d_le(self, a: D1, b: D1) -> __mmask8 {
+        // SAFETY: see the top of this file.
+        unsafe { _mm512_cmp_pd_mask::<_CMP_LE_OQ>(a.0, b.0) }
+    }
+    #[inline(always)]
+    fn d_eq(self, a: D1, b: D1) -> __mmask8 {
+        // SAFETY: see the top of this file.
+        unsafe { _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(a.0, b.0) }
+    }
+    #[inline(always)]
+    fn d_choose(self, which: __mmask8, a: D1, b: D1) -> D1 {
+        // SAFETY: see the top of this file.
+        D1(unsafe { _mm512_mask_blend_pd(which, b.0, a.0) })
+    }
+    #[inline(always)]
+    fn d_bits(self, x: D1) -> I1 {
+        // SAFETY: see the top of this file.
+        I1(unsafe { _mm512_castpd_si512(x.0) })
+    }
+
+    #[inline(always)]
+    fn i(self, x: i64) -> I1 {
+        // SAFETY: see the top of this file.
+        I1(unsafe { _mm512_set1_epi64(x) })
+    }
+    #[inline(always)]
+    fn i_gt(self, a: I1, b: I1) -> __mmask8 {
+        // SAFETY: see the top of this file.
+        unsafe { _mm512_cmpgt_epi64_mask(a.0, b.0) }
+    }
+    #[inline(always)]
+    fn exponent_field(self, x: D1) -> I1 {
+        // SAFETY: see the top of this file.
+        I1(unsafe { _mm512_srli_epi64::<52>(_mm512_castpd_si512(x.0)) })
+    }
+    #[inline(always)]
+    fn power(self, field: I1) -> D1 {
+        // SAFETY: see the top of this file.
+        D1(unsafe { _mm512_castsi512_pd(_mm512_slli_epi64::<52>(field.0)) })
+    }
+
+    bit_manipulation!();
+}

@@ -1,0 +1,154 @@
+//! Two levels of the octree at once: the 4 x 4 x 4 boxes within a node as 64 bits.
+//!
+//! The children of a node stand side by side, and so do all of their children. So one look at a node gives
+//! the infobytes of its children as one 64-bit word; spread to the octants that the node's own infobyte
+//! names they are the occupancy of its grandchildren in Morton order, and grandchild `v` has the number of
+//! the first plus the set bits below `v`.
+
+use crate::load::NodeView;
+
+use super::lanes::{Lanes, each3};
+
+/// The 64 boxes two levels below a node, as a ray in mirrored coordinates sees them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Brick {
+    /// Bit v: is box v, in mirrored Morton order, there? Lowest first is front to back for the ray.
+    pub(super) boxes: u64,
+    /// The same as it stands in the file.
+    stored: u64,
+    /// Exclusive-or from the mirrored to the stored order.
+    flip: u32,
+    /// Node whose first child is the first of the boxes.
+    parent: u64,
+}
+
+impl Brick {
+    /// The grandchildren of `node`.
+    #[inline(always)]
+    pub(super) fn of<L: Lanes, V: NodeView>(lanes: L, view: &V, node: u64, mirror: u32) -> Self {
+        let parent = view.first_child(node);
+        let stored = lanes.spread_children(view.infobyte(node), view.infobytes(parent));
+        let flip = mirror | mirror << 3;
+        Self { boxes: mirrored(stored, flip), stored, flip, parent }
+    }
+
+    /// The children of the root as the lowest octant of a node above it, for grids of an odd depth.
+    #[inline(always)]
+    pub(super) fn above_root<V: NodeView>(view: &V, mirror: u32) -> Self {
+        let stored = u64::from(view.infobyte(0));
+        Self { boxes: mirrored(stored, mirror), stored, flip: mirror, parent: 0 }
+    }
+
+    /// Number of the first box.
+    #[inline(always)]
+    pub(super) fn first<V: NodeView>(&self, view: &V) -> u64 {
+        view.first_child(self.parent)
+    }
+
+    /// Boxes before box `v` of the mirrored order, in the stored one.
+    #[inline(always)]
+    pub(super) fn before(&self, v: u32) -> u64 {
+        let below = 1_u64.wrapping_shl(v ^ self.flip).wrapping_sub(1);
+        u64::from((self.stored & below).count_ones())
+    }
+}
+
+/// Bits moved from place i to place `i ^ flip`.
+#[inline(always)]
+fn mirrored(bits: u64, flip: u32) -> u64 {
+    const KEEP: [u64; 6] = [
+        0x5555_5555_5555_5555,
+        0x3333_3333_3333_3333,
+        0x0f0f_0f0f_0f0f_0f0f,
+        0x00ff_00ff_00ff_00ff,
+        0x0000_ffff_0000_ffff,
+        0x0000_0000_ffff_ffff,
+    ];
+    let mut bits = bits;
+    // A tile's rays all have the same mirror, so these branches are foreseen.
+    for (i, keep) in KEEP.into_iter().enumerate() {
+        if flip >> i & 1 == 1 {
+            bits = (bits & keep) << (1 << i) | (bits >> (1 << i)) & keep;
+        }
+    }
+    bits
+}
+
+/// Coordinates within a brick of box `v`.
+#[inline(always)]
+pub(super) fn place(v: u32) -> [u32; 3] {
+    each3!(A => (v >> A & 1) | (v >> (A + 2) & 2))
+}
+
+/// Boxes of a brick whose coordinate along `axis` is not below `from` (0..=4).
+#[inline(always)]
+pub(super) fn at_least(axis: usize, from: u32) -> u64 {
+    const FROM: [[u64; 5]; 3] = {
+        let mut masks = [[0; 5]; 3];
+        let mut at = 0;
+        while at < 3 * 5 * 64 {
+            let (axis, from, v) = (at / 320, at / 64 % 5, at % 64);
+            if (v >> axis & 1) | (v >> (axis + 2) & 2) >= from {
+                masks[axis][from] |= 1 << v;
+            }
+            at += 1;
+        }
+        masks
+    };
+    FROM[axis % 3][(from as usize).min(4)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Dims;
+    use crate::geom::morton;
+    use crate::load::MemoryTree;
+    use crate::render::lanes::Portable;
+
+    #[test]
+    fn mirroring_moves_every_bit() {
+        for flip in 0..64 {
+            for bit in 0..64_u32 {
+                assert_eq!(mirrored(1 << bit, flip), 1 << (bit ^ flip));
+            }
+        }
+    }
+
+    #[test]
+    fn a_brick_has_the_grandchildren_and_their_numbers() {
+        let dims = Dims::new(8, 8, 8).unwrap();
+        let codes: Vec<u64> = (0..90_u64).map(|i| i * i * 7 % 512).collect();
+        let tree = MemoryTree::new(dims, &codes).unwrap();
+        for mirror in 0..8 {
+            let top = Brick::above_root(&tree, mirror);
+            for octant in 0..8_u32 {
+                let node = tree.child(0, octant);
+                assert_eq!(top.boxes >> (octant ^ mirror) & 1 == 1, node.is_some());
+                let Some(node) = node else { continue };
+                assert_eq!(top.first(&tree) + top.before(octant ^ mirror), node);
+                let brick = Brick::of(Portable, &tree, node, mirror);
+                for v in 0..64_u32 {
+                    let number = tree.child(node, v >> 3).and_then(|child| tree.child(child, v & 7));
+                    let seen = v ^ (mirror | mirror << 3);
+                    assert_eq!(brick.boxes >> seen & 1 == 1, number.is_some());
+                    if let Some(number) = number {
+                        assert_eq!(brick.first(&tree) + brick.before(seen), number);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn places_are_morton_codes() {
+        for v in 0..64 {
+            assert_eq!(place(v), morton::decode(u64::from(v)));
+            for axis in 0..3 {
+                for from in 0..5 {
+                    assert_eq!(at_least(axis, from) >> v & 1 == 1, place(v)[axis] >= from);
+                }
+            }
+        }
+    }
+}

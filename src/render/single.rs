@@ -1,0 +1,207 @@
+//! One ray at a time, two levels at a time, and no step through air: for rays that have no neighbours.
+//!
+//! At each node the ray's line is compared with the 4 x 4 x 4 boxes two levels below at once: a box is
+//! pierced if and only if its three projections are (see [`super::tile`]), so three planes of 16 cells give
+//! 64 bits. Those that are occupied wait in Morton order, which in mirrored coordinates is front to back.
+//! All that is an over-estimate in singles; at the last level [`super::pierce`] decides in integers.
+//!
+//! Cost: some 40 ns a node, most of it waiting for memory: the rank of a node, then its children's
+//! infobytes. Memory: under 1 KiB of stack.
+
+use crate::load::NodeView;
+
+use super::form::{Form, LanesKernel};
+use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use super::occupancy::{Brick, at_least, place};
+use super::pierce::MirroredRay;
+use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
+use super::surface::Surface;
+use super::traverse::Trace;
+
+/// How far an estimate may be off, in edges of the boxes compared and for directions of at most 1: the
+/// quantisation of a ray moves it by less than 2^-13, singles err by 2^-19.
+pub(super) const SLACK: f32 = 1.0 / 4096.0;
+
+/// Offset of a plane's cells from its middle along the first axis of a pair, in Morton order.
+pub(super) const ALONG_A: [f32; SINGLES] = offsets(0);
+/// The same along the second axis.
+pub(super) const ALONG_B: [f32; SINGLES] = offsets(1);
+
+const fn offsets(axis: usize) -> [f32; SINGLES] {
+    let mut offsets = [0.0; SINGLES];
+    let mut cell = 0;
+    while cell < SINGLES {
+        let at = (cell >> axis & 1) | (cell >> (axis + 1) & 2);
+        offsets[cell] = at as f32 - 1.5;
+        cell += 1;
+    }
+    offsets
+}
+
+/// Levels of bricks from the root to a box: a power of two, so that an index is masked instead of checked.
+pub(super) const BRICK_LEVELS: usize = 8;
+
+/// Base-2 logarithm of the boxes two levels below the top brick, for a tree of this depth, at least 1.
+#[inline]
+pub(super) fn top_edge(depth: u32) -> u32 {
+    (depth - 1) / 2 * 2
+}
+
+/// A brick whose boxes are being visited.
+#[derive(Clone, Copy)]
+pub(super) struct Open {
+    pub(super) brick: Brick,
+    /// Boxes still to be visited.
+    pub(super) pending: u64,
+    /// Number of the first box.
+    pub(super) first: u64,
+    /// Lowest box of the finest level in the brick, in mirrored coordinates.
+    pub(super) low: [u32; 3],
+}
+
+/// First hit of a ray: that of [`super::traverse::first_hit_sealed`], for every form.
+///
+/// The ray must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells
+/// count as surface. Any view is safe, whatever it answers. [`Trace::steps`] counts the nodes looked at.
+#[inline]
+pub fn trace<V: NodeView, S: Surface<V>>(
+    form: Form,
+    view: &V,
+    surface: &S,
+    ray: &Ray,
+    lod_edge_log2: u32,
+) -> Trace {
+    form.run(Single { view, surface, ray, lod_edge_log2 })
+}
+
+/// One ray, for any lanes.
+struct Single<'a, V, S> {
+    view: &'a V,
+    surface: &'a S,
+    ray: &'a Ray,
+    lod_edge_log2: u32,
+}
+
+impl<V: NodeView, S: Surface<V>> LanesKernel for Single<'_, V, S> {
+    type Output = Trace;
+
+    #[inline(always)]
+    fn run(self, lanes: impl Lanes) -> Trace {
+        first_hit(lanes, self.view, self.surface, self.ray, self.lod_edge_log2)
+    }
+}
+
+/// A ray's line as the estimates see it: mirrored coordinates, in edges of the finest boxes; the direction
+/// is scaled to at most 1.
+struct Line<L: Lanes> {
+    origin: [f64; 3],
+    direction: [f64; 3],
+    /// How far a plane's cells are beside its middle, and the half width of their projections, by pair.
+    slope: [L::F; 3],
+    half: [f32; 3],
+    /// The box that the ray starts in, if it starts inside the grid.
+    start: [i32; 3],
+    starts_inside: bool,
+}
+
+impl<L: Lanes> Line<L> {
+    /// Boxes of edge `2^edge` in the brick at `low` that the line pierces and that are not behind the ray.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
+    fn pierced(&self, l: L, low: [u32; 3], edge: u32) -> u64 {
+        let half_brick = f64::from(2_u32.wrapping_shl(edge));
+        let per_edge = 2.0 / half_brick;
+        let from = each3!(A => f64::from(low[A]) + half_brick - self.origin[A]);
+        let mut boxes = u64::MAX;
+        for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
+            let e = (from[a] * self.direction[b] - from[b] * self.direction[a]) * per_edge;
+            let beside = l.f_abs(l.f(e as f32) + self.slope[pair]);
+            boxes &= l.extrude(pair, l.f_le(beside, l.f(self.half[pair])).bits());
+        }
+        if self.starts_inside {
+            for a in 0..3 {
+                let behind = self.start[a].wrapping_sub(low[a].cast_signed()) >> edge;
+                boxes &= at_least(a, behind.clamp(0, 4).cast_unsigned());
+            }
+        }
+        boxes
+    }
+}
+
+/// [`trace`] with lanes at hand.
+#[inline(always)]
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "estimates within SLACK")]
+pub(crate) fn first_hit<L: Lanes, V: NodeView, S: Surface<V>>(
+    lanes: L,
+    view: &V,
+    surface: &S,
+    ray: &Ray,
+    lod_edge_log2: u32,
+) -> Trace {
+    let exact = MirroredRay::new(ray);
+    let grid = ray.depth().min(MAX_DEPTH);
+    let unit = lod_edge_log2.min(grid);
+    let mut trace = Trace { hit: None, steps: 0 };
+    if view.voxel_count() == 0 {
+        return trace;
+    }
+    let depth = grid - unit;
+    let meet = |number, low: [u32; 3]| {
+        let low = low.map(|c| c.wrapping_shl(unit));
+        exact.passage(number, low, unit).and_then(|passage| surface.meet(view, ray, &passage))
+    };
+    if depth == 0 {
+        return Trace { hit: meet(0, [0; 3]), steps: 1 };
+    }
+    let per_unit = 1.0 / (1_u64.wrapping_shl(FRACTION_BITS + unit)) as f64;
+    let origin = exact.origin.map(|o| o as f64 * per_unit);
+    let direction = exact.direction.map(|d| d as f64 / f64::from(1_u32 << DIRECTION_BITS));
+    let start = exact.origin.map(|o| (o >> (FRACTION_BITS + unit)) as i32);
+    let starts_inside = ray.entry().is_none();
+    let (along_a, along_b) = (lanes.f_load(&ALONG_A), lanes.f_load(&ALONG_B));
+    let slope = each3!(PAIR => {
+        const A: usize = PAIRS[PAIR].0;
+        const B: usize = PAIRS[PAIR].1;
+        along_a * lanes.f(direction[B] as f32) - along_b * lanes.f(direction[A] as f32)
+    });
+    let half = PAIRS.map(|(a, b)| 0.5 * (direction[a] as f32 + direction[b] as f32) + SLACK);
+    let line = Line { origin, direction, slope, half, start, starts_inside };
+
+    let mirror = exact.mirror;
+    let mut edge = top_edge(depth);
+    let brick =
+        if depth % 2 == 0 { Brick::of(lanes, view, 0, mirror) } else { Brick::above_root(view, mirror) };
+    let low = [0; 3];
+    let mut open = Open { brick, pending: brick.boxes & line.pierced(lanes, low, edge), first: 0, low };
+    open.first = brick.first(view);
+    trace.steps = 1;
+    let mut waiting = [open; BRICK_LEVELS];
+    loop {
+        if open.pending == 0 {
+            edge = edge.wrapping_add(2);
+            if edge > top_edge(depth) {
+                return trace;
+            }
+            open = waiting[edge as usize / 2 % BRICK_LEVELS];
+            continue;
+        }
+        let v = open.pending.trailing_zeros();
+        open.pending &= open.pending.wrapping_sub(1);
+        let number = open.first.wrapping_add(open.brick.before(v));
+        let at = place(v);
+        let low: [u32; 3] = std::array::from_fn(|a| open.low[a].wrapping_add(at[a].wrapping_shl(edge)));
+        if edge == 0 {
+            trace.hit = meet(number, low);
+            if trace.hit.is_some() {
+                return trace;
+            }
+            continue;
+        }
+        waiting[edge as usize / 2 % BRICK_LEVELS] = open;
+        edge = edge.wrapping_sub(2);
+        let brick = Brick::of(lanes, view, number, mirror);
+        let pending = brick.boxes & line.pierced(lanes, low, edge);
+        open = Open { brick, pending, first: if pending == 0 { 0 } else { brick.first(view) }, low };
+        trace.steps = trace.steps.wrapping_add(1);
+    }
+}

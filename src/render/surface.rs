@@ -1,0 +1,78 @@
+//! The last decision of a traversal: does a ray that passes through a box meet what is in it?
+//!
+//! A traversal finds the boxes that a ray passes through, in order, and asks a [`Surface`] about each until
+//! one is hit. Of skin voxels every box entered is a hit, and a tile may put off its proof until the end
+//! ([`Surface::SOLID`]). A surface within the boxes, such as a plane in a cell between samples, is asked at
+//! once, and a ray that misses it goes on to the next box.
+
+use crate::load::NodeView;
+
+use super::ray::{Face, Ray};
+use super::traverse::Hit;
+
+/// When a ray crosses a plane of cells: after `distance / component` along the quantised direction.
+///
+/// Both are integers of [`Ray::origin`]'s and [`Ray::direction`]'s kind, `component > 0`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crossing {
+    /// Axis that the plane is perpendicular to.
+    pub axis: usize,
+    /// From the origin to the plane, along the direction of travel.
+    pub distance: i64,
+    /// Size of the direction's component.
+    pub component: i64,
+}
+
+/// A ray's way through a box: proved by integers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Passage {
+    /// Breadth-first number of the box.
+    pub box_number: u64,
+    /// Lowest cell of the box, in grid cells.
+    pub cell: [u32; 3],
+    /// Base-2 logarithm of the box's edge.
+    pub edge_log2: u32,
+    /// The last of the crossings into the box, of tied axes the first; `None` when the ray starts in it.
+    pub enter: Option<Crossing>,
+    /// The first of the crossings out of it, of tied axes the first.
+    pub leave: Crossing,
+}
+
+impl Passage {
+    /// The hit at the point of entry.
+    #[inline]
+    pub fn entry_hit(&self, ray: &Ray) -> Hit {
+        let (face, t) = match self.enter {
+            Some(at) => {
+                let high = ray.direction()[at.axis % 3] < 0;
+                (Some(Face::new(at.axis, high)), ray.t_after(at.distance, at.component))
+            }
+            None => (ray.entry(), ray.t_start()),
+        };
+        Hit { box_number: self.box_number, cell: self.cell, edge_log2: self.edge_log2, face, t }
+    }
+}
+
+/// What the boxes of an octree hold.
+pub trait Surface<V: NodeView>: Sync {
+    /// Is every box that a ray enters a hit, at its point of entry?
+    ///
+    /// Then [`Surface::meet`] must be [`Passage::entry_hit`]; kernels need not call it.
+    const SOLID: bool;
+
+    /// Where the ray, on its way through a box, meets the surface; `None` when it does not, and goes on.
+    fn meet(&self, view: &V, ray: &Ray, passage: &Passage) -> Option<Hit>;
+}
+
+/// The skin: its boxes themselves.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Skin;
+
+impl<V: NodeView> Surface<V> for Skin {
+    const SOLID: bool = true;
+
+    #[inline]
+    fn meet(&self, _: &V, ray: &Ray, passage: &Passage) -> Option<Hit> {
+        Some(passage.entry_hit(ray))
+    }
+}

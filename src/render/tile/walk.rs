@@ -1,0 +1,224 @@
+//! The walk of a tile's rays through the octree, together.
+
+use crate::load::NodeView;
+use crate::render::form::LanesKernel;
+use crate::render::lanes::{DOUBLES, Lanes, each3};
+use crate::render::occupancy::{Brick, place};
+use crate::render::pierce::MirroredRay;
+use crate::render::ray::{MAX_DEPTH, Ray};
+use crate::render::sight::Sight;
+use crate::render::single::{self, BRICK_LEVELS, Open, top_edge};
+use crate::render::surface::Surface;
+
+use super::beam::{Beam, RAYS, Rays, TILE};
+use super::prove::entries;
+use super::{Tile, TileHits};
+
+/// Bricks that a tile looks at before its remaining rays go on alone. Tiles of pixels about as wide as a
+/// box look at some 30; where a pixel covers many boxes rays share little. It also bounds the time that
+/// damaged bytes can take.
+const MOST_BRICKS: u32 = 1024;
+
+/// The walk of one tile, for any lanes.
+pub(super) struct Walk<'a, 'b, V, S> {
+    pub(super) view: &'a V,
+    pub(super) surface: &'a S,
+    pub(super) sight: &'a Sight<'b>,
+    pub(super) tile: Tile,
+    pub(super) rays: &'a mut Rays,
+    pub(super) hits: &'a mut TileHits,
+}
+
+impl<V: NodeView, S: Surface<V>> LanesKernel for Walk<'_, '_, V, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(mut self, lanes: impl Lanes) {
+        self.hits.clear();
+        let live = self.tile.live();
+        if self.view.voxel_count() == 0 {
+            return;
+        }
+        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
+        let unit = self.tile.lod_edge_log2.min(depth);
+        let beam = (depth > unit)
+            .then(|| self.sight.pencil(self.tile.corner))
+            .flatten()
+            .and_then(|pencil| Beam::new(lanes, &pencil, depth, unit, self.rays));
+        let alone = match beam {
+            Some(beam) => {
+                let last = 1_u32.wrapping_shl(depth).wrapping_sub(1_u32.wrapping_shl(unit));
+                self.hits.mirrored(beam.mirror, last, unit);
+                self.together(lanes, &beam, live, depth, unit)
+            }
+            None => live,
+        };
+        self.alone(lanes, alone);
+    }
+}
+
+impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
+    /// Walks the rays `live` together; returns those that have to be traced alone.
+    #[inline(always)]
+    fn together<L: Lanes>(&mut self, l: L, beam: &Beam<L>, live: u64, depth: u32, unit: u32) -> u64 {
+        let levels = depth - unit;
+        let top = top_edge(levels);
+        let mut edge = top;
+        let brick = if levels % 2 == 0 {
+            Brick::of(l, self.view, 0, beam.mirror)
+        } else {
+            Brick::above_root(self.view, beam.mirror)
+        };
+        let mut live = live;
+        let mut candidates = 0_u64;
+        let low = [0; 3];
+        let mut open = Open { brick, pending: 0, first: 0, low };
+        let mut waiting = [open; BRICK_LEVELS];
+        let mut bricks = 0_u32;
+        if top == 0 {
+            let near = beam.meets(self.rays, low, live);
+            candidates = self.rays_of_brick(beam, &brick, low, near, &mut live, unit);
+        } else {
+            open.pending = brick.boxes & beam.pierced(low, edge);
+            open.first = brick.first(self.view);
+        }
+        'walk: loop {
+            while open.pending == 0 {
+                edge = edge.wrapping_add(2);
+                if edge > top {
+                    break 'walk;
+                }
+                open = waiting[edge as usize / 2 % BRICK_LEVELS];
+            }
+            let v = open.pending.trailing_zeros();
+            open.pending &= open.pending.wrapping_sub(1);
+            let at = place(v);
+            let low = each3!(A => open.low[A].wrapping_add(at[A].wrapping_shl(edge)));
+            let number = open.first.wrapping_add(open.brick.before(v));
+            if edge == 2 {
+                bricks = bricks.wrapping_add(1);
+                if bricks > MOST_BRICKS {
+                    break 'walk;
+                }
+                let near = beam.meets(self.rays, low, live);
+                if near != 0 {
+                    let brick = Brick::of(l, self.view, number, beam.mirror);
+                    candidates |= self.rays_of_brick(beam, &brick, low, near, &mut live, unit);
+                    if live == 0 {
+                        break 'walk;
+                    }
+                }
+                continue;
+            }
+            waiting[edge as usize / 2 % BRICK_LEVELS] = open;
+            edge = edge.wrapping_sub(2);
+            let brick = Brick::of(l, self.view, number, beam.mirror);
+            let pending = brick.boxes & beam.pierced(low, edge);
+            open = Open { brick, pending, first: if pending == 0 { 0 } else { brick.first(self.view) }, low };
+        }
+        let left = if bricks > MOST_BRICKS { live } else { 0 };
+        if S::SOLID { left | self.prove(l, beam.mirror, candidates, depth, unit) } else { left }
+    }
+
+    /// Finds the box that each of the rays `near` meets first in a brick; returns the rays that meet one,
+    /// which live no longer.
+    #[inline(always)]
+    fn rays_of_brick<L: Lanes>(
+        &mut self,
+        beam: &Beam<L>,
+        brick: &Brick,
+        low: [u32; 3],
+        near: u64,
+        live: &mut u64,
+        unit: u32,
+    ) -> u64 {
+        let mut near = near;
+        let mut met = 0_u64;
+        let (mut first, mut ranked) = (0, false);
+        while near != 0 {
+            let ray = near.trailing_zeros() as usize % RAYS;
+            near &= near.wrapping_sub(1);
+            self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
+            let mut boxes = brick.boxes & beam.pierced_by(self.rays, ray, low);
+            while boxes != 0 {
+                let v = boxes.trailing_zeros();
+                if !ranked {
+                    (first, ranked) = (brick.first(self.view), true);
+                }
+                let number = first.wrapping_add(brick.before(v));
+                let at = place(v);
+                if S::SOLID {
+                    self.hits.number[ray] = number;
+                    for a in 0..3 {
+                        self.hits.low[a][ray] = f64::from((low[a] | at[a]).wrapping_shl(unit));
+                    }
+                    met |= 1 << ray;
+                    break;
+                }
+                let cell = std::array::from_fn(|a| (low[a] | at[a]).wrapping_shl(unit));
+                if self.meet(ray, number, cell, unit) {
+                    met |= 1 << ray;
+                    break;
+                }
+                boxes &= boxes.wrapping_sub(1);
+            }
+        }
+        *live &= !met;
+        met
+    }
+
+    /// Asks the surface about a box that a ray may pass through.
+    fn meet(&mut self, ray: usize, number: u64, low: [u32; 3], unit: u32) -> bool {
+        let Some(exact) = self.exact(ray) else { return false };
+        let hit = MirroredRay::new(&exact)
+            .passage(number, low, unit)
+            .and_then(|passage| self.surface.meet(self.view, &exact, &passage));
+        if let Some(hit) = hit {
+            self.hits.set(ray, &hit);
+        }
+        hit.is_some()
+    }
+
+    /// The exact ray of a pixel.
+    fn exact(&self, ray: usize) -> Option<Ray> {
+        let (x, y) = (self.tile.corner.0 + ray % TILE, self.tile.corner.1 + ray / TILE);
+        self.sight.ray(x as f64 + 0.5, y as f64 + 0.5)
+    }
+
+    /// Decides the candidates row by row; returns those that are not entered by their rays.
+    #[inline(always)]
+    fn prove<L: Lanes>(&mut self, l: L, mirror: u32, candidates: u64, depth: u32, unit: u32) -> u64 {
+        let mut failed = 0;
+        for y in 0..TILE {
+            let first = y * TILE;
+            let row_candidates = (candidates >> first & 0xff) as u32;
+            if row_candidates == 0 {
+                continue;
+            }
+            let (x, y) = (self.tile.corner.0, self.tile.corner.1 + y);
+            let row = self.sight.row(l, (x, y));
+            let low: [&[f64; DOUBLES]; 3] = each3!(A => &self.hits.low[A].as_chunks().0[first / TILE]);
+            let entries = entries(l, &row, mirror, depth, unit, low);
+            failed |= u64::from(row_candidates & !entries.proved) << first;
+            self.hits.set_row(first, row_candidates & entries.proved, &entries);
+        }
+        failed
+    }
+
+    /// Traces rays one by one.
+    #[inline(always)]
+    fn alone<L: Lanes>(&mut self, l: L, rays: u64) {
+        let mut rays = rays;
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize % RAYS;
+            rays &= rays.wrapping_sub(1);
+            if let Some(exact) = self.exact(ray) {
+                let trace = single::first_hit(l, self.view, self.surface, &exact, self.tile.lod_edge_log2);
+                self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(trace.steps);
+                if let Some(hit) = trace.hit {
+                    self.hits.set(ray, &hit);
+                }
+            }
+        }
+    }
+}
