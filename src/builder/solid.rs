@@ -299,7 +299,7 @@ mod tests {
         let mut rows =
             OccupancyRows { x: 63..200, y: 5..7, z: 0, origin: 0, width: 3, pitch: 3, words: &mut words };
         rows.set_row(5, 0..500);
-        rows.set_row(6, 70..64);
+        rows.set_row(6, 70..70);
         assert_eq!(words, [1 << 63, u64::MAX, u64::MAX, 0, 0, 0]);
         let mut rows = OccupancyRows {
             x: 0..200,

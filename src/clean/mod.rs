@@ -212,11 +212,11 @@ impl CleanOptions {
         }
         let own = builder::fixed_bytes(none) + self.least_bytes(source);
         let spread = if matches!(none, MemoryCap::Process(_)) { HELD_SPREAD } else { 0 };
-        (self.beside(source, none) + build.max(own) + spread).next_multiple_of(1 << 16)
+        (self.build_overhead_bytes(source, none) + build.max(own) + spread).next_multiple_of(1 << 16)
     }
 
     /// Bytes that cleaning costs the build that follows.
-    fn beside(&self, source: &dyn VolumeSource, memory: MemoryCap) -> u64 {
+    fn build_overhead_bytes(&self, source: &dyn VolumeSource, memory: MemoryCap) -> u64 {
         left_over(memory) + Masked::thread_bytes(row_words(source.info().dims))
     }
 
@@ -383,7 +383,7 @@ impl<'a> CleanJob<'_, 'a> {
         let memory = self.options.memory;
         let limit_bytes = memory.bytes();
         let own = builder::fixed_bytes(memory) + self.clean.least_bytes(self.source) + left_over(memory);
-        let for_build = limit_bytes.saturating_sub(self.clean.beside(self.source, memory));
+        let for_build = limit_bytes.saturating_sub(self.clean.build_overhead_bytes(self.source, memory));
         let (none, for_build) = match memory {
             MemoryCap::Process(_) => (MemoryCap::Process(0), MemoryCap::Process(for_build)),
             MemoryCap::Share(_) => (MemoryCap::Share(0), MemoryCap::Share(for_build)),

@@ -47,8 +47,17 @@ pub struct ChannelRow {
     pub codec: u8,
     /// Does the metadata say that the channel is there (SPEC I17)? Not asked if it says nothing of it.
     pub is_stated: Option<fn(&Metadata) -> bool>,
-    /// What an item must not be, and the sentence for one that is.
-    pub illegal: Option<(fn(&[u8]) -> bool, &'static str)>,
+    /// What an item must not be.
+    pub illegal: Option<Illegal>,
+}
+
+/// Items that a sound file does not hold.
+#[derive(Debug)]
+pub struct Illegal {
+    /// Is the item one of them?
+    pub is_illegal: fn(&[u8]) -> bool,
+    /// The sentence for a file that has one.
+    pub told: &'static str,
 }
 
 /// The section of coarse means of a channel.
@@ -75,7 +84,10 @@ static TABLE: &[ChannelRow] = &[
         means: Some(Means { tag: *b"NLOD", name: "normal_lod", rule: MeanRule::Direction, invariant: "I15" }),
         codec: CODEC_NORMALS,
         is_stated: Some(|m| !m.gradient.is_empty()),
-        illegal: Some((|item| item.contains(&0x80), "a normal has the illegal component -128 (SPEC I14)")),
+        illegal: Some(Illegal {
+            is_illegal: |item| item.contains(&0x80),
+            told: "a normal has the illegal component -128 (SPEC I14)",
+        }),
     },
     ChannelRow {
         channel: Channel::Value,
@@ -131,7 +143,7 @@ static TABLE: &[ChannelRow] = &[
         means: Some(Means { tag: *b"DLOD", name: "dummy_lod", rule: MeanRule::Number, invariant: "I16" }),
         codec: CODEC_PLANES,
         is_stated: None,
-        illegal: Some((|item| item == [0xff; 4], "a dummy is full")),
+        illegal: Some(Illegal { is_illegal: |item| item == [0xff; 4], told: "a dummy is full" }),
     },
 ];
 

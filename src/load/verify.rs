@@ -127,10 +127,10 @@ impl<'a, R: ReadAt + ?Sized> ChannelReader<'a, R> {
         let Some(item) = self.items.take_item(self.item_bytes)? else {
             return invalid(format!("there are more voxels than {} (SPEC I11)", row.items_name));
         };
-        if let Some((is_illegal, what)) = row.illegal
-            && is_illegal(item)
+        if let Some(illegal) = &row.illegal
+            && (illegal.is_illegal)(item)
         {
-            return invalid(what);
+            return invalid(illegal.told);
         }
         if let (Some(sum), Some(means)) = (sum, &row.means) {
             means.rule.add_items(sum, item, self.item_bytes);
@@ -248,12 +248,15 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
     }
 }
 
+/// Told the depth of a node and the sums of its [`walked_channels`].
+pub(crate) type Finished<'a> = dyn FnMut(usize, &[Sum]) -> Result<(), Fault> + 'a;
+
 /// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` is told the depth of every node
 /// and the sums of its [`walked_channels`], within a depth in the order in which nodes are stored.
 pub(crate) fn walk<R: ReadAt + ?Sized>(
     source: &R,
     frame: &Frame,
-    finished: &mut dyn FnMut(usize, &[Sum]) -> Result<(), Fault>,
+    finished: &mut Finished<'_>,
 ) -> Result<(), Fault> {
     let depth = frame.dims().depth() as usize;
     let channels: Vec<_> = walked_channels(frame)
