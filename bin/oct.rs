@@ -58,13 +58,16 @@ fn refuse(e: &clap::Error) -> ExitCode {
         let _ = e.print();
         return ExitCode::from(ExitKind::Usage.code());
     }
-    let text = e.to_string();
-    // The first paragraph says what is wrong; usage and hints follow after an empty line.
-    let sentence: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
-    let sentence = sentence.join(" ");
-    let sentence = sentence.strip_prefix("error: ").unwrap_or(&sentence);
-    let _ = writeln!(io::stderr(), "oct: {}; see `oct COMMAND --help`", one_line(sentence));
+    let sentence = first_paragraph(&e.to_string());
+    let _ = writeln!(io::stderr(), "oct: {}; see `oct COMMAND --help`", one_line(&sentence));
     ExitCode::from(ExitKind::Usage.code())
+}
+
+/// Of what clap prints, that which says what is wrong; usage and hints follow after an empty line.
+fn first_paragraph(printed: &str) -> String {
+    let plain = printed.strip_prefix("error: ").unwrap_or(printed);
+    let lines: Vec<&str> = plain.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
+    lines.join(" ")
 }
 
 /// Errors are one sentence on one line, whatever a file's name contains.

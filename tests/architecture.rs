@@ -56,6 +56,53 @@ const MAY_SEE: &[(&str, &[&str])] = &[
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.
 const ABOVE_ERROR: &[&str] = &["jobs", "lib"];
 
+/// Where sentences are written and flags named: `jobs`, and what is below it whose errors still hold text.
+const SPEAKING: &[&str] = &[
+    "src/builder/",
+    "src/clean/",
+    "src/codec/",
+    "src/error.rs",
+    "src/format/",
+    "src/jobs/",
+    "src/load/",
+    "src/render/",
+    "src/source/dicom/",
+];
+
+/// Where messages are still read: their errors and notes are about to become values.
+const READING: &[&str] = &["src/source/dicom/"];
+
+/// Names of what holds a message; besides them, whatever is bound to the text of a value.
+const MESSAGES: &[&str] = &[
+    "cause", "error", "fault", "message", "misuse", "note", "reason", "refusal", "sentence", "warning", "why",
+];
+
+/// Calls that look for something in a text, or take it apart.
+const TAKES_APART: &[&str] = &[
+    "contains",
+    "ends_with",
+    "find",
+    "lines",
+    "match_indices",
+    "matches",
+    "replace",
+    "replacen",
+    "rfind",
+    "rsplit",
+    "rsplit_once",
+    "rsplitn",
+    "split",
+    "split_at",
+    "split_once",
+    "split_whitespace",
+    "splitn",
+    "starts_with",
+    "strip_prefix",
+    "strip_suffix",
+    "trim_end_matches",
+    "trim_start_matches",
+];
+
 /// Files that may contain `unsafe`: the mapping, and vector instructions beside their safe twins.
 const UNSAFE_FILES: &[&str] = &[
     "src/builder/lanes.rs",
@@ -249,6 +296,105 @@ fn the_command_knows_the_library_only_from_outside() {
             assert!(["args", "bars"].contains(&name.as_str()), "{}: crate::{name}", source.path);
         }
     }
+}
+
+/// Flags named in a text of the code, and sentences in the definition of an error.
+fn spoken(source: &Source) -> Vec<String> {
+    let code = source.without_tests();
+    let flag = |at: usize| {
+        code[at + 2..].starts_with(|c: char| c.is_ascii_lowercase())
+            && code[..at].ends_with(|c: char| c.is_whitespace() || "\"'`(".contains(c))
+    };
+    let flags = code.match_indices("--").map(|(at, _)| at).filter(|at| flag(*at));
+    let sentences = code.match_indices("#[error(").map(|(at, _)| at);
+    let line = |at: usize| code[at..].lines().next().unwrap_or_default().to_owned();
+    flags.chain(sentences).map(|at| format!("{}: {}", source.path, line(at))).collect()
+}
+
+#[test]
+fn sentences_and_flags_are_written_in_jobs_only() {
+    for source in sources("src") {
+        if SPEAKING.iter().any(|part| source.path.starts_with(part)) || source.path.ends_with("/tests.rs") {
+            continue;
+        }
+        let wrong = spoken(&source);
+        assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+    }
+}
+
+/// Calls that take a message apart: on a value's text (`x.to_string().split(..)`), on a name that was bound to
+/// one (`let x = ... .to_string();`), or on a name that stands for one ([`MESSAGES`]).
+///
+/// That is as far as the text of the code tells; what a function gives back under another name it does not.
+fn taken_apart(source: &Source) -> Vec<String> {
+    let code = source.without_tests();
+    let mut wrong = Vec::new();
+    let mut bound: BTreeSet<&str> = BTreeSet::new();
+    for line in code.lines() {
+        let line = line.trim();
+        // Names count within one function.
+        if word(line) == "fn" || line.contains(" fn ") {
+            bound.clear();
+        }
+        if let Some(rest) = line.strip_prefix("let ") {
+            let name = word(rest.strip_prefix("mut ").unwrap_or(rest));
+            // A report as JSON is data, which is written in parts.
+            if line.ends_with(".to_string();") && !line.contains("json") {
+                bound.insert(name);
+            } else {
+                bound.remove(name);
+            }
+        }
+        for call in TAKES_APART {
+            for (at, _) in line.match_indices(&format!(".{call}(")) {
+                // `a.as_str().split(..)` is about `a`.
+                let before = line[..at].trim_end_matches(".as_str()").trim_end_matches(".as_deref()");
+                let start = before.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |i| i + 1);
+                let name = &before[start..];
+                let is_text = before.ends_with(".to_string()") || MESSAGES.contains(&name);
+                if is_text || bound.contains(name) {
+                    wrong.push(format!("{}: {line}", source.path));
+                }
+            }
+        }
+    }
+    wrong
+}
+
+#[test]
+fn no_message_is_taken_apart() {
+    for folder in ["src", "bin"] {
+        for source in sources(folder) {
+            if READING.iter().any(|part| source.path.starts_with(part)) || source.path.ends_with("tests.rs") {
+                continue;
+            }
+            let wrong = taken_apart(&source);
+            assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+        }
+    }
+}
+
+#[test]
+fn messages_are_seen_where_they_are_taken_apart() {
+    let source =
+        |code: &str| Source { path: "src/a/b.rs".to_owned(), lines: 1, code: without_comments(code) };
+    for wrong in [
+        "if error.to_string().contains(\"cut short\") {}",
+        "let text = error.to_string();\nif text.starts_with(\"a\") {}",
+        "let (path, rest) = self.reason.split_once(\": \").unwrap();",
+        "item.warning.as_deref().strip_prefix(input)",
+    ] {
+        assert_eq!(taken_apart(&source(wrong)).len(), 1, "{wrong}");
+    }
+    for sound in [
+        "let text = error.to_string();\nfn next() {}\nif text.starts_with(\"a\") {}",
+        "if header.contains(\"dims\") {}",
+        "notes.contains(&note)",
+        "#[cfg(test)]\nmod tests {\nerror.to_string().contains(\"a\");\n}",
+    ] {
+        assert!(taken_apart(&source(sound)).is_empty(), "{sound}");
+    }
+    assert_eq!(spoken(&source("let a = \"check --dims\";\n#[error(\"no\")]\nlet b = a--c; // --d")).len(), 2);
 }
 
 #[test]

@@ -90,12 +90,21 @@ pub fn open_in(
 /// How good a volume is as the one that is meant: refused, a single slice, several slices; then its size.
 type Rank = (u8, u64);
 
+/// The volume that is meant, as far as was seen.
+struct Best {
+    rank: Rank,
+    number: usize,
+    told: Candidate,
+    /// `None` if it cannot be used.
+    volume: Option<Box<dyn VolumeSource>>,
+}
+
 /// The best of the volumes that were seen. Volumes are known by their number, counted from 1.
 #[derive(Default)]
 struct Chooser {
     wanted: Option<usize>,
     seen: usize,
-    best: Option<(Rank, usize, Candidate, Option<Box<dyn VolumeSource>>)>,
+    best: Option<Best>,
     /// The largest refused one, with more than one slice?
     refused: Option<(u64, bool, usize)>,
     /// What was seen, the largest first, as many as are named.
@@ -135,8 +144,8 @@ impl Chooser {
         };
         if self.wanted.is_none_or(|wanted| wanted == number) {
             if usable || self.wanted.is_some() {
-                if self.best.as_ref().is_none_or(|(best, ..)| rank > *best) {
-                    self.best = Some((rank, number, candidate, volume));
+                if self.best.as_ref().is_none_or(|best| rank > best.rank) {
+                    self.best = Some(Best { rank, number, told: candidate, volume });
                 }
             } else if self.refused.is_none_or(|(most, ..)| voxels > most) {
                 self.refused = Some((voxels, size[2] > 1, number));
@@ -149,7 +158,7 @@ impl Chooser {
     fn forget(&mut self) {
         let Self { best, refused, named, damaged, errors, .. } = self;
         errors.retain(|number, _| {
-            best.as_ref().is_some_and(|(_, n, ..)| n == number)
+            best.as_ref().is_some_and(|best| best.number == *number)
                 || refused.is_some_and(|(.., n)| n == *number)
                 || named.iter().any(|(_, n, _)| n == number)
                 || damaged.contains(number)
@@ -160,8 +169,10 @@ impl Chooser {
         let Self { wanted, seen, best, refused, named, damaged, mut errors } = self;
         let (number, taken) = match (best, refused) {
             // A scout beside a series that is refused is not mistaken for the volume.
-            (Some(((1, _), ..)), Some((_, true, refused))) if wanted.is_none() => (refused, None),
-            (Some((_, number, candidate, volume)), _) => (number, volume.map(|volume| (candidate, volume))),
+            (Some(Best { rank: (1, _), .. }), Some((_, true, refused))) if wanted.is_none() => {
+                (refused, None)
+            }
+            (Some(best), _) => (best.number, best.volume.map(|volume| (best.told, volume))),
             (None, Some((.., refused))) => (refused, None),
             (None, None) => (0, None),
         };

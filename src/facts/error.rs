@@ -42,7 +42,7 @@ pub enum SourceError {
         /// Bytes that are there.
         got: u64,
         /// What the file was said to hold.
-        layout: RawLayout,
+        layout: Box<RawLayout>,
     },
     /// The file shrank or failed while it was being read.
     ReadFailed {

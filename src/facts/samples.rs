@@ -1,6 +1,9 @@
 //! What can be wrong with samples in files: their number, their place, their packing.
 
 use std::io;
+use std::ops::Range;
+
+use thiserror::Error;
 
 use super::error::Fault;
 use super::note::Packing;
@@ -120,6 +123,29 @@ pub enum StoredFault {
     HalfByte,
     /// A character of hexadecimal text is no digit.
     Digit,
+}
+
+/// Why rows cannot be delivered, other than by the system: it stands as the cause in
+/// [`SourceError::ReadFailed`](super::SourceError::ReadFailed).
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ReadFault {
+    /// The volume has to be unrolled first.
+    NotUnrolled,
+    /// The rows are not within the volume, or the buffer is not as long as they are.
+    Outside {
+        /// Rows that were asked for.
+        rows: Range<u32>,
+        /// Columns that were asked for.
+        cols: Range<u32>,
+        /// Bytes of the buffer.
+        bytes: usize,
+    },
+}
+
+impl From<ReadFault> for io::Error {
+    fn from(fault: ReadFault) -> Self {
+        Self::new(io::ErrorKind::InvalidInput, fault)
+    }
 }
 
 /// What a decoder found wrong.

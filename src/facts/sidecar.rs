@@ -29,7 +29,7 @@ pub enum SideCarFault {
         /// Name of the data.
         data: String,
         /// What it is described as.
-        layout: RawLayout,
+        layout: Box<RawLayout>,
         /// Bytes that this takes.
         expected: u64,
         /// Bytes that it has.

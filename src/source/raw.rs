@@ -73,7 +73,7 @@ impl RawVolume {
                 Err(cause) => return Err(SourceError::Unreadable { path, cause }),
             };
             if got != expected {
-                let layout = layout_of(options, index, list.len());
+                let layout = Box::new(layout_of(options, index, list.len()));
                 return Err(SourceError::SizeMismatch { path, expected, got, layout });
             }
         }

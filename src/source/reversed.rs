@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::facts::samples::ReadFault;
 use crate::geom::Dims;
 use crate::volume::Spool;
 use crate::volume::check_request;
@@ -115,7 +116,7 @@ impl VolumeSource for Reversed {
             cause,
         };
         check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
-        let spool = self.spool.as_ref().ok_or_else(|| failed(std::io::ErrorKind::NotFound.into()))?;
+        let spool = self.spool.as_ref().ok_or_else(|| failed(ReadFault::NotUnrolled.into()))?;
         spool.read_rows(z, &rows, &cols, out).map_err(failed)
     }
 }

@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 
 use super::VolumeInfo;
+use crate::facts::samples::ReadFault;
 
 /// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call,
 /// part of them row by row; `out` holds nothing else.
@@ -47,8 +48,5 @@ pub(crate) fn check_request(
     if inside && wanted == out_len as u64 {
         return Ok(());
     }
-    Err(io::Error::new(
-        io::ErrorKind::InvalidInput,
-        format!("rows {rows:?}, columns {cols:?} into {out_len} bytes"),
-    ))
+    Err(ReadFault::Outside { rows: rows.clone(), cols: cols.clone(), bytes: out_len }.into())
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io;
 
-use crate::facts::samples::{Damage, RawFault, RawLayout, StoredFault};
+use crate::facts::samples::{Damage, RawFault, RawLayout, ReadFault, StoredFault};
 use crate::geom::Dims;
 
 impl fmt::Display for RawLayout {
@@ -94,6 +94,17 @@ impl fmt::Display for StoredFault {
             }
             Self::HalfByte => f.write_str("half a byte at the end"),
             Self::Digit => f.write_str("a character is no hexadecimal digit"),
+        }
+    }
+}
+
+impl fmt::Display for ReadFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotUnrolled => f.write_str("it has not been unrolled"),
+            Self::Outside { rows, cols, bytes } => {
+                write!(f, "rows {rows:?}, columns {cols:?} into {bytes} bytes")
+            }
         }
     }
 }

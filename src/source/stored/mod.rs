@@ -16,7 +16,6 @@ mod samples;
 mod text;
 
 use std::fmt;
-use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -29,6 +28,7 @@ pub(super) use samples::Samples;
 
 use super::files::FileList;
 use crate::facts::Note;
+use crate::facts::samples::ReadFault;
 use crate::progress::Progress;
 use crate::volume::Spool;
 use crate::volume::check_request;
@@ -160,7 +160,7 @@ impl VolumeSource for StoredVolume {
             Data::Sequential { recipe, spool } => check_request(&self.info, z, &rows, &cols, out.len())
                 .and_then(|()| match spool {
                     Some(spool) => spool.read_rows(z, &rows, &cols, out),
-                    None => Err(io::Error::other("it has not been unrolled")),
+                    None => Err(ReadFault::NotUnrolled.into()),
                 })
                 .map_err(|cause| SourceError::ReadFailed { path: recipe.path(), slice: z, cause }),
         }
