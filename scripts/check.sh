@@ -34,19 +34,12 @@ COMPARE
     rm -r "$folder"
 }
 
-jpeg_xl() {
-    cargo test --locked --features jpeg-xl --test jpegxl --test mutations && cargo test --locked --features jpeg-xl --lib codec::
-}
-
 step "format" cargo fmt --all -- --check
 step "lints, warnings are errors" cargo clippy --locked --all-targets -- -D warnings
-step "lints with every feature" cargo clippy --locked --all-targets --all-features -- -D warnings
 step "documentation, warnings are errors" env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --document-private-items
 if [ "$tests" = yes ]; then
     step "tests" cargo test --locked
 fi
-# Off by default, so neither the README's test command nor the one above covers it.
-step "tests of JPEG XL" jpeg_xl
 step "release build" cargo build --locked --release
 oct=${CARGO_TARGET_DIR:-target}/release/oct
 step "a second reader of the format, and random rays against the exact reference" second_reader

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the codestreams in src/codec/jpeg2000/tests.rs, and prints them as Rust arrays.
+"""Makes the codestreams in tests/support/codec/jpeg2000_vectors.rs, and prints them as Rust arrays.
 
 Needs numpy, imagecodecs (OpenJPH, and OpenJPEG to compare) and OpenJPEG's opj_compress. The images are
 formulas, so that the tests know every sample of the lossless ones.
@@ -104,7 +104,7 @@ def high_throughput_passes(width, height, seed, flags=0x40):
 
 
 def show(name, stream, note):
-    print(f"/// {note}\n#[rustfmt::skip]\nconst {name}: &[u8] = &[")
+    print(f"/// {note}\n#[rustfmt::skip]\npub(super) const {name}: &[u8] = &[")
     for start in range(0, len(stream), 20):
         print("    " + " ".join(f"0x{byte:02X}," for byte in stream[start : start + 20]))
     print("];\n")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes src/codec/jpegls/vectors.rs: a small colour image as CharLS encodes it in each interleave mode.
+"""Writes tests/support/codec/jpegls_vectors.rs: a small colour image as CharLS encodes it in each interleave mode.
 
-Needs numpy and pyjpegls (bindings of CharLS): python3 scripts/make_jpegls_vectors.py > src/codec/jpegls/vectors.rs
+Needs numpy and pyjpegls (bindings of CharLS): python3 scripts/make_jpegls_vectors.py > tests/support/codec/jpegls_vectors.rs
 """
 import jpeg_ls
 import numpy as np
@@ -10,7 +10,7 @@ ROWS, COLUMNS = 5, 9
 
 
 def image():
-    """A ramp, runs of one value, and steps; the same formula is in vectors.rs."""
+    """A ramp, runs of one value, and steps; the same formula is in jpegls_vectors.rs."""
     y, x = np.mgrid[0:ROWS, 0:COLUMNS]
     red = x * 7 + y * 3
     green = np.where((x > 2) & (x < 8), 200, 10 * y)

@@ -42,6 +42,9 @@ pub mod geom;
 pub mod jobs;
 pub mod load;
 pub mod progress;
+#[cfg(test)]
+#[path = "../tests/support/random.rs"]
+mod random;
 pub mod render;
 pub mod resident;
 pub mod scratch;

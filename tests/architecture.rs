@@ -2,7 +2,7 @@
 //! change tied together two parts that are understood, tested and replaced apart from each other.
 //!
 //! Read from the source text: every `crate::` path (grouped imports too) outside comments and outside
-//! the unit tests at the end of a file, which may look wherever they need to.
+//! unit tests, at the end of a file or in a `tests.rs`, which may look wherever they need to.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -171,7 +171,7 @@ fn crate_paths(code: &str) -> Vec<(String, String)> {
 /// Arrows that no rule allows, one sentence each.
 fn forbidden(source: &Source) -> Vec<String> {
     let module = source.module();
-    if module == "lib" {
+    if module == "lib" || source.path.ends_with("/tests.rs") {
         return Vec::new();
     }
     let Some((_, may_see)) = MAY_SEE.iter().find(|(name, _)| *name == module) else {

@@ -16,12 +16,12 @@ mod command;
 mod data;
 #[path = "support/dicom.rs"]
 mod dicom;
-#[path = "support/lcg.rs"]
-mod lcg;
+#[path = "support/random.rs"]
+mod random;
 
 use command::{binary, names, oct, smallest_budget, text};
 use dicom::{Elements, Image};
-use lcg::Lcg;
+use random::Random;
 
 const SIDE: u16 = 32;
 const SLICES: u32 = 20;
@@ -393,7 +393,7 @@ fn killed_at_any_moment_and_started_again_the_results_are_the_same() {
     let started = std::time::Instant::now();
     batch(&top, &whole, &[]);
     let usual = started.elapsed();
-    let mut random = Lcg(4);
+    let mut random = Random(4);
     let mut interrupted = 0;
     for round in 0..20 {
         // A fresh start now and then, so that every moment of a run is met.

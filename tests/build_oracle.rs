@@ -13,9 +13,12 @@ use infobyte::load::{Model, verify};
 use infobyte::source::{RawOptions, RawVolume};
 use infobyte::volume::{Endian, Rescale, ScalarType, VolumeSource};
 
+#[path = "support/random.rs"]
+mod random;
 #[path = "support/volume.rs"]
 mod volume;
-use volume::{MemoryVolume, Random};
+use random::Random;
+use volume::MemoryVolume;
 
 /// Interleaves the bits of a cell, one at a time.
 fn morton(cell: [u32; 3]) -> u64 {
@@ -318,7 +321,7 @@ fn check_otsu(physical: &[f64], lo: f64, binned: bool, name: &str) {
 
 /// One random case from its seed; says whether it was built (and not refused for lack of skin).
 fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
-    let mut random = Random::new(seed);
+    let mut random = Random(seed);
     let scalar = ScalarType::ALL[usize::try_from(seed % 8).unwrap()];
     let span = window(scalar);
     let float = matches!(scalar, ScalarType::F32 | ScalarType::F64);
@@ -360,7 +363,7 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
         values: random.below(3) > 0,
         lod: random.below(4) > 0,
         memory: MemoryCap::Process(1 << 30),
-        threads: usize::try_from(1 + random.below(3)).unwrap(),
+        threads: 1 + random.below(3_usize),
         scratch: None,
     };
     let name = format!("seed {seed} {dims:?} {scalar} {shape:?} {rescale:?} {options:?}");
@@ -457,7 +460,7 @@ const SMALL: [[u32; 3]; 17] = [
 fn random_cases(seeds: std::ops::Range<u64>) {
     let mut built = 0;
     for seed in seeds {
-        let mut random = Random::new(seed + 1000);
+        let mut random = Random(seed + 1000);
         let dims = random.pick(&SMALL);
         // Types follow the seed; shapes step through their list at another rhythm.
         let shape = SHAPES[usize::try_from(seed / 8 % 11).unwrap()];
@@ -503,7 +506,7 @@ fn bricks_of_several_fragments_are_joined_in_order() {
     ] {
         for connectivity in [Connectivity::Thin26, Connectivity::Thick6] {
             let span = window(scalar);
-            let field = fill(dims, shape, &mut Random::new(5));
+            let field = fill(dims, shape, &mut Random(5));
             let values: Vec<f64> = field.iter().map(|f| between(span, *f)).collect();
             let source = MemoryVolume::new(dims, scalar, &values);
             let options = BuildOptions {
@@ -527,7 +530,7 @@ fn bricks_of_several_fragments_are_joined_in_order() {
 #[test]
 fn the_skin_of_a_solid_is_its_six_faces() {
     for dims in SMALL {
-        let source = MemoryVolume::new(dims, ScalarType::I16, &fill(dims, Shape::Solid, &mut Random::new(1)));
+        let source = MemoryVolume::new(dims, ScalarType::I16, &fill(dims, Shape::Solid, &mut Random(1)));
         let options = BuildOptions {
             threshold: Threshold::Iso(-5.0),
             connectivity: Connectivity::Thin26,
@@ -556,7 +559,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
     let side = 14;
     for scalar in ScalarType::ALL {
         let span = window(scalar);
-        let thing = fill([side; 3], Shape::Waves, &mut Random::new(9));
+        let thing = fill([side; 3], Shape::Waves, &mut Random(9));
         let mut first: Option<(Vec<[u32; 3]>, Vec<u16>)> = None;
         for offset in [[3, 3, 3], [26, 3, 25], [57, 20, 3], [29, 30, 31], [60, 4, 24], [20, 25, 8]] {
             let dims = [80, 48, 50];

@@ -13,16 +13,18 @@ use serde_json::Value;
 mod command;
 #[path = "support/dicom.rs"]
 mod dicom;
+#[path = "support/random.rs"]
+mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
 use command::{oct, smallest_budget, text};
 use dicom::{Image, Syntax};
-use volume::Random;
+use random::Random;
 
 /// Writes 16-bit samples of waves with some salt: curved surfaces at every angle, and lone voxels.
 fn waves(path: &Path, dims: [u32; 3], seed: u64) {
-    let mut random = Random::new(seed);
+    let mut random = Random(seed);
     let scale = dims.map(|n| 9.0 / f64::from(n.max(40)));
     let mut bytes = Vec::new();
     for z in 0..dims[2] {

@@ -12,11 +12,13 @@ use serde_json::Value;
 
 #[path = "support/command.rs"]
 mod command;
+#[path = "support/random.rs"]
+mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
 use command::{binary, oct, smallest_budget, text};
-use volume::Random;
+use random::Random;
 
 /// Writes 16-bit samples that are a function of their place.
 fn write(path: &Path, dims: [i32; 3], mut value: impl FnMut([i32; 3]) -> i16) {
@@ -50,9 +52,9 @@ const PHANTOM: [i32; 3] = [90, 100, 40];
 /// A patient of 40 HU with lungs of air, from end to end of the scan, in noise; `gap` below lies the table with
 /// its screws, or nothing.
 fn phantom(path: &Path, gap: Option<i32>) {
-    let mut random = Random::new(5);
+    let mut random = Random(5);
     write(path, PHANTOM, |[x, y, z]| {
-        let noise = i16::try_from(random.below(40)).unwrap() - 20;
+        let noise = random.below(40_i16) - 20;
         let inside = |cx: i32, cy: i32, a: i32, b: i32| {
             let (dx, dy) = (x - cx, y - cy);
             dx * dx * b * b + dy * dy * a * a <= a * a * b * b
@@ -199,7 +201,7 @@ fn budgets_and_threads_do_not_change_the_file() {
         &["--close", "2", "--drop-below", "30", "--component-connectivity", "6"],
     );
     let noise = folder.path().join("noise.raw");
-    let mut random = Random::new(8);
+    let mut random = Random(8);
     write(&noise, [300, 90, 70], |_| i16::from(random.below(1000) < 310));
     let thin = ["--iso", "1", "--keep-largest", "40", "--component-connectivity", "6"];
     same_everywhere(&noise, [300, 90, 70], "i16", &thin);
@@ -258,7 +260,7 @@ fn noise_at_the_percolation_density_stays_within_the_cap() {
     let folder = tempfile::tempdir().unwrap();
     let raw = folder.path().join("noise.raw");
     let side = if std::env::var_os("OCT_LARGE").is_some() { 512 } else { 256 };
-    let mut random = Random::new(31);
+    let mut random = Random(31);
     let voxels: Vec<u8> = (0..side * side * side).map(|_| u8::from(random.below(1000) < 310)).collect();
     fs::write(&raw, voxels).unwrap();
     let cap = cap_mib();

@@ -13,7 +13,10 @@ use tempfile::TempDir;
 
 #[path = "support/command.rs"]
 mod command;
+#[path = "support/random.rs"]
+mod random;
 use command::{Run, binary, names, oct, shell, smallest_budget, text};
+use random::Random;
 
 const OLD: &[u8] = b"the model of yesterday";
 
@@ -313,13 +316,8 @@ fn a_full_or_read_only_disk_stops_output_or_scratch_with_a_sentence() {
     let on_disk = text(&stage.path("disk/m.oct"));
     let elsewhere = text(&stage.path("out"));
     // A noisy volume fills the scratch file, a solid one the output.
-    let mut random = 1_u32;
-    let noise: Vec<u8> = (0..96 * 96 * 96)
-        .map(|_| {
-            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            random.to_le_bytes()[3]
-        })
-        .collect();
+    let mut random = Random(1);
+    let noise: Vec<u8> = (0..96 * 96 * 96).map(|_| random.byte()).collect();
     let noise = text(&stage.file("noise.raw", &noise));
     let noisy = ["--dims", "96x96x96", "--dtype", "u8", "--iso", "128"];
     let output = text(&stage.output());
@@ -396,13 +394,8 @@ fn a_killed_build_leaves_the_old_model_and_nothing_else() {
 fn files_that_are_no_models_are_refused_by_every_command() {
     let stage = Stage::new();
     let sound = fs::read(model(stage.folder.path())).unwrap();
-    let mut random = 7_u32;
-    let noise: Vec<u8> = (0..5000)
-        .map(|_| {
-            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            random.to_le_bytes()[3]
-        })
-        .collect();
+    let mut random = Random(7);
+    let noise: Vec<u8> = (0..5000).map(|_| random.byte()).collect();
     let mut longer = sound.clone();
     longer.push(0);
     let mut newer = sound.clone();

@@ -12,7 +12,8 @@ use infobyte::ExitKind;
 use infobyte::format::{ENTRY_BYTES, FormatError, HEADER_BYTES, Header, SectionKind, table_bytes};
 use infobyte::jobs::{info, pack, verify as verify_job};
 use infobyte::load::{Frame, Model, NodeView, verify};
-use support::{FULL, NORMALS, Random, corner, shell};
+use support::random::Random;
+use support::{FULL, NORMALS, corner, shell};
 
 /// Follows every child of every node to the model's depth, as a renderer would, at most `budget` boxes.
 fn walk(model: &impl NodeView, budget: &mut u32) -> u64 {
@@ -151,8 +152,8 @@ fn content_damage_behind_right_checksums_never_harms_a_walk() {
         let mut bad = file.clone();
         let table_end = HEADER_BYTES + Frame::read(file.as_slice()).unwrap().sections.len() * ENTRY_BYTES;
         for _ in 0..1 + random.below(20) {
-            let at = table_end + random.below((file.len() - table_end) as u64) as usize;
-            bad[at] = random.below(256) as u8;
+            let at = table_end + random.below(file.len() - table_end);
+            bad[at] = random.byte();
         }
         let repaired = forge_crcs(&bad, &file);
         // Whatever comes of it: no panic, and if it is accepted it must be walkable in full.
@@ -195,7 +196,7 @@ fn foreign_random_and_empty_files_are_refused_with_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let (path, out) = (folder.path().join("a.oct"), folder.path().join("out.oct"));
     let mut random = Random(77);
-    let mut noise: Vec<u8> = (0..5000).map(|_| random.below(256) as u8).collect();
+    let mut noise: Vec<u8> = (0..5000).map(|_| random.byte()).collect();
     let foreign = b"%OctaneScene 1.0\nmesh 12\n".to_vec();
     let mut after_magic = infobyte::format::MAGIC.to_vec();
     after_magic.append(&mut noise.clone());
@@ -268,11 +269,11 @@ fn packed_content_damage_behind_right_checksums_is_an_error_or_the_same_content(
         let mut random = Random(seed * 0x85EB_CA6B);
         let mut bad = file.clone();
         let coded: Vec<_> = frame.sections.iter().filter(|e| e.codec != 0 && e.stored_bytes > 0).collect();
-        let section = coded[random.below(coded.len() as u64) as usize];
+        let section = coded[random.below(coded.len())];
         for _ in 0..1 + random.below(3) {
             // Half of the damage goes to the lengths in front.
             let span = if random.below(2) == 0 { section.stored_bytes.min(12) } else { section.stored_bytes };
-            bad[(section.offset + random.below(span)) as usize] = random.below(256) as u8;
+            bad[(section.offset + random.below(span)) as usize] = random.byte();
         }
         let mut sections = frame.sections.clone();
         for e in &mut sections {

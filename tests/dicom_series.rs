@@ -11,10 +11,10 @@ use infobyte::volume::{Endian, ScalarType, VolumeSource};
 
 #[path = "support/dicom.rs"]
 mod dicom;
-#[path = "support/lcg.rs"]
-mod lcg;
+#[path = "support/random.rs"]
+mod random;
 use dicom::{Image, Syntax};
-use lcg::Lcg;
+use random::Random;
 
 fn read(source: &dyn VolumeSource, z: u32, rows: (u32, u32), cols: (u32, u32)) -> Vec<u8> {
     let samples = (rows.1 - rows.0) as usize * (cols.1 - cols.0) as usize;
@@ -45,7 +45,7 @@ fn at(z: f64) -> Image<'static> {
 
 #[test]
 fn raw_file_slice_files_and_series_in_every_encoding_deliver_the_same_bytes() {
-    let mut random = Lcg(7);
+    let mut random = Random(7);
     let (nx, ny, nz) = (7_u16, 5_u16, 6_usize);
     for (syntax, meta, clutter) in
         Syntax::ALL.into_iter().flat_map(|s| [(s, true, true), (s, false, false), (s, false, true)])

@@ -17,13 +17,15 @@ mod command;
 mod data;
 #[path = "support/formats.rs"]
 mod formats;
+#[path = "support/random.rs"]
+mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
 use command::{oct, smallest_budget, text};
 use data::real_data;
 use formats::{Object, Tiff, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
-use volume::Random;
+use random::Random;
 
 /// Opens and unrolls within 3 MiB.
 fn ready(inputs: &[PathBuf], scratch: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
@@ -51,14 +53,13 @@ fn same(inputs: &[PathBuf], object: &Object, axes: bool, what: &str) {
     }
     let [nx, ny, nz] = object.dims;
     let width = object.scalar.bytes();
-    let mut random = Random::new(7);
+    let mut random = Random(7);
     for round in 0..60 {
-        let mut below = |n: u32| u32::try_from(random.below(n.into())).unwrap();
-        let z = below(nz);
-        let y = below(ny);
-        let rows = y..y + 1 + below(ny - y);
-        let x = if round % 2 == 0 { 0 } else { below(nx) };
-        let cols = if round % 2 == 0 { 0..nx } else { x..x + 1 + below(nx - x) };
+        let z = random.below(nz);
+        let y = random.below(ny);
+        let rows = y..y + 1 + random.below(ny - y);
+        let x = if round % 2 == 0 { 0 } else { random.below(nx) };
+        let cols = if round % 2 == 0 { 0..nx } else { x..x + 1 + random.below(nx - x) };
         let piece = cols.len() * width;
         let mut expected = Vec::new();
         for row in rows.clone() {

@@ -14,11 +14,13 @@ use infobyte::volume::{ScalarType, Workspace};
 
 #[path = "support/formats.rs"]
 mod formats;
+#[path = "support/random.rs"]
+mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
 use formats::{Object, Tiff, bzip2, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
-use volume::Random;
+use random::Random;
 
 /// What unrolling may hold.
 const ALLOWED: u64 = 3 << 20;
@@ -44,7 +46,7 @@ fn read(path: &Path, scratch: &Path) -> Result<(), String> {
 
 /// Cuts `bytes` at 200 places and changes bytes 1,000 times, mostly in the head.
 fn torment(folder: &Path, name: &str, bytes: &[u8]) {
-    let mut random = Random::new(name.len() as u64 + bytes.len() as u64);
+    let mut random = Random(name.len() as u64 + bytes.len() as u64);
     let path = file(folder, name, bytes);
     read(&path, folder).unwrap_or_else(|e| panic!("{name}, unchanged: {e}"));
     let (before, mut refused, mut slowest) = (current_rss_bytes(), 0, Duration::ZERO);
@@ -66,13 +68,12 @@ fn torment(folder: &Path, name: &str, bytes: &[u8]) {
         let mut changed = bytes.to_vec();
         let mut what = String::new();
         for _ in 0..=random.below(3) {
-            let reach = [bytes.len(), 96, 600, 600][n % 4].min(bytes.len()) as u64;
-            let at = usize::try_from(random.below(reach)).unwrap();
+            let reach = [bytes.len(), 96, 600, 600][n % 4].min(bytes.len());
+            let at = random.below(reach);
             // Directories of TIFF stand at the end of a slice.
             let at = if n % 8 == 3 { bytes.len() - 1 - at } else { at };
-            let new = random.below(256);
-            let new = [new, 0xff, 0, 0x39, u64::from(bytes[at]) ^ (1 << random.below(8))][n % 5];
-            changed[at] = u8::try_from(new).unwrap();
+            let new = [random.byte(), 0xff, 0, 0x39, bytes[at] ^ (1 << random.below(8))][n % 5];
+            changed[at] = new;
             what += &format!("byte {at} = {new} ");
         }
         case(&changed, &what);

@@ -18,6 +18,8 @@ mod command;
 mod dicom;
 #[path = "support/formats.rs"]
 mod formats;
+#[path = "support/random.rs"]
+mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
@@ -25,7 +27,8 @@ use command::{binary, text};
 use dicom::Image;
 use formats::{Object, Tiff};
 use infobyte::volume::ScalarType;
-use volume::{Random, encode};
+use random::Random;
+use volume::encode;
 
 const MIB: u64 = 1 << 20;
 
@@ -95,7 +98,7 @@ enum Fill {
 }
 
 fn raw(path: &Path, dims: [u32; 3], scalar: ScalarType, fill: Fill) {
-    let mut random = Random::new(3);
+    let mut random = Random(3);
     let mut bytes = Vec::new();
     for z in 0..dims[2] {
         for y in 0..dims[1] {

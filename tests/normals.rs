@@ -25,6 +25,9 @@
     reason = "samples and sizes are made to fit"
 )]
 
+#[path = "support/random.rs"]
+mod random;
+
 use std::ops::Range;
 
 use infobyte::budget::MemoryCap;
@@ -33,6 +36,7 @@ use infobyte::format::normal;
 use infobyte::geom::{Affine, Dims, morton};
 use infobyte::load::{Model, NodeView};
 use infobyte::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use random::Random;
 
 /// A volume held in memory.
 struct Held {
@@ -334,15 +338,8 @@ fn length(v: [f64; 3]) -> f64 {
 
 /// A normally distributed value of each voxel, fixed: twelve uniform halves of a hash.
 fn gaussian_noise([x, y, z]: [u32; 3]) -> f64 {
-    let mut state = u64::from(x) | u64::from(y) << 20 | u64::from(z) << 40;
-    let sum: f64 = (0..12)
-        .map(|_| {
-            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mut h = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            h = (h ^ h >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-            ((h ^ h >> 31) >> 11) as f64 / (1_u64 << 53) as f64
-        })
-        .sum();
+    let mut random = Random(u64::from(x) | u64::from(y) << 20 | u64::from(z) << 40);
+    let sum: f64 = (0..12).map(|_| random.unit()).sum();
     sum - 6.0
 }
 

@@ -193,19 +193,17 @@ pub(super) fn fill(words: &mut [u64], run: Run, set: bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     #[test]
     fn runs_are_those_of_the_bits_and_filling_them_undoes_the_search() {
-        let mut state = 7_u64;
+        let mut random = Random(7);
         for nx in [1, 2, 63, 64, 65, 127, 128, 129, 200, 65_536] {
             for sparse in 0..6 {
                 let mut words = vec![0_u64; (nx as usize).div_ceil(64)];
                 for (word, base) in words.iter_mut().zip((0..nx).step_by(64)) {
                     for _ in 0..=sparse {
-                        state = state
-                            .wrapping_mul(6_364_136_223_846_793_005)
-                            .wrapping_add(1_442_695_040_888_963_407);
-                        *word |= state ^ (state >> 29);
+                        *word |= random.bits();
                     }
                     *word = if sparse == 5 { u64::MAX } else { *word } & row_mask(nx, base);
                 }

@@ -197,6 +197,7 @@ impl<T: bytemuck::Pod> PagedTable<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     #[test]
     fn a_table_far_longer_than_its_cache_keeps_every_item() {
@@ -214,11 +215,10 @@ mod tests {
                     }
                 }
             }
-            let mut state = 1_u64;
+            let mut random = Random(1);
             let mut changed = std::collections::BTreeMap::new();
             for _ in 0..50_000 {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(99);
-                let i = (state >> 33) % count;
+                let i = random.below(count);
                 table.get_mut(i).unwrap()[2] += 1;
                 *changed.entry(i).or_insert(1) += 1;
             }

@@ -8,6 +8,7 @@ use super::components::{Component, ComponentConnectivity, Outcome, Task, least_b
 use super::{close, row_words};
 use crate::geom::Dims;
 use crate::progress::Silent;
+use crate::random::Random;
 
 use ComponentConnectivity::{Corners26, Faces6};
 
@@ -164,18 +165,9 @@ fn check_labels(cells: &Cells, connectivity: ComponentConnectivity, inverted: bo
     }
 }
 
-struct Numbers(u64);
-
-impl Numbers {
-    fn below(&mut self, n: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % n
-    }
-}
-
 #[test]
 fn labels_of_500_random_volumes_are_those_of_the_definition() {
-    let mut numbers = Numbers(1);
+    let mut numbers = Random(1);
     for round in 0..500 {
         let dims = [(); 3].map(|()| 1 + numbers.below(24) as usize);
         let dims = if round % 50 == 0 { [1 + numbers.below(200) as usize, dims[1], dims[2]] } else { dims };
@@ -229,7 +221,7 @@ fn hard_shapes_are_labelled_as_defined() {
         }
     }
     // A slice of noise whose tables are far longer than the smallest cache.
-    let mut numbers = Numbers(9);
+    let mut numbers = Random(9);
     let noise = Cells::new([300, 300, 4], |_| numbers.below(1000) < 310);
     check_labels(&noise, Faces6, false);
     check_labels(&Cells::new([300, 300, 3], |[x, y, z]| (x + y + z) % 2 == 0), Faces6, false);
@@ -264,7 +256,7 @@ fn closed(cells: &Cells, radius: i64) -> Cells {
 
 #[test]
 fn closing_is_dilation_and_erosion_in_air_without_bounds() {
-    let mut numbers = Numbers(3);
+    let mut numbers = Random(3);
     let folder = tempfile::tempdir().unwrap();
     for round in 0..120 {
         let mut dims = [(); 3].map(|()| 1 + numbers.below(14) as usize);

@@ -3,24 +3,15 @@
 //! A decoder reads a [`std::io::Read`] and hands rows to a [`RowSink`]; it never sees a file, a volume or a
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
-//!
-//! JPEG XL alone is decoded by a crate, which cannot be held to that: `jpegxl` is there with the cargo feature
-//! `jpeg-xl` only, and says how far its bounds reach.
 
 pub mod jpeg;
+pub mod jpeg2000;
 pub mod jpegls;
-#[cfg(feature = "jpeg-xl")]
-pub mod jpegxl;
-#[cfg(not(feature = "jpeg-xl"))]
-#[path = "jpegxl/absent.rs"]
-pub(crate) mod jpegxl;
 pub mod rle;
 
 use std::io;
 
 use thiserror::Error;
-
-pub mod jpeg2000;
 
 /// What a codestream says of its image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -207,9 +207,15 @@ impl Segment {
 }
 
 #[cfg(test)]
+#[path = "../../tests/support/codec/rle.rs"]
+mod encoder;
+
+#[cfg(test)]
 #[expect(clippy::cast_possible_truncation, reason = "bytes and sizes of small test images")]
 mod tests {
+    use super::encoder::encode;
     use super::*;
+    use crate::random::Random;
 
     /// Keeps the rows.
     #[derive(Default)]
@@ -242,65 +248,6 @@ mod tests {
             let most = buffer.len().min(1 + (offset % 5) as usize);
             self.0.read_at(&mut buffer[..most], offset)
         }
-    }
-
-    struct Random(u64);
-
-    impl Random {
-        fn below(&mut self, bound: u64) -> u64 {
-            self.0 ^= self.0 << 13;
-            self.0 ^= self.0 >> 7;
-            self.0 ^= self.0 << 17;
-            (self.0 >> 11) % bound
-        }
-    }
-
-    /// Packs a plane: runs of at least two, literals, and now and then a byte that means nothing.
-    fn packed(plane: &[u8], random: &mut Random) -> Vec<u8> {
-        let mut out = Vec::new();
-        let mut at = 0;
-        while at < plane.len() {
-            if random.below(16) == 0 {
-                out.push(128);
-            }
-            let run = plane[at..].iter().take(128).take_while(|&&byte| byte == plane[at]).count();
-            if run > 1 {
-                out.extend([(257 - run) as u8, plane[at]]);
-                at += run;
-            } else {
-                let most = 1 + random.below(128) as usize;
-                let pairs = plane[at..].windows(2).position(|pair| pair[0] == pair[1]);
-                let count = pairs.unwrap_or(plane.len() - at).clamp(1, most);
-                out.push(count as u8 - 1);
-                out.extend(&plane[at..at + count]);
-                at += count;
-            }
-        }
-        out
-    }
-
-    /// Encodes samples, components side by side; segments are padded to an even length.
-    fn encode(format: &RleFormat, samples: &[u32], random: &mut Random) -> Vec<u8> {
-        let (components, bytes) = (usize::from(format.components), u32::from(format.bytes_per_sample));
-        let mut out = vec![0; HEADER_BYTES];
-        out[0] = format.components * format.bytes_per_sample;
-        let mut word = 4;
-        for component in 0..components {
-            for byte in (0..bytes).rev() {
-                let plane: Vec<u8> = samples
-                    .iter()
-                    .skip(component)
-                    .step_by(components)
-                    .map(|s| (s >> (8 * byte)) as u8)
-                    .collect();
-                let start = (out.len() as u32).to_le_bytes();
-                out[word..word + 4].copy_from_slice(&start);
-                word += 4;
-                out.extend(packed(&plane, random));
-                out.extend(vec![0; out.len() % 2]);
-            }
-        }
-        out
     }
 
     fn samples(format: &RleFormat, random: &mut Random) -> Vec<u32> {
@@ -399,7 +346,7 @@ mod tests {
                 let mut changed = sound.clone();
                 for _ in 0..=random.below(3) {
                     let within = if random.below(2) == 0 { HEADER_BYTES } else { changed.len() };
-                    changed[random.below(within as u64) as usize] = random.below(256) as u8;
+                    changed[random.below(within)] = random.byte();
                 }
                 let mut keep = Keep::default();
                 let result = decode(&changed, &format, &mut keep);

@@ -2,6 +2,9 @@
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+pub(crate) mod random;
+use random::Random;
+
 use infobyte::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
 use infobyte::format::{Metadata, SourceMeta, normal};
 
@@ -19,22 +22,9 @@ pub(crate) fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
     }
 }
 
-/// Numbers from a seed, the same on every machine (xorshift).
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    /// The next number below `n`.
-    pub(crate) fn below(&mut self, n: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) % n
-    }
-}
-
 /// A shell of a ball with rough normals, in a box of `dims`.
 pub(crate) fn shell(dims: [u32; 3], channels: Channels, seed: u64) -> Vec<u8> {
-    let mut random = Random(seed | 1);
+    let mut random = Random(seed);
     let center = dims.map(|n| f64::from(n) / 2.0 - 0.5);
     let radius = dims.map(f64::from).into_iter().fold(f64::INFINITY, f64::min) / 2.0 - 1.0;
     let mut voxels = Vec::new();

@@ -1,42 +1,10 @@
-//! Volumes in memory, and numbers from a seed to fill them with.
+//! Volumes in memory.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::ops::Range;
 
 use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
-
-/// Numbers from a seed, the same on every machine (xorshift with a multiplied output).
-pub(crate) struct Random(u64);
-
-impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
-        let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        for _ in 0..4 {
-            random.below(2);
-        }
-        random
-    }
-
-    /// The next number below `n`.
-    pub(crate) fn below(&mut self, n: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 24) % n
-    }
-
-    /// The next number in 0..1.
-    #[expect(clippy::cast_precision_loss, reason = "below 2^30")]
-    pub(crate) fn unit(&mut self) -> f64 {
-        self.below(1 << 30) as f64 / f64::from(1_u32 << 30)
-    }
-
-    /// One of several things.
-    pub(crate) fn pick<T: Copy>(&mut self, of: &[T]) -> T {
-        of[usize::try_from(self.below(of.len() as u64)).unwrap()]
-    }
-}
 
 /// The sample of type `scalar` next to `v`, as little-endian bytes.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts from floats saturate")]

@@ -88,6 +88,7 @@ fn transform(f: [i64; 8]) -> [i64; 8] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
     use std::f64::consts::PI;
 
     #[test]
@@ -122,20 +123,16 @@ mod tests {
 
     #[test]
     fn samples_are_the_rounded_sums_of_the_definition() {
-        let mut random = 7_u32;
-        let mut next = move |below: u32| {
-            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (random >> 8) % below
-        };
+        let mut random = Random(7);
         for case in 0..400 {
             let precision = if case % 2 == 0 { 8 } else { 12 };
-            let largest = 1 << (precision + 1);
+            let largest = 1_i32 << (precision + 1);
             let mut block = [0_i16; 64];
             let mut steps = [1_u16; 64];
-            for at in 0..1 + next(64) as usize {
+            for at in 0..1 + random.below(64_usize) {
                 let at = if case % 5 == 0 { 0 } else { at };
-                steps[at] = u16::try_from(1 + next(9)).unwrap();
-                let value = i32::try_from(next(2 * largest)).unwrap() - i32::try_from(largest).unwrap();
+                steps[at] = 1 + random.below(9);
+                let value = random.below(2 * largest) - largest;
                 block[at] = i16::try_from(value / i32::from(steps[at]) / 4).unwrap();
             }
             let samples = samples(&block, &steps, precision);

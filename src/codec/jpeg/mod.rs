@@ -21,6 +21,9 @@
 mod bits;
 mod bytes;
 mod dct;
+#[cfg(test)]
+#[path = "../../../tests/support/codec/jpeg.rs"]
+mod encoder;
 mod huffman;
 mod lossless;
 mod markers;

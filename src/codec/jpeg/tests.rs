@@ -1,12 +1,11 @@
 //! Round trips through an encoder of our own, refusals, and damage.
 
-mod encode;
-
 use std::io::Read;
 
 use super::super::{CodecError, FrameFormat, RowSink};
+use super::encoder::{Dct, FLAT, Lossless, STEEP, Writer};
 use super::{dct, decode};
-use encode::{Dct, FLAT, Lossless, Random, STEEP, Writer};
+use crate::random::Random;
 
 /// More than any image of the tests needs.
 const PLENTY: u64 = 1 << 22;
@@ -416,8 +415,8 @@ fn changed_bytes_do_no_harm() {
         for case in 0..1500 {
             let mut stream = stream.clone();
             for _ in 0..1 + random.below(4) {
-                let at = random.below(u32::try_from(stream.len()).unwrap()) as usize;
-                stream[at] = if case % 3 == 0 { 0xFF } else { random.below(256).to_le_bytes()[0] };
+                let at = random.below(stream.len());
+                stream[at] = if case % 3 == 0 { 0xFF } else { random.byte() };
             }
             let mut input = &stream[..];
             match decode(&mut input, PLENTY, &mut Kept::default()) {
@@ -438,7 +437,7 @@ fn noise_after_a_header_ends() {
     for stream in victims() {
         let at = stream.windows(2).position(|w| w == [0xFF, 0xDA]).unwrap();
         for _ in 0..100 {
-            let noise: Vec<u8> = (0..3000).map(|_| random.below(256).to_le_bytes()[0]).collect();
+            let noise: Vec<u8> = (0..3000).map(|_| random.byte()).collect();
             let stream = [&stream[..at + 8], &noise].concat();
             let mut input = &stream[..];
             let result = decode(&mut input, PLENTY, &mut Kept::default());

@@ -36,6 +36,9 @@ mod packets;
 mod progression;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+#[path = "../../../tests/support/codec/jpeg2000_vectors.rs"]
+mod vectors;
 mod wavelet;
 
 use geometry::TileLayout;

@@ -9,11 +9,7 @@
 //! `scan` turns coded bits into lines of one scan, and this file puts scans together into rows.
 
 #[cfg(test)]
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "samples and sizes of small test images"
-)]
+#[path = "../../../tests/support/codec/jpegls.rs"]
 mod encoder;
 mod frame;
 mod parameters;
@@ -23,6 +19,7 @@ mod stream;
 #[expect(clippy::cast_possible_truncation, reason = "samples of small test images")]
 mod tests;
 #[cfg(test)]
+#[path = "../../../tests/support/codec/jpegls_vectors.rs"]
 mod vectors;
 
 use std::io::Read;

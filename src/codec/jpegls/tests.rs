@@ -3,6 +3,7 @@
 use super::encoder::{Options, encode};
 use super::parameters::Preset;
 use super::*;
+use crate::random::Random;
 
 /// Enough for every test image.
 const ENOUGH_BYTES: u64 = 1 << 20;
@@ -52,18 +53,6 @@ fn decoded(stream: &[u8]) -> Result<Keep, CodecError> {
     decode(&mut &*stream, ENOUGH_BYTES, &mut keep).map(|()| keep)
 }
 
-/// A small deterministic generator (xorshift).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, bound: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) % bound
-    }
-}
-
 /// Noise, ramps with noise, runs, or one value.
 fn plane(random: &mut Random, kind: u64, columns: usize, rows: usize, most: u64) -> Vec<u16> {
     let mut value = random.below(most + 1);
@@ -74,7 +63,7 @@ fn plane(random: &mut Random, kind: u64, columns: usize, rows: usize, most: u64)
                 0 => random.below(most + 1),
                 1 => (x * 5 + y * 3 + random.below(4)) % (most + 1),
                 2 if random.below(9) == 0 => random.below(most + 1),
-                3 => [0, most][random.below(2) as usize],
+                3 => [0, most][random.below(2_usize)],
                 _ => value,
             };
             value as u16
@@ -145,25 +134,22 @@ fn round_trips_with_components_presets_restarts_and_large_sizes() {
     let mut random = Random(2);
     for turn in 0..600 {
         let mut options = Options::new(
-            1 + random.below(40) as usize,
-            1 + random.below(30) as usize,
-            2 + random.below(15) as u8,
-            random.below(3) as u8,
+            1 + random.below(40_usize),
+            1 + random.below(30_usize),
+            2 + random.below(15_u8),
+            random.below(3_u8),
         );
-        options.components = 1 + random.below(4) as usize;
+        options.components = 1 + random.below(4_usize);
         options.by_line = random.below(2) == 1;
-        options.restart_lines = [0, 1, 3, 20][random.below(4) as usize];
+        options.restart_lines = [0, 1, 3, 20][random.below(4_usize)];
         options.oversize = random.below(3) == 0;
         if turn % 2 == 0 {
-            let maximum = 7 + random.below((1 << options.precision.max(3)) - 7) as u32;
+            let maximum = 7 + random.below((1_u32 << options.precision.max(3)) - 7);
             options.precision = options.precision.max(3);
-            let first = 3 + random.below(2) as u32;
-            let last = maximum.min(first + 1 + random.below(60) as u32);
-            options.preset = Some(Preset {
-                maximum,
-                thresholds: [first, first, last],
-                reset: 3 + random.below(200) as u32,
-            });
+            let first = 3 + random.below(2_u32);
+            let last = maximum.min(first + 1 + random.below(60_u32));
+            options.preset =
+                Some(Preset { maximum, thresholds: [first, first, last], reset: 3 + random.below(200_u32) });
         }
         options.near = options.near.min(if options.precision == 2 { 1 } else { 2 });
         round_trip(&options, &mut random);
@@ -280,8 +266,8 @@ fn no_change_of_bytes_makes_it_panic() {
     let mut random = Random(6);
     let mut failed = 0;
     for turn in 0..200 {
-        let mut options = Options::new(20, 20, 2 + random.below(15) as u8, 0);
-        options.near = random.below(2) as u8;
+        let mut options = Options::new(20, 20, 2 + random.below(15_u8), 0);
+        options.near = random.below(2_u8);
         options.components = 1 + turn % 3;
         options.by_line = turn % 2 == 0;
         options.restart_lines = [0, 6][turn % 2];
@@ -291,7 +277,7 @@ fn no_change_of_bytes_makes_it_panic() {
             for _ in 0..=random.below(4) {
                 // Half of the changes hit the marker segments.
                 let within = if random.below(2) == 0 { 50.min(stream.len()) } else { stream.len() };
-                changed[random.below(within as u64) as usize] = random.below(256) as u8;
+                changed[random.below(within)] = random.byte();
             }
             failed += usize::from(decoded(&changed).is_err());
         }

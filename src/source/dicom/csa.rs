@@ -172,6 +172,7 @@ fn until_zero(bytes: &[u8]) -> &[u8] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     /// One tag: its name and the texts of its items.
     type Tag<'a> = (&'a str, &'a [&'a str]);
@@ -291,11 +292,7 @@ mod tests {
 
     #[test]
     fn no_bytes_make_it_panic_or_go_on_for_long() {
-        let mut random = 0x5eed_u64;
-        let mut below = |n: usize| {
-            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            usize::try_from(random >> 33).unwrap() % n
-        };
+        let mut random = Random(0x5eed);
         let (mut sound, mut refused, mut cut) = (0, 0, 0);
         for newer in [true, false] {
             let whole = write(newer, &TAGS);
@@ -308,9 +305,9 @@ mod tests {
             }
             for _ in 0..5000 {
                 let mut bytes = whole.clone();
-                for _ in 0..=below(4) {
-                    let at = below(bytes.len());
-                    bytes[at] = [0, 1, 0x7f, 0x80, 0xff][below(5)];
+                for _ in 0..=random.below(4) {
+                    let at = random.below(bytes.len());
+                    bytes[at] = random.pick(&[0, 1, 0x7f, 0x80, 0xff]);
                 }
                 match parse(&bytes) {
                     Ok(_) => sound += 1,

@@ -334,14 +334,6 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
         ("RGB", 3) => Ok(Mapping::Rgb),
         // The transform into these is part of the codestream and undone by its decoder.
         ("YBR_RCT" | "YBR_ICT", 3) if codec.is_some_and(Codec::is_jpeg2000) => Ok(Mapping::Rgb),
-        _ if codec == Some(Codec::JpegXl) => match (photometric, samples, &header.transfer_syntax) {
-            // Its decoder delivers red, green and blue, whatever the codestream holds inside.
-            ("XYB", 3, _) => Ok(Mapping::Rgb),
-            ("YBR_FULL_422", 3, syntax) if syntax.is_lossy_jpegxl() => Ok(Mapping::Rgb),
-            ("YBR_FULL", 3, syntax) if syntax.is_recompressed_jpeg() => Ok(Mapping::Rgb),
-            // Such samples would be taken as red, green and blue by the codestream; the standard has none.
-            _ => Err(Obstacle::Colour { photometric: photometric.into(), samples }),
-        },
         ("YBR_FULL", 3) => Ok(Mapping::Luma),
         // Decoders deliver every component of every pixel.
         ("YBR_FULL_422", 3) if codec.is_some_and(|codec| codec != Codec::None) => Ok(Mapping::Luma),

@@ -93,8 +93,6 @@ pub(super) enum Codec {
     JpegLs,
     /// JPEG 2000 and its high-throughput variant.
     Jpeg2000,
-    /// JPEG XL, recompressed JPEG included.
-    JpegXl,
     /// RLE.
     Rle,
 }
@@ -110,8 +108,6 @@ impl Codec {
             Self::Jpeg | Self::JpegPasses | Self::JpegLs => bytes.starts_with(&[0xff, 0xd8, 0xff]),
             // A bare codestream, or the signature box of a JP2 file, which some programs leave around it.
             Self::Jpeg2000 => bytes == [0xff, 0x4f, 0xff, 0x51] || bytes == [0, 0, 0, 12],
-            // A bare codestream, or the signature box of a file.
-            Self::JpegXl => bytes.starts_with(&[0xff, 0x0a]) || bytes == [0, 0, 0, 12],
             Self::None | Self::Rle => false,
         }
     }
@@ -128,29 +124,20 @@ impl TransferSyntax {
             ".4.53" | ".4.55" => Some(Codec::JpegPasses),
             ".4.80" | ".4.81" => Some(Codec::JpegLs),
             ".4.90" | ".4.91" | ".4.92" | ".4.93" | ".4.201" | ".4.202" | ".4.203" => Some(Codec::Jpeg2000),
-            ".4.110" | ".4.111" | ".4.112" if cfg!(feature = "jpeg-xl") => Some(Codec::JpegXl),
             _ => None,
         }
     }
 
-    /// What can be done about pixels that are not decoded, as the end of a sentence.
+    /// What can be done about pixels that are not decoded, as the end of a sentence. The converter named for
+    /// JPEG XL writes uncompressed DICOM by default; DCMTK knows the syntaxes by name only, and `djxl` opens
+    /// no DICOM.
     pub(super) fn remedy(&self) -> &'static str {
         match self.uid().strip_prefix(ROOT) {
             Some(".4.110" | ".4.111" | ".4.112") => {
-                " by this build; build with --features jpeg-xl, or convert the file first"
+                "; convert the file first, for example with dcm2dcm of dcm4che"
             }
             _ => "",
         }
-    }
-
-    /// Is it JPEG that was compressed again as JPEG XL, its colour being what it was?
-    pub(super) fn is_recompressed_jpeg(&self) -> bool {
-        self.uid().strip_prefix(ROOT) == Some(".4.111")
-    }
-
-    /// Is it JPEG XL that may be lossy?
-    pub(super) fn is_lossy_jpegxl(&self) -> bool {
-        matches!(self.uid().strip_prefix(ROOT), Some(".4.111" | ".4.112"))
     }
 }
 

@@ -16,7 +16,7 @@ use super::scan::ScanError;
 use super::syntax::{Codec, TransferSyntax};
 use super::window::ReadAt;
 use crate::codec::rle::RleFormat;
-use crate::codec::{CodecError, FrameFormat, RowSink, jpeg, jpeg2000, jpegls, jpegxl, rle};
+use crate::codec::{CodecError, FrameFormat, RowSink, jpeg, jpeg2000, jpegls, rle};
 use crate::volume::SourceError;
 
 /// Read buffers, tables of decoders and small change, of any codec but JPEG 2000.
@@ -69,17 +69,13 @@ pub fn unroll<R: ReadAt + ?Sized>(
 
 impl Image {
     /// Bytes of memory that [`unroll`] holds for this image: an upper bound for all but JPEG 2000, which
-    /// takes what its codestream needs, JPEG XL whose codestream is longer than noise is, and JPEG whose
-    /// components come one after another, which is held whole.
+    /// takes what its codestream needs, and JPEG whose components come one after another, which is held whole.
     pub fn unroll_bytes(&self) -> u64 {
         let samples = u64::from(self.layout.columns) * u64::from(self.samples);
         let frame = u64::from(self.layout.rows) * samples;
         let codec = match self.storage {
             // The codestream, its coefficients (32 bits) and the rows being put together.
             Storage::Coded(Codec::Jpeg2000) => frame.saturating_mul(6),
-            Storage::Coded(Codec::JpegXl) => {
-                jpegxl::memory_bytes_for(self.layout.columns, self.layout.rows, self.samples)
-            }
             // Sixteen rows of 32 bits in the widest subsampling.
             Storage::Coded(Codec::Jpeg | Codec::JpegLs) => samples * 4 * 20,
             Storage::Coded(Codec::JpegPasses) => frame.saturating_mul(2) + samples * 4 * 20,
@@ -392,10 +388,6 @@ impl<'a> Rows<'a> {
             Codec::Jpeg | Codec::JpegPasses => jpeg::decode(&mut reader, memory_bytes, &mut receiver),
             Codec::JpegLs => jpegls::decode(&mut reader, memory_bytes, &mut receiver),
             Codec::Jpeg2000 => jpeg2000::decode(&mut reader, span.bytes, memory_bytes, &mut receiver),
-            Codec::JpegXl => {
-                let listed = ListedFrame::new(input, span)?;
-                jpegxl::decode(&listed, memory_bytes, &mut receiver)
-            }
             Codec::Rle | Codec::None => {
                 let listed = ListedFrame::new(input, span)?;
                 let format = RleFormat {

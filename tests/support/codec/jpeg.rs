@@ -1,21 +1,12 @@
 //! A plain JPEG encoder for the tests: lossless images of samples, DCT images of given coefficients.
 
-use super::super::dct::{Block, ZIGZAG};
+use super::dct::{Block, ZIGZAG};
+use crate::random::Random;
 
 /// Code lengths that the tests go through: `counts[n]` codes of n + 1 bits for 17 symbols at least.
 pub(super) const FLAT: [u8; 16] = [0, 0, 0, 0, 0, 0, 0, 255, 1, 0, 0, 0, 0, 0, 0, 0];
 /// 17 codes of up to 16 bits.
 pub(super) const STEEP: [u8; 16] = [1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 3, 1];
-
-/// A fixed pseudo-random sequence.
-pub(super) struct Random(pub(super) u64);
-
-impl Random {
-    pub(super) fn below(&mut self, limit: u32) -> u32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        u32::try_from((self.0 >> 33) % u64::from(limit)).unwrap()
-    }
-}
 
 /// Bytes of a codestream, with the bits of the scan that is being written.
 #[derive(Default)]

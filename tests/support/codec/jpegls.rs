@@ -2,6 +2,11 @@
 //!
 //! It shares with the decoder only the coding parameters and the table of run lengths, both checked against
 //! the standard's own example.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "samples and sizes of small test images"
+)]
 
 use super::parameters::{Parameters, Preset};
 use super::scan::RUN_ORDERS;
