@@ -2,23 +2,24 @@
 
 use std::io;
 
-use super::header::{Encoding, MAX_VALUE_BYTES, Tag};
+use super::header::{Encoding, MAX_VALUE_BYTES};
 use super::scan::ScanError;
+use super::value::Tag;
 use super::window::{ReadAt, Window};
 use crate::volume::Endian;
 
 /// Deepest nesting of undefined lengths; real files stay under ten.
 const MAX_DEPTH: usize = 32;
 
-pub(super) const ITEM: Tag = 0xfffe_e000;
+pub(crate) const ITEM: Tag = 0xfffe_e000;
 const ITEM_END: Tag = 0xfffe_e00d;
-pub(super) const SEQUENCE_END: Tag = 0xfffe_e0dd;
+pub(crate) const SEQUENCE_END: Tag = 0xfffe_e0dd;
 
 /// Encoding of the meta header.
-pub(super) const META: Encoding = Encoding { explicit: true, endian: Endian::Little };
+pub(crate) const META: Encoding = Encoding { explicit: true, endian: Endian::Little };
 
 /// Width of the length field that follows a VR in explicit encodings; `None` for no known VR.
-pub(super) fn length_form(vr: &[u8; 2]) -> Option<LengthForm> {
+pub(crate) fn length_form(vr: &[u8; 2]) -> Option<LengthForm> {
     match vr {
         b"OB" | b"OD" | b"OF" | b"OL" | b"OV" | b"OW" | b"SQ" | b"SV" | b"UC" | b"UN" | b"UR" | b"UT"
         | b"UV" => Some(LengthForm::Long),
@@ -29,7 +30,7 @@ pub(super) fn length_form(vr: &[u8; 2]) -> Option<LengthForm> {
 }
 
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum LengthForm {
+pub(crate) enum LengthForm {
     /// 16 bits, right after the VR.
     Short,
     /// Two reserved bytes, then 32 bits.
@@ -38,12 +39,12 @@ pub(super) enum LengthForm {
 
 /// Head of an element.
 #[derive(Clone, Copy)]
-pub(super) struct Element {
-    pub(super) tag: Tag,
-    pub(super) vr: [u8; 2],
+pub(crate) struct Element {
+    pub(crate) tag: Tag,
+    pub(crate) vr: [u8; 2],
     /// `None`: undefined, ended by a delimiter.
-    pub(super) length: Option<u32>,
-    pub(super) value_at: u64,
+    pub(crate) length: Option<u32>,
+    pub(crate) value_at: u64,
 }
 
 impl Element {
@@ -54,7 +55,7 @@ impl Element {
 
     /// How the content of this sequence is written: that of an UN element is implicit little-endian
     /// (PS3.5 6.2.2 note 2).
-    pub(super) fn content(&self, outer: Encoding) -> Encoding {
+    pub(crate) fn content(&self, outer: Encoding) -> Encoding {
         if &self.vr == b"UN" { Encoding { explicit: false, endian: Endian::Little } } else { outer }
     }
 }
@@ -67,39 +68,39 @@ enum Level {
 }
 
 /// Reads elements through a window of a few KiB, which is all that it holds.
-pub(super) struct Parser<'a, R: ReadAt + ?Sized> {
-    pub(super) window: Window<'a, R>,
+pub(crate) struct Parser<'a, R: ReadAt + ?Sized> {
+    pub(crate) window: Window<'a, R>,
 }
 
 /// Reads one item: from the offset of its first element, its end if that is known, and how it is written,
 /// to the offset after its last element.
-pub(super) type ItemReader<'f, 'a, R> =
+pub(crate) type ItemReader<'f, 'a, R> =
     dyn FnMut(&mut Parser<'a, R>, u64, Option<u64>, Encoding) -> Result<u64, ScanError> + 'f;
 
 /// Reads one element at an offset, and returns the offset after it, or `None` to have it stepped over.
-pub(super) type ElementReader<'f, 'a, R> =
+pub(crate) type ElementReader<'f, 'a, R> =
     dyn FnMut(&mut Parser<'a, R>, &Element, u64) -> Result<Option<u64>, ScanError> + 'f;
 
-pub(super) fn damaged(offset: u64, reason: impl Into<String>) -> ScanError {
+pub(crate) fn damaged(offset: u64, reason: impl Into<String>) -> ScanError {
     ScanError::Damaged { offset, reason: reason.into() }
 }
 
-pub(super) fn name(tag: Tag) -> String {
+pub(crate) fn name(tag: Tag) -> String {
     format!("element ({:04X},{:04X})", tag >> 16, tag & 0xffff)
 }
 
 impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
-    pub(super) fn new(input: &'a R) -> io::Result<Self> {
+    pub(crate) fn new(input: &'a R) -> io::Result<Self> {
         Ok(Self { window: Window::new(input)? })
     }
 
     /// Is there no byte at `at`?
-    pub(super) fn is_end(&mut self, at: u64) -> io::Result<bool> {
+    pub(crate) fn is_end(&mut self, at: u64) -> io::Result<bool> {
         Ok(at >= self.window.len() || self.window.upto(at, 1)?.is_empty())
     }
 
     /// The element head at `at`.
-    pub(super) fn element(&mut self, at: u64, encoding: Encoding) -> Result<Element, ScanError> {
+    pub(crate) fn element(&mut self, at: u64, encoding: Encoding) -> Result<Element, ScanError> {
         let Some(head) = self.window.array::<8>(at)? else {
             return Err(damaged(at, "the file ends inside an element"));
         };
@@ -131,7 +132,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     }
 
     /// Offset after a value of defined length, checked against the file.
-    pub(super) fn end(&self, element: &Element, at: u64) -> Result<u64, ScanError> {
+    pub(crate) fn end(&self, element: &Element, at: u64) -> Result<u64, ScanError> {
         let left = self.window.left(element.value_at);
         match element.length {
             Some(n) if u64::from(n) <= left => Ok(element.value_at + u64::from(n)),
@@ -143,12 +144,12 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     }
 
     /// The value, cut at [`MAX_VALUE_BYTES`]; empty for an undefined length.
-    pub(super) fn value(&mut self, element: &Element) -> io::Result<&[u8]> {
+    pub(crate) fn value(&mut self, element: &Element) -> io::Result<&[u8]> {
         self.window.upto(element.value_at, element.value_bytes())
     }
 
     /// Offset after an element, whatever its length is.
-    pub(super) fn skip(&mut self, element: &Element, at: u64, encoding: Encoding) -> Result<u64, ScanError> {
+    pub(crate) fn skip(&mut self, element: &Element, at: u64, encoding: Encoding) -> Result<u64, ScanError> {
         match element.length {
             Some(_) => self.end(element, at),
             None => self.undefined(element, encoding),
@@ -156,7 +157,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     }
 
     /// Visits the items of a sequence, one after another, and returns the offset after it.
-    pub(super) fn items(
+    pub(crate) fn items(
         &mut self,
         sequence: &Element,
         at: u64,
@@ -187,7 +188,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     }
 
     /// Visits the elements of an item that begins at `at`, and returns the offset after the item.
-    pub(super) fn elements(
+    pub(crate) fn elements(
         &mut self,
         mut at: u64,
         end: Option<u64>,

@@ -11,8 +11,9 @@ use thiserror::Error;
 
 use super::deflated::Inflated;
 use super::element::{META, Parser, length_form};
-use super::header::{DicomHeader, Encoding, PixelData, PixelElement, Tag, text};
+use super::header::{DicomHeader, Encoding, PixelData, PixelElement};
 use super::syntax::TransferSyntax;
+use super::value::{Tag, text};
 use super::window::{ReadAt, Window};
 use crate::volume::Endian;
 

@@ -6,10 +6,8 @@ use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
-use super::header::Secrets;
 use super::mosaic::Mosaic;
-use super::pixels::{PixelLayout, StatedPadding};
-use super::survey::words;
+use crate::source::dicom::image::pixels::{PixelLayout, StatedPadding};
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
 
@@ -26,11 +24,11 @@ const MAX_TEXTS: usize = 256;
 const MAX_WARNINGS: usize = 16;
 
 /// [`Slice::obstacle`] of an image that can be read.
-pub(super) const NO_OBSTACLE: u32 = u32::MAX;
+pub(crate) const NO_OBSTACLE: u32 = u32::MAX;
 
 /// Kinds of images that never lie in one volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Image,
     Derived,
     Localizer,
@@ -38,7 +36,7 @@ pub(super) enum Kind {
 
 /// What images that repeat positions are told apart by, in order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Key {
+pub(crate) enum Key {
     ImageType,
     /// Index in [`NUMBERS`].
     Number(usize),
@@ -71,32 +69,32 @@ const NUMBERS: [(&str, &str); Key::NUMBERS] = [
 
 impl Key {
     /// Numbers that a slice has: those of [`Slice::keys`], then [`Slice::dimensions`].
-    pub(super) const NUMBERS: usize = Self::KEPT + 5;
+    pub(crate) const NUMBERS: usize = Self::KEPT + 5;
 
     /// Numbers that a slice keeps as such.
-    pub(super) const KEPT: usize = 15;
+    pub(crate) const KEPT: usize = 15;
 
-    pub(super) const STACK: Self = Self::Number(0);
-    pub(super) const SEGMENT: Self = Self::Number(1);
-    pub(super) const TRIGGER: Self = Self::Number(9);
-    pub(super) const TIME: Self = Self::Number(12);
-    pub(super) const REFERENCE: Self = Self::Number(13);
+    pub(crate) const STACK: Self = Self::Number(0);
+    pub(crate) const SEGMENT: Self = Self::Number(1);
+    pub(crate) const TRIGGER: Self = Self::Number(9);
+    pub(crate) const TIME: Self = Self::Number(12);
+    pub(crate) const REFERENCE: Self = Self::Number(13);
     /// What the vectors of nuclear medicine say, apart from the slice.
-    pub(super) const VECTORS: Self = Self::Number(14);
+    pub(crate) const VECTORS: Self = Self::Number(14);
 
     /// Every key, the preferred ones first.
-    pub(super) fn all() -> impl Iterator<Item = Self> {
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
         let last = [Self::Rescale].into_iter();
         [Self::ImageType].into_iter().chain((0..Self::NUMBERS).map(Self::Number)).chain(last)
     }
 
     /// Is it a moment, which may differ from slice to slice of one volume?
-    pub(super) fn is_time(self) -> bool {
+    pub(crate) fn is_time(self) -> bool {
         [Self::TRIGGER, Self::TIME, Self::REFERENCE].contains(&self)
     }
 
     /// The attribute, for people.
-    pub(super) fn tag(self) -> &'static str {
+    pub(crate) fn tag(self) -> &'static str {
         match self {
             Self::ImageType => "Image Type (0008,0008)",
             Self::Rescale => "Rescale Slope and Intercept (0028,1053), (0028,1052)",
@@ -105,7 +103,7 @@ impl Key {
     }
 
     /// The word before a value; `None` where values mean nothing to people, and their rank is used.
-    pub(super) fn word(self) -> (&'static str, bool) {
+    pub(crate) fn word(self) -> (&'static str, bool) {
         match self {
             Self::ImageType => ("", false),
             Self::Rescale => ("rescale", true),
@@ -118,12 +116,12 @@ impl Key {
     }
 
     /// The number that a slice states, if it is one.
-    pub(super) fn number(self, slice: &Slice) -> Option<f64> {
+    pub(crate) fn number(self, slice: &Slice) -> Option<f64> {
         if let Self::Number(at) = self { slice.number(at) } else { None }
     }
 
     /// The value as bits that are equal when the values are, and in their order.
-    pub(super) fn value(self, slice: &Slice) -> [u64; 2] {
+    pub(crate) fn value(self, slice: &Slice) -> [u64; 2] {
         // Missing values come first.
         let bits = |v: f64| {
             if v.is_nan() {
@@ -144,46 +142,46 @@ impl Key {
 
 /// One image.
 #[derive(Clone, Debug)]
-pub(super) struct Slice {
+pub(crate) struct Slice {
     /// Index in the series' files.
-    pub(super) file: u32,
+    pub(crate) file: u32,
     /// Number of the frame in its file.
-    pub(super) frame: u32,
+    pub(crate) frame: u32,
     /// Index in the series' layouts.
-    pub(super) layout: u32,
+    pub(crate) layout: u32,
     /// Index in the series' image types.
-    pub(super) image_type: u32,
+    pub(crate) image_type: u32,
     /// Index in the series' obstacles, or [`NO_OBSTACLE`].
-    pub(super) obstacle: u32,
+    pub(crate) obstacle: u32,
     /// Hash of the SOP Instance UID; 0 without one.
-    pub(super) identity: u64,
-    pub(super) instance: Option<i32>,
+    pub(crate) identity: u64,
+    pub(crate) instance: Option<i32>,
     /// NaN where not stated; see [`Slice::position`].
-    pub(super) at: [f64; 3],
+    pub(crate) at: [f64; 3],
     /// Offset of the pixels where they can be read by position, else `u64::MAX`.
-    pub(super) native: u64,
+    pub(crate) native: u64,
     /// Offset and length of the pixel element of a file of one frame; of length 0 otherwise.
-    pub(super) pixels: (u64, u64),
+    pub(crate) pixels: (u64, u64),
     /// Slope and intercept, if stated and to be applied, else NaN; see [`Slice::rescale`].
-    pub(super) linear: (f64, f64),
+    pub(crate) linear: (f64, f64),
     /// Do slope and intercept apply at all?
-    pub(super) rescales: bool,
+    pub(crate) rescales: bool,
     /// Stored values that mean "no pixel".
-    pub(super) padding: StatedPadding,
+    pub(crate) padding: StatedPadding,
     /// Numbers that tell images at one position apart; NaN where not stated.
-    pub(super) keys: [f32; Key::KEPT],
+    pub(crate) keys: [f32; Key::KEPT],
     /// The first Dimension Index Values; 0 where there is none.
-    pub(super) dimensions: [u16; 5],
+    pub(crate) dimensions: [u16; 5],
 }
 
 impl Slice {
     /// Image Position (Patient), if stated.
-    pub(super) fn position(&self) -> Option<[f64; 3]> {
+    pub(crate) fn position(&self) -> Option<[f64; 3]> {
         Some(self.at).filter(|p| !p[0].is_nan())
     }
 
     /// A number that may tell it from others, if stated.
-    pub(super) fn number(&self, at: usize) -> Option<f64> {
+    pub(crate) fn number(&self, at: usize) -> Option<f64> {
         match at.checked_sub(Key::KEPT) {
             None => self.keys.get(at).map(|v| f64::from(*v)).filter(|v| !v.is_nan()),
             Some(dimension) => self.dimensions.get(dimension).map(|v| f64::from(*v)).filter(|v| *v > 0.0),
@@ -191,12 +189,12 @@ impl Slice {
     }
 
     /// Slope and intercept, if stated and to be applied.
-    pub(super) fn rescale(&self) -> Option<(f64, f64)> {
+    pub(crate) fn rescale(&self) -> Option<(f64, f64)> {
         Some(self.linear).filter(|(slope, _)| !slope.is_nan())
     }
 
     /// Offset of the pixels where they can be read by position.
-    pub(super) fn native(&self) -> Option<u64> {
+    pub(crate) fn native(&self) -> Option<u64> {
         Some(self.native).filter(|at| *at != u64::MAX)
     }
 
@@ -208,31 +206,31 @@ impl Slice {
 
 /// What the images of a group have in common.
 #[derive(Clone, Debug)]
-pub(super) struct Shared {
-    pub(super) kind: Kind,
+pub(crate) struct Shared {
+    pub(crate) kind: Kind,
     /// What the object is, in words.
-    pub(super) object: String,
-    pub(super) modality: String,
-    pub(super) series_uid: String,
-    pub(super) series_number: Option<i32>,
+    pub(crate) object: String,
+    pub(crate) modality: String,
+    pub(crate) series_uid: String,
+    pub(crate) series_number: Option<i32>,
     /// Columns and rows, of a tile in a mosaic.
-    pub(super) size: [u32; 2],
+    pub(crate) size: [u32; 2],
     /// How the slices lie in each image, where one image is a volume.
-    pub(super) mosaic: Option<Mosaic>,
-    pub(super) orientation: Option<[f64; 6]>,
-    pub(super) pixel_spacing: Option<[f64; 2]>,
-    pub(super) slice_thickness: Option<f64>,
-    pub(super) spacing_between: Option<f64>,
+    pub(crate) mosaic: Option<Mosaic>,
+    pub(crate) orientation: Option<[f64; 6]>,
+    pub(crate) pixel_spacing: Option<[f64; 2]>,
+    pub(crate) slice_thickness: Option<f64>,
+    pub(crate) spacing_between: Option<f64>,
     /// Is it a segmentation, where slices without anything need no frame?
-    pub(super) leaves_out_empty: bool,
+    pub(crate) leaves_out_empty: bool,
     /// Memory that decoding takes; 0 where pixels are read by position.
-    pub(super) unroll_bytes: u64,
-    pub(super) warnings: Vec<String>,
+    pub(crate) unroll_bytes: u64,
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Shared {
     /// Keeps a sentence once, of few.
-    pub(super) fn warn(&mut self, sentence: Option<&str>) {
+    pub(crate) fn warn(&mut self, sentence: Option<&str>) {
         if let Some(sentence) = sentence
             && self.warnings.len() < MAX_WARNINGS
             && !self.warnings.iter().any(|w| w == sentence)
@@ -261,7 +259,7 @@ impl Shared {
     }
 
     /// The attributes by which images of two groups of a series were told apart; never none.
-    pub(super) fn differences(&self, other: &Self) -> Vec<&'static str> {
+    pub(crate) fn differences(&self, other: &Self) -> Vec<&'static str> {
         let found = [
             ("Image Type (0008,0008)", self.kind != other.kind),
             ("Rows and Columns (0028,0010), (0028,0011)", self.size != other.size),
@@ -290,27 +288,27 @@ fn close(a: &[f64], b: &[f64], tolerance: f64) -> bool {
 
 /// Images of one size, kind and orientation.
 #[derive(Debug)]
-pub(super) struct Group {
-    pub(super) shared: Shared,
-    pub(super) slices: Vec<Slice>,
+pub(crate) struct Group {
+    pub(crate) shared: Shared,
+    pub(crate) slices: Vec<Slice>,
 }
 
 /// The images of one series.
 #[derive(Debug)]
-pub(super) struct Series {
-    pub(super) files: FileList,
+pub(crate) struct Series {
+    pub(crate) files: FileList,
     /// Size and time of change of each file.
-    pub(super) facts: Vec<(u64, u64)>,
-    pub(super) groups: Vec<Group>,
-    pub(super) layouts: Vec<PixelLayout>,
-    pub(super) image_types: Vec<String>,
-    pub(super) obstacles: Vec<String>,
+    pub(crate) facts: Vec<(u64, u64)>,
+    pub(crate) groups: Vec<Group>,
+    pub(crate) layouts: Vec<PixelLayout>,
+    pub(crate) image_types: Vec<String>,
+    pub(crate) obstacles: Vec<String>,
     /// Images that were dropped, because they are in the series twice.
-    pub(super) duplicates: u64,
+    pub(crate) duplicates: u64,
     /// Files that were images when they were found, and are not any more.
-    pub(super) lost: Option<(PathBuf, String)>,
+    pub(crate) lost: Option<(PathBuf, String)>,
     /// Words that tell who the patient is.
-    pub(super) secrets: Vec<String>,
+    pub(crate) secrets: Vec<String>,
     directions: Vec<[i64; 3]>,
     stacks: Vec<String>,
     vectors: Vec<[u16; 8]>,
@@ -318,7 +316,7 @@ pub(super) struct Series {
 }
 
 impl Series {
-    pub(super) fn new(files: FileList, facts: Vec<(u64, u64)>) -> Self {
+    pub(crate) fn new(files: FileList, facts: Vec<(u64, u64)>) -> Self {
         Self {
             files,
             facts,
@@ -338,7 +336,7 @@ impl Series {
 
     /// The group that an image belongs to, by the hash of what must be equal and by what may differ a
     /// little; found in constant time.
-    pub(super) fn group_of(&mut self, key: u64, shared: Shared) -> &mut Group {
+    pub(crate) fn group_of(&mut self, key: u64, shared: Shared) -> &mut Group {
         let bucket = shared.bucket();
         let near = [bucket, bucket.saturating_sub(1), bucket.saturating_add(1)];
         let known = near.iter().filter_map(|b| self.index.get(&(key, *b))).flatten().copied();
@@ -354,23 +352,23 @@ impl Series {
         &mut self.groups[at]
     }
 
-    pub(super) fn layout_index(&mut self, layout: PixelLayout) -> u32 {
+    pub(crate) fn layout_index(&mut self, layout: PixelLayout) -> u32 {
         index_of(&mut self.layouts, layout, usize::MAX)
     }
 
     /// Index of an image type with its complex component.
-    pub(super) fn type_index(&mut self, image_type: &str, component: &str) -> u32 {
+    pub(crate) fn type_index(&mut self, image_type: &str, component: &str) -> u32 {
         let parts = image_type.split('\\').map(str::trim).chain([component.trim()]);
         let text = parts.filter(|p| !p.is_empty()).collect::<Vec<_>>().join("\\");
         index_of(&mut self.image_types, text, MAX_TEXTS)
     }
 
-    pub(super) fn obstacle_index(&mut self, text: &str) -> u32 {
+    pub(crate) fn obstacle_index(&mut self, text: &str) -> u32 {
         index_of(&mut self.obstacles, text.to_owned(), MAX_TEXTS)
     }
 
     /// Number of a direction of diffusion, in the order in which they were met.
-    pub(super) fn direction_index(&mut self, direction: Option<[f64; 3]>) -> f64 {
+    pub(crate) fn direction_index(&mut self, direction: Option<[f64; 3]>) -> f64 {
         const DIGITS: f64 = 1e4;
         let Some(direction) = direction else { return f64::NAN };
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
@@ -379,12 +377,12 @@ impl Series {
     }
 
     /// Number of what the vectors of nuclear medicine say of a frame, in the order in which they were met.
-    pub(super) fn vectors_index(&mut self, vectors: [u16; 8]) -> f64 {
+    pub(crate) fn vectors_index(&mut self, vectors: [u16; 8]) -> f64 {
         if vectors == [0; 8] { f64::NAN } else { index_of(&mut self.vectors, vectors, 4 * MAX_TEXTS).into() }
     }
 
     /// Number of a stack, in the order in which they were met.
-    pub(super) fn stack_index(&mut self, stack: &str) -> f64 {
+    pub(crate) fn stack_index(&mut self, stack: &str) -> f64 {
         if stack.is_empty() {
             f64::NAN
         } else {
@@ -392,18 +390,13 @@ impl Series {
         }
     }
 
-    /// Remembers whom the images show, to keep it out of sight.
-    pub(super) fn hide(&mut self, secrets: &Secrets) {
-        words(secrets, &mut self.secrets);
-    }
-
     /// Remembers a file that could not be read again.
-    pub(super) fn lost(&mut self, path: PathBuf, reason: String) {
+    pub(crate) fn lost(&mut self, path: PathBuf, reason: String) {
         self.lost.get_or_insert((path, reason));
     }
 
     /// All images are there: they are put in an order that no file name decides, and copies are dropped.
-    pub(super) fn finish(&mut self) {
+    pub(crate) fn finish(&mut self) {
         self.index = HashMap::new();
         // Image types are compared by their text, not by who came first.
         let mut order: Vec<u32> = (0..u32::try_from(self.image_types.len()).unwrap_or(0)).collect();

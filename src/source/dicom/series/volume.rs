@@ -5,13 +5,13 @@ use std::io;
 use std::ops::Range;
 
 use super::group::{Group, Series, Slice};
-use super::image::Image;
-use super::pixels::{Padding, PixelLayout};
-use super::scan::scan;
-use super::series::{Layer, Stack};
-use super::unroll::{FrameSink, unroll};
+use super::layer::{Layer, Stack};
 use crate::geom::Dims;
 use crate::progress::Progress;
+use crate::source::dicom::image::describe::Image;
+use crate::source::dicom::image::pixels::{Padding, PixelLayout};
+use crate::source::dicom::image::unroll::{FrameSink, unroll};
+use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileSet;
 use crate::volume::Spool;
 use crate::volume::blend;
@@ -92,7 +92,7 @@ enum At {
 impl DicomVolume {
     /// The volume of a stack of images of a group; `name` is remembered as the source's, `notes` are said
     /// of the whole series.
-    pub(super) fn build(
+    pub(crate) fn build(
         series: &Series,
         group: &Group,
         stack: Stack,

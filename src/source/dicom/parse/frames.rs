@@ -2,9 +2,10 @@
 
 use super::deflated::Inflated;
 use super::element::{Element, ItemReader, Parser, damaged};
-use super::header::{DicomHeader, Encoding, Tag, double, number, numbers, text, time_of};
+use super::header::{DicomHeader, Encoding};
 use super::scan::ScanError;
 use super::syntax::TransferSyntax;
+use super::value::{Tag, double, number, numbers, text, time_of};
 use super::window::ReadAt;
 use crate::volume::Endian;
 
@@ -74,7 +75,7 @@ pub struct FrameGeometry {
     /// The first of the Dimension Index Values; 0 where there is none.
     pub dimensions: [u32; 5],
     /// What the vectors of nuclear medicine say of the frame, apart from its slice, in the order of
-    /// [`super::Places::frame_vectors`]; 0 where they say nothing.
+    /// [`super::header::Places::frame_vectors`]; 0 where they say nothing.
     pub vectors: [u16; 8],
 }
 
@@ -82,7 +83,7 @@ pub struct FrameGeometry {
 /// over the functional groups. `each` returns false to end early.
 ///
 /// Frames for which the file has no functional group get what the file says of all of them. The number of
-/// frames is believed: only [`super::Image::of`] compares it with the pixels.
+/// frames is believed: only [`crate::source::dicom::Image::of`] compares it with the pixels.
 ///
 /// # Errors
 /// The functional groups are damaged, or the file cannot be read.
@@ -367,7 +368,7 @@ fn is_group(tag: Tag) -> bool {
 
 impl FrameGeometry {
     /// What the file says of all frames, or of its only one.
-    pub(super) fn of_file(header: &DicomHeader) -> Self {
+    pub(crate) fn of_file(header: &DicomHeader) -> Self {
         Self {
             position: header.position,
             orientation: header.orientation,

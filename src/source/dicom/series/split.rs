@@ -11,19 +11,19 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use super::assemble::along_normal;
 use super::gaps::{is_uneven, positions};
 use super::group::{Group, Key, Slice};
-use super::series::along_normal;
 
 /// Images that may be one volume.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Part {
+pub(crate) struct Part {
     /// Indices into the group's slices.
-    pub(super) chosen: Vec<usize>,
+    pub(crate) chosen: Vec<usize>,
     /// What it is among its siblings, for example `echo 2`; empty if there are none.
-    pub(super) label: String,
+    pub(crate) label: String,
     /// The attributes that it was split off by.
-    pub(super) tags: Vec<&'static str>,
+    pub(crate) tags: Vec<&'static str>,
 }
 
 /// How often positions repeat.
@@ -51,7 +51,7 @@ fn repeats(group: &Group, chosen: &[usize]) -> Repeats {
 
 /// Splits the images of a group into parts that repeat no position, as far as that is possible.
 /// `types` are the image types that slices refer to.
-pub(super) fn split(group: &Group, types: &[String]) -> Vec<Part> {
+pub(crate) fn split(group: &Group, types: &[String]) -> Vec<Part> {
     let whole = Part { chosen: (0..group.slices.len()).collect(), label: String::new(), tags: Vec::new() };
     let mut done = Vec::new();
     let mut waiting = vec![whole];

@@ -20,7 +20,7 @@ const LONGEST_SEARCH: u64 = 64 << 20;
 /// Offsets before `start` are the file's own; from there on they count inflated bytes.
 ///
 /// Reading forwards costs one pass; a step back begins again. Holds some 60 KiB.
-pub(super) struct Inflated<'a, R: ?Sized> {
+pub(crate) struct Inflated<'a, R: ?Sized> {
     input: &'a R,
     start: u64,
     len: u64,
@@ -41,12 +41,12 @@ struct State {
 
 impl<'a, R: ReadAt + ?Sized> Inflated<'a, R> {
     /// For the search of elements; ends with an error after [`LONGEST_SEARCH`] bytes.
-    pub(super) fn new(input: &'a R, start: u64) -> io::Result<Self> {
+    pub(crate) fn new(input: &'a R, start: u64) -> io::Result<Self> {
         Self::up_to(input, start, LONGEST_SEARCH)
     }
 
     /// As [`Inflated::new`] with another limit on inflated bytes.
-    pub(super) fn up_to(input: &'a R, start: u64, limit: u64) -> io::Result<Self> {
+    pub(crate) fn up_to(input: &'a R, start: u64, limit: u64) -> io::Result<Self> {
         let compressed = input.byte_len()?.saturating_sub(start);
         let len = compressed.saturating_mul(MOST_EXPANSION).saturating_add(start);
         let state = RefCell::new(State::new(input, start)?);

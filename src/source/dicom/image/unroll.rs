@@ -7,16 +7,16 @@ use std::io;
 use std::path::Path;
 
 use super::convert::Converter;
-use super::deflated::Inflated;
+use super::describe::{Image, Mapping, Storage};
 use super::encapsulated::{FrameReader, Frames, ListedFrame, Span, read_full};
-use super::header::DicomHeader;
-use super::image::{Image, Mapping, Storage};
 use super::pixels::Padding;
-use super::scan::ScanError;
-use super::syntax::{Codec, TransferSyntax};
-use super::window::ReadAt;
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, RowSink, jpeg, jpeg2000, jpegls, rle};
+use crate::source::dicom::parse::deflated::Inflated;
+use crate::source::dicom::parse::header::DicomHeader;
+use crate::source::dicom::parse::scan::ScanError;
+use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
+use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::SourceError;
 
 /// Read buffers, tables of decoders and small change, of any codec but JPEG 2000.
@@ -30,7 +30,7 @@ pub trait FrameSink {
         true
     }
 
-    /// Stored values of this frame that are to be replaced (see [`super::PixelLayout::padding`]).
+    /// Stored values of this frame that are to be replaced (see [`super::pixels::PixelLayout::padding`]).
     fn padding(&mut self, frame: u32) -> Option<Padding> {
         let _ = frame;
         None

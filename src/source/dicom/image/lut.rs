@@ -1,10 +1,10 @@
 //! Tables from stored values to what they mean: the Modality LUT and palettes (PS3.3 C.11.1.1.1,
 //! C.7.6.3.1.5 and C.7.6.3.1.6). At most 65536 entries, so 128 KiB.
 
-use super::element::{Element, Parser, damaged};
-use super::header::{DicomHeader, Encoding};
-use super::scan::ScanError;
-use super::window::ReadAt;
+use crate::source::dicom::parse::element::{Element, Parser, damaged};
+use crate::source::dicom::parse::header::{DicomHeader, Encoding};
+use crate::source::dicom::parse::scan::ScanError;
+use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::Endian;
 
 /// Bytes looked at in one go while a table is read.
@@ -12,7 +12,7 @@ const PIECE: usize = 1024;
 
 /// A table; values outside take the entry at the near end.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Lut {
+pub(crate) struct Lut {
     /// Stored value of the first entry.
     first: i64,
     /// At least one.
@@ -28,7 +28,7 @@ struct Descriptor {
 }
 
 /// Luminance of a colour, ITU-R BT.601 in thousandths: the Y of YBR_FULL (PS3.3 C.7.6.3.1.2).
-pub(super) fn luminance([red, green, blue]: [u32; 3]) -> u32 {
+pub(crate) fn luminance([red, green, blue]: [u32; 3]) -> u32 {
     let sum = 299 * u64::from(red) + 587 * u64::from(green) + 114 * u64::from(blue);
     u32::try_from((sum + 500) / 1000).unwrap_or(u32::MAX)
 }
@@ -38,7 +38,7 @@ impl Lut {
     ///
     /// # Errors
     /// It is damaged or incomplete.
-    pub(super) fn modality<R: ReadAt + ?Sized>(
+    pub(crate) fn modality<R: ReadAt + ?Sized>(
         input: &R,
         header: &DicomHeader,
         signed: bool,
@@ -76,7 +76,7 @@ impl Lut {
     ///
     /// # Errors
     /// It is damaged or incomplete.
-    pub(super) fn palette<R: ReadAt + ?Sized>(
+    pub(crate) fn palette<R: ReadAt + ?Sized>(
         input: &R,
         header: &DicomHeader,
         signed: bool,
@@ -109,7 +109,7 @@ impl Lut {
     }
 
     /// The entry of a stored value.
-    pub(super) fn of(&self, value: i64) -> u16 {
+    pub(crate) fn of(&self, value: i64) -> u16 {
         let last = self.entries.len().saturating_sub(1);
         let index = usize::try_from(value.saturating_sub(self.first)).unwrap_or(0).min(last);
         self.entries.get(index).copied().unwrap_or(0)

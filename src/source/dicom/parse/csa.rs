@@ -37,18 +37,18 @@ const TAG_MARK: u64 = 80;
 
 /// What matters here of the header of one image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Csa {
+pub(crate) struct Csa {
     /// `NumberOfImagesInMosaic`.
-    pub(super) images: Option<u32>,
+    pub(crate) images: Option<u32>,
     /// `SliceNormalVector`: the direction of the next slice, a unit vector in LPS.
-    pub(super) normal: Option<[f64; 3]>,
+    pub(crate) normal: Option<[f64; 3]>,
 }
 
 /// Reads a header of `bytes` bytes at `start`, as far as both values.
 ///
 /// # Errors
 /// In words: it is not followed to its end, or the file cannot be read.
-pub(super) fn read<R: ReadAt + ?Sized>(
+pub(crate) fn read<R: ReadAt + ?Sized>(
     window: &mut Window<'_, R>,
     start: u64,
     bytes: u64,

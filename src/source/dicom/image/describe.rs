@@ -3,9 +3,9 @@
 
 use thiserror::Error;
 
-use super::header::{DicomHeader, PixelElement};
 use super::pixels::{PixelLayout, Stored};
-use super::syntax::{Codec, TransferSyntax};
+use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
+use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
 use crate::volume::{Endian, ScalarType};
 
 /// Why an object cannot be a slice of a volume; the sentence names what it is.
@@ -95,13 +95,13 @@ pub enum Access {
         /// Distance of frames.
         frame_bytes: u64,
     },
-    /// Frames have to be decoded from front to back: see [`fn@super::unroll`].
+    /// Frames have to be decoded from front to back: see [`fn@super::unroll::unroll`].
     Unrolled,
 }
 
 /// How cells lie in the pixel element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Storage {
+pub(crate) enum Storage {
     /// Whole bytes, one frame right after the other.
     Plain,
     /// One bit a pixel, no gap between frames.
@@ -112,7 +112,7 @@ pub(super) enum Storage {
 
 /// How cells become delivered samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Mapping {
+pub(crate) enum Mapping {
     /// As they are.
     Values,
     /// Through the Modality LUT.
@@ -138,14 +138,14 @@ pub struct Image {
     pub access: Access,
     /// Number of frames, at least 1.
     pub frames: u32,
-    pub(super) storage: Storage,
-    pub(super) mapping: Mapping,
+    pub(crate) storage: Storage,
+    pub(crate) mapping: Mapping,
     /// Cells a pixel.
-    pub(super) samples: u8,
+    pub(crate) samples: u8,
     /// Are components stored one plane after another?
-    pub(super) planar: bool,
+    pub(crate) planar: bool,
     /// Are neighbouring bytes swapped (8-bit cells in big-endian words)?
-    pub(super) swapped: bool,
+    pub(crate) swapped: bool,
 }
 
 impl Image {
@@ -255,7 +255,7 @@ impl Image {
     }
 
     /// Bytes of one frame where frames are [`Storage::Plain`].
-    pub(super) fn frame_bytes(&self) -> u64 {
+    pub(crate) fn frame_bytes(&self) -> u64 {
         let pixels = u64::from(self.layout.columns) * u64::from(self.layout.rows);
         let cell = self.layout.stored().bytes() as u64;
         match self.mapping {

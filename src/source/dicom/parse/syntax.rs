@@ -82,7 +82,7 @@ impl TransferSyntax {
 
 /// A way of compressing frames that is decoded here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Codec {
+pub(crate) enum Codec {
     /// Uncompressed frames in fragments (.1.98).
     None,
     /// JPEG: baseline, extended, lossless.
@@ -98,12 +98,12 @@ pub(super) enum Codec {
 }
 
 impl Codec {
-    pub(super) fn is_jpeg2000(self) -> bool {
+    pub(crate) fn is_jpeg2000(self) -> bool {
         self == Self::Jpeg2000
     }
 
     /// Does a fragment with these first bytes begin a codestream?
-    pub(super) fn begins(self, bytes: [u8; 4]) -> bool {
+    pub(crate) fn begins(self, bytes: [u8; 4]) -> bool {
         match self {
             Self::Jpeg | Self::JpegPasses | Self::JpegLs => bytes.starts_with(&[0xff, 0xd8, 0xff]),
             // A bare codestream, or the signature box of a JP2 file, which some programs leave around it.
@@ -115,7 +115,7 @@ impl Codec {
 
 impl TransferSyntax {
     /// The codec of an encapsulated syntax, if it is one that is decoded here.
-    pub(super) fn codec(&self) -> Option<Codec> {
+    pub(crate) fn codec(&self) -> Option<Codec> {
         let Self::Encapsulated(uid) = self else { return None };
         match uid.strip_prefix(ROOT)? {
             ".1.98" => Some(Codec::None),
@@ -131,7 +131,7 @@ impl TransferSyntax {
     /// What can be done about pixels that are not decoded, as the end of a sentence. The converter named for
     /// JPEG XL writes uncompressed DICOM by default; DCMTK knows the syntaxes by name only, and `djxl` opens
     /// no DICOM.
-    pub(super) fn remedy(&self) -> &'static str {
+    pub(crate) fn remedy(&self) -> &'static str {
         match self.uid().strip_prefix(ROOT) {
             Some(".4.110" | ".4.111" | ".4.112") => {
                 "; convert the file first, for example with dcm2dcm of dcm4che"

@@ -1,16 +1,16 @@
 //! From the cells of a row, or the samples of a decoder, to delivered samples.
 
-use super::header::DicomHeader;
-use super::image::{Image, Mapping};
+use super::describe::{Image, Mapping};
 use super::lut::{Lut, luminance};
 use super::pixels::{Padding, PixelLayout, Stored};
-use super::scan::ScanError;
-use super::window::ReadAt;
 use crate::codec::{CodecError, FrameFormat};
+use crate::source::dicom::parse::header::DicomHeader;
+use crate::source::dicom::parse::scan::ScanError;
+use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::Endian;
 
 /// Turns rows into what an image delivers.
-pub(super) struct Converter<'a> {
+pub(crate) struct Converter<'a> {
     image: &'a Image,
     table: Option<Lut>,
     padding: Option<Padding>,
@@ -23,7 +23,7 @@ pub(super) struct Converter<'a> {
 
 impl<'a> Converter<'a> {
     /// Reads the tables that the image needs.
-    pub(super) fn new<R: ReadAt + ?Sized>(
+    pub(crate) fn new<R: ReadAt + ?Sized>(
         input: &R,
         header: &DicomHeader,
         image: &'a Image,
@@ -37,7 +37,7 @@ impl<'a> Converter<'a> {
         Ok(Self { image, table, padding: None, decoded: image.layout, cells: Vec::new(), out: Vec::new() })
     }
 
-    pub(super) fn set_padding(&mut self, padding: Option<Padding>) {
+    pub(crate) fn set_padding(&mut self, padding: Option<Padding>) {
         self.padding = padding;
     }
 
@@ -46,7 +46,7 @@ impl<'a> Converter<'a> {
     /// Its precision may differ from Bits Stored, and it may not know the sign. As many bits as it has are
     /// the value, at most Bits Stored; the header says whether they have a sign. Only where it has more
     /// than Bits Stored do these lie where High Bit says.
-    pub(super) fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
+    pub(crate) fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
         let stored = self.image.layout.stored();
         let allocated = u32::try_from(8 * stored.bytes()).unwrap_or(32);
         let precision = u32::from(format.precision);
@@ -65,7 +65,7 @@ impl<'a> Converter<'a> {
     }
 
     /// A row of decoded samples.
-    pub(super) fn decoded(&mut self, samples: &[i32]) -> &[u8] {
+    pub(crate) fn decoded(&mut self, samples: &[i32]) -> &[u8] {
         let mut cells = std::mem::take(&mut self.cells);
         cells.clear();
         let little = Endian::Little.is_native();
@@ -83,7 +83,7 @@ impl<'a> Converter<'a> {
     }
 
     /// A row of cells as they are in the file.
-    pub(super) fn cells(&mut self, cells: &mut Vec<u8>) -> &[u8] {
+    pub(crate) fn cells(&mut self, cells: &mut Vec<u8>) -> &[u8] {
         let layout = self.image.layout;
         self.convert(&layout, cells);
         self.finish()

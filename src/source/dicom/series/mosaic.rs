@@ -7,113 +7,57 @@
 //! ```
 //!
 //! Image Type says that a picture is one; how many slices it holds, and on which side of a slice the next
-//! one lies, are only in private elements (see [`super::csa`]). The stated position is that of the first
+//! one lies, are only in private elements (see [`crate::source::dicom::parse::csa`]). The stated position is that of the first
 //! pixel of a picture as large as all tiles together with the first slice in its centre, so that of the
 //! first slice lies half the difference of the sizes further along the rows and down the columns.
 //!
 //! An enhanced image has frames of its own and is no mosaic, whatever it says.
 
-use super::csa::{self, Csa};
-use super::deflated::Inflated;
-use super::element::Parser;
-use super::frames::FrameGeometry;
-use super::group::{Shared, Slice};
-use super::header::{DicomHeader, Tag, text};
-use super::series::{Layer, Refusal, Stack, directions, dot, pixel_spacing};
-use super::syntax::TransferSyntax;
-use super::window::ReadAt;
+use super::axes::{directions, dot};
+use super::layer::{Layer, Refusal, Stack};
 use crate::geom::Affine;
-use crate::volume::Endian;
-
-/// Private creators of the blocks that matter.
-const MR_HEADER: &str = "SIEMENS MR HEADER";
-const CSA_HEADER: &str = "SIEMENS CSA HEADER";
+use crate::source::dicom::parse::csa::{self, Csa};
+use crate::source::dicom::parse::deflated::Inflated;
+use crate::source::dicom::parse::element::Parser;
+use crate::source::dicom::parse::frames::FrameGeometry;
+use crate::source::dicom::parse::header::DicomHeader;
+use crate::source::dicom::parse::syntax::TransferSyntax;
+use crate::source::dicom::parse::window::ReadAt;
 
 /// Cosine of the largest angle between the stated normal and that of the image: they are the same but for
 /// rounding, and one that is not belongs to another image.
 const PARALLEL: f64 = 0.99;
 
-/// What private elements of the main dataset say of a mosaic.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Private {
-    mr_block: Option<u8>,
-    csa_block: Option<u8>,
-    /// (0019,xx0A) Number of Images in Mosaic.
-    pub images: Option<u32>,
-}
-
-/// Block and element of a private tag of a group, if it is one.
-fn private(tag: Tag, group: u32) -> Option<(u8, u8)> {
-    let [high, low, block, element] = tag.to_be_bytes();
-    (u32::from(u16::from_be_bytes([high, low])) == group && block >= 0x10).then_some((block, element))
-}
-
-/// Block that this element reserves in a group, if it is a private creator.
-fn reserved(tag: Tag, group: u32) -> Option<u8> {
-    let [high, low, zero, block] = tag.to_be_bytes();
-    (u32::from(u16::from_be_bytes([high, low])) == group && zero == 0 && block >= 0x10).then_some(block)
-}
-
-impl Private {
-    /// Does [`Private::keep`] look at this tag?
-    pub(super) fn wants(tag: Tag) -> bool {
-        reserved(tag, 0x0019).or(reserved(tag, 0x0029)).is_some()
-            || private(tag, 0x0019).is_some_and(|(_, element)| element == 0x0a)
-    }
-
-    /// Takes over one element, if it is one that matters.
-    pub(super) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
-        if let Some(block) = reserved(tag, 0x0019).filter(|_| text(value) == MR_HEADER) {
-            self.mr_block.get_or_insert(block);
-        } else if let Some(block) = reserved(tag, 0x0029).filter(|_| text(value) == CSA_HEADER) {
-            self.csa_block.get_or_insert(block);
-        } else if private(tag, 0x0019)
-            .is_some_and(|(block, element)| Some(block) == self.mr_block && element == 0x0a)
-        {
-            self.images = match *value {
-                [a, b] if endian == Endian::Big => Some(u16::from_be_bytes([a, b]).into()),
-                [a, b] => Some(u16::from_le_bytes([a, b]).into()),
-                _ => text(value).parse().ok(),
-            };
-        }
-    }
-
-    /// Is this the header that [`super::csa`] reads?
-    pub(super) fn is_csa(&self, tag: Tag) -> bool {
-        private(tag, 0x0029).is_some_and(|(block, element)| Some(block) == self.csa_block && element == 0x10)
-    }
-}
-
 /// How the slices of a volume lie in a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Mosaic {
+pub(crate) struct Mosaic {
     /// Tiles in a row, and in a column.
-    pub(super) across: u32,
+    pub(crate) across: u32,
     /// Slices; never more than tiles.
-    pub(super) slices: u32,
+    pub(crate) slices: u32,
     /// Distance of neighbouring slices.
-    pub(super) distance_mm: f64,
+    pub(crate) distance_mm: f64,
     /// Do slices follow each other against the normal, rows x columns?
-    pub(super) backwards: bool,
+    pub(crate) backwards: bool,
 }
 
 /// A mosaic, and what has to be said of it.
 #[derive(Debug)]
-pub(super) struct Found {
-    pub(super) mosaic: Mosaic,
+pub(crate) struct Found {
+    pub(crate) mosaic: Mosaic,
     /// Size of a tile: columns and rows.
-    pub(super) size: [u32; 2],
-    pub(super) warnings: Vec<String>,
+    pub(crate) size: [u32; 2],
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Is the image a mosaic?
-pub(super) fn is_one(header: &DicomHeader) -> bool {
+pub(crate) fn is_one(header: &DicomHeader) -> bool {
     let enhanced = header.places.frame_groups.is_some() || header.places.shared_groups.is_some();
     !enhanced && header.image_type.split('\\').any(|part| part.trim() == "MOSAIC")
 }
 
 /// How the slices lie in an image that [`is_one`]; in words why that is not known.
-pub(super) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Found, String> {
+pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Found, String> {
     let refuse = |reason: String| Err(format!("a Siemens mosaic {reason}"));
     if header.frames.is_some_and(|frames| frames != Ok(1)) {
         return refuse("of several frames cannot be read".into());
@@ -202,7 +146,7 @@ fn read_csa<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, at: u64) -> Res
 
 impl Found {
     /// Geometry of the first slice, from that of the picture.
-    pub(super) fn first_slice(&self, mut picture: FrameGeometry) -> FrameGeometry {
+    pub(crate) fn first_slice(&self, mut picture: FrameGeometry) -> FrameGeometry {
         let axes = picture.orientation.and_then(directions);
         if let (Some(position), Some((row, column, _))) = (picture.position, axes) {
             let [dy, dx] = picture.pixel_spacing.filter(|[a, b]| *a > 0.0 && *b > 0.0).unwrap_or([1.0; 2]);
@@ -214,18 +158,18 @@ impl Found {
     }
 }
 
-/// The volume of one mosaic, the `index`-th image of a group.
-pub(super) fn assemble(
-    shared: &Shared,
+/// The volume of one mosaic, the `index`-th image of a group: pixels `dx` and `dy` apart, directions and
+/// position of the first slice where both are stated.
+pub(crate) fn assemble(
     mosaic: &Mosaic,
     index: usize,
-    slice: &Slice,
+    [dx, dy]: [f64; 2],
+    place: Option<([f64; 6], [f64; 3])>,
+    mut warnings: Vec<String>,
 ) -> Result<Stack, Refusal> {
-    let mut warnings = Vec::new();
-    let [dx, dy] = pixel_spacing(shared, &mut warnings);
     let dz = mosaic.distance_mm;
     let tiles = 0..mosaic.slices;
-    let Some((axes, first)) = shared.orientation.zip(slice.position()) else {
+    let Some((axes, first)) = place else {
         warnings.push(format!(
             "the mosaic states no position: its slices are taken in their order, {dz} mm apart, placed at the origin"
         ));

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::series::{Refusal, count};
+use super::axes::count;
+use super::layer::Refusal;
 use crate::source::GapPolicy;
 
 /// Gaps that differ less than this from the mean are even: scanners print positions in micrometres.
@@ -32,7 +33,7 @@ const NAMED: usize = 4;
 
 /// Where the slices of the volume come from.
 #[derive(Debug, PartialEq)]
-pub(super) enum Grid {
+pub(crate) enum Grid {
     /// One for each image.
     AsTheyAre,
     /// So much of the way from this image to the next; 0 is the image itself.
@@ -50,7 +51,7 @@ fn usual_gap(along: &[f64]) -> (f64, f64) {
 
 /// Numbers the distinct positions of images, in their order along the normal: for each image, in the
 /// order given, the number of its position; and how many there are.
-pub(super) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
+pub(crate) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
     let mut order: Vec<usize> = (0..along.len()).collect();
     let at = |i: usize| along.get(i).copied().unwrap_or(0.0);
     order.sort_by(|a, b| at(*a).total_cmp(&at(*b)));
@@ -75,7 +76,7 @@ const MOST_LAYERS: f64 = 4096.0;
 
 /// Where images of a segmentation, which leaves out empty slices, lie on the grid of all slices: for each
 /// slice the number of its image. `None` if they lie evenly as they are, or on no grid.
-pub(super) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Vec<Option<usize>>> {
+pub(crate) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Vec<Option<usize>>> {
     if !is_uneven(along) {
         return None;
     }
@@ -103,7 +104,7 @@ pub(super) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Ve
 }
 
 /// Are positions, which may be in any order, so uneven that they would be refused?
-pub(super) fn is_uneven(along: &[f64]) -> bool {
+pub(crate) fn is_uneven(along: &[f64]) -> bool {
     let mut sorted = along.to_vec();
     sorted.sort_by(f64::total_cmp);
     let file = |_| String::new();
@@ -112,7 +113,7 @@ pub(super) fn is_uneven(along: &[f64]) -> bool {
 
 /// Judges sorted positions: refuses repeated ones, and uneven gaps unless the policy knows what to do
 /// with them; warns of small deviations. `file` names an image.
-pub(super) fn judge_gaps(
+pub(crate) fn judge_gaps(
     along: &[f64],
     policy: GapPolicy,
     file: &dyn Fn(usize) -> String,

@@ -1,8 +1,10 @@
 //! Orders the images of a group by position and judges whether they form a volume
 //! (PS3.3 C.7.6.2; `x` runs along a row, `y` down the columns, `z` along `x` x `y`).
 
+use super::axes::{count, directions, dot};
 use super::gaps::{Grid, judge_gaps, with_empty_slices};
 use super::group::{Group, Shared, Slice};
+use super::layer::{Layer, Refusal, Stack};
 use super::mosaic;
 use crate::geom::Affine;
 use crate::source::GapPolicy;
@@ -16,41 +18,8 @@ const SIDEWAYS_PIXELS: f64 = 0.1;
 /// Directions of rows and columns that are assumed where slices state positions alone.
 const UPRIGHT: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// Images in order, with their place in the patient.
-#[derive(Debug)]
-pub(super) struct Stack {
-    /// What each slice of the volume is, by increasing position.
-    pub(super) layers: Vec<Layer>,
-    pub(super) affine: Affine,
-    pub(super) warnings: Vec<String>,
-}
-
-/// A slice of the volume; numbers are indices into the group's slices.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Layer {
-    /// An image.
-    Image(usize),
-    /// A tile of an image.
-    Tile(usize, u32),
-    /// Nothing: a slice that a segmentation leaves out.
-    Empty,
-    /// No image lies here: so much of the way from the first to the second.
-    Between(usize, usize, f64),
-}
-
-/// Why images form no volume.
-#[derive(Debug)]
-pub(super) enum Refusal {
-    /// Some positions occur more than once: perhaps several volumes in one series.
-    Repeated(String),
-    /// Slices seem to be missing.
-    Gaps(String),
-    /// Anything else.
-    Other(String),
-}
-
 /// Orders the chosen slices of a group. `name` gives a slice's file name for messages.
-pub(super) fn assemble(
+pub(crate) fn assemble(
     group: &Group,
     chosen: &[usize],
     gaps: GapPolicy,
@@ -62,7 +31,9 @@ pub(super) fn assemble(
     if let Some(of_each) = &group.shared.mosaic
         && let [(index, slice)] = slices.as_slice()
     {
-        return mosaic::assemble(&group.shared, of_each, *index, slice);
+        let spacing = pixel_spacing(&group.shared, &mut warnings);
+        let place = group.shared.orientation.zip(slice.position());
+        return mosaic::assemble(of_each, *index, spacing, place, warnings);
     }
     let [dx, dy] = pixel_spacing(&group.shared, &mut warnings);
     let placed = slices.iter().all(|(_, s)| s.position().is_some());
@@ -142,7 +113,7 @@ fn rises(slices: &[(usize, &Slice)]) -> bool {
 }
 
 /// Positions of the chosen slices along their common normal; `None` without directions or positions.
-pub(super) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> {
+pub(crate) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> {
     let slices: Vec<(usize, &Slice)> =
         chosen.iter().filter_map(|i| group.slices.get(*i).map(|s| (*i, s))).collect();
     let axes = group.shared.orientation.or_else(|| rises(&slices).then_some(UPRIGHT));
@@ -150,21 +121,8 @@ pub(super) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> 
     slices.iter().map(|(_, s)| s.position().map(|p| dot(p, normal))).collect()
 }
 
-/// `axial`, `coronal` or `sagittal`, by the nearest axis of the patient.
-pub(super) fn plane(orientation: [f64; 6]) -> Option<&'static str> {
-    let (_, _, normal) = directions(orientation)?;
-    let [x, y, z] = normal.map(f64::abs);
-    Some(if z >= x && z >= y {
-        "axial"
-    } else if y >= x {
-        "coronal"
-    } else {
-        "sagittal"
-    })
-}
-
 /// Distance of columns, then of rows: x before y, the reverse of the attribute.
-pub(super) fn pixel_spacing(shared: &Shared, warnings: &mut Vec<String>) -> [f64; 2] {
+pub(crate) fn pixel_spacing(shared: &Shared, warnings: &mut Vec<String>) -> [f64; 2] {
     match shared.pixel_spacing {
         Some([dy, dx]) if dx > 0.0 && dy > 0.0 => [dx, dy],
         _ => {
@@ -248,51 +206,5 @@ fn judge_line(
     let worst = sideways.fold(0.0, f64::max);
     if worst > SIDEWAYS_PIXELS * dx.min(dy) {
         warnings.push(format!("some slices lie up to {worst:.3} mm beside the line of the others"));
-    }
-}
-
-/// The directions along a row and down a column as stated, and their normal of unit length; `None` if they
-/// are not nearly unit vectors and perpendicular.
-///
-/// Scanners round cosines to a few digits. The equation that places pixels (PS3.3 C.7.6.2.1.1) takes them
-/// as they are, and so does every other reader; corners would be some micrometres off if they were mended.
-pub(super) fn directions(axes: [f64; 6]) -> Option<([f64; 3], [f64; 3], [f64; 3])> {
-    let [a, b, c, d, e, f] = axes;
-    let (row, column) = ([a, b, c], [d, e, f]);
-    let is_unit = |v: [f64; 3]| (dot(v, v).sqrt() - 1.0).abs() < 0.01;
-    if !is_unit(row) || !is_unit(column) || dot(row, column).abs() >= 0.01 {
-        return None;
-    }
-    let normal = cross(row, column);
-    let length = dot(normal, normal).sqrt();
-    Some((row, column, normal.map(|c| c / length)))
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-#[expect(clippy::cast_precision_loss, reason = "numbers of slices are far below 2^53")]
-pub(super) fn count(n: usize) -> f64 {
-    n as f64
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn directions_are_nearly_perpendicular_units_and_kept_as_stated() {
-        let stated = [0.999_97, 0.007_18, 0.0, -0.007_18, 0.999_9, 0.0];
-        let (row, column, normal) = directions(stated).unwrap();
-        assert_eq!((row, column), ([0.999_97, 0.007_18, 0.0], [-0.007_18, 0.999_9, 0.0]));
-        assert_eq!(normal, [0.0, 0.0, 1.0]);
-        for bad in [[0.0; 6], [1.0, 0.0, 0.0, 1.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0, 1.0, 0.0]] {
-            assert!(directions(bad).is_none());
-        }
     }
 }

@@ -8,12 +8,13 @@
 use std::cell::Cell;
 use std::io::{self, Read};
 
-use super::element::{ITEM, Parser, damaged};
-use super::header::{DicomHeader, PixelData, Tag};
-use super::scan::ScanError;
-use super::syntax::Codec;
-use super::window::ReadAt;
 use crate::codec::FrameBytes;
+use crate::source::dicom::parse::element::{ITEM, Parser, damaged};
+use crate::source::dicom::parse::header::{DicomHeader, PixelData};
+use crate::source::dicom::parse::scan::ScanError;
+use crate::source::dicom::parse::syntax::Codec;
+use crate::source::dicom::parse::value::Tag;
+use crate::source::dicom::parse::window::ReadAt;
 
 /// Most fragments of a frame that is read at several places at once (RLE); sound files have one.
 const MOST_LISTED: usize = 4096;
@@ -66,16 +67,16 @@ const MOST_WALKED: u64 = 1 << 20;
 
 /// A pixel element of undefined length that the file ends, or goes on, without a delimiter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct MissingEnd {
+pub(crate) struct MissingEnd {
     /// Fragments that are there.
-    pub(super) fragments: u64,
+    pub(crate) fragments: u64,
     /// Bytes that the last of them lacks.
-    pub(super) lacking: u64,
+    pub(crate) lacking: u64,
 }
 
 /// Does the Sequence Delimitation Item lack after the fragments? It closes most files, so that the last
 /// bytes tell; else the heads of the items are walked.
-pub(super) fn missing_end<R: ReadAt + ?Sized>(
+pub(crate) fn missing_end<R: ReadAt + ?Sized>(
     input: &R,
     pixels: &PixelData,
     codec: Codec,
@@ -113,7 +114,7 @@ fn has_no_table(codec: Codec, first: &Fragment) -> bool {
 }
 
 /// Fills `buf` as far as the input goes.
-pub(super) fn read_full<R: ReadAt + ?Sized>(input: &R, buf: &mut [u8], offset: u64) -> io::Result<usize> {
+pub(crate) fn read_full<R: ReadAt + ?Sized>(input: &R, buf: &mut [u8], offset: u64) -> io::Result<usize> {
     let mut have = 0;
     while have < buf.len() {
         match input.read_some_at(buf.get_mut(have..).unwrap_or(&mut []), offset.saturating_add(have as u64)) {
@@ -145,7 +146,7 @@ enum Division {
 }
 
 /// The frames of a pixel element.
-pub(super) struct Frames<'a, R: ReadAt + ?Sized> {
+pub(crate) struct Frames<'a, R: ReadAt + ?Sized> {
     input: &'a R,
     division: Division,
     frames: u32,
@@ -159,12 +160,12 @@ pub(super) struct Frames<'a, R: ReadAt + ?Sized> {
 
 /// The bytes of one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Span {
+pub(crate) struct Span {
     /// Offset of the first fragment's bytes, and their number.
     start: u64,
     head: u64,
     /// Bytes of all fragments.
-    pub(super) bytes: u64,
+    pub(crate) bytes: u64,
     fragments: u64,
     end: u64,
 }
@@ -174,7 +175,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
     ///
     /// # Errors
     /// They cannot be divided into so many.
-    pub(super) fn of(
+    pub(crate) fn of(
         input: &'a R,
         header: &DicomHeader,
         pixels: &PixelData,
@@ -269,7 +270,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
     }
 
     /// The next frame's bytes; `None` after the last.
-    pub(super) fn next(&mut self) -> Result<Option<Span>, ScanError> {
+    pub(crate) fn next(&mut self) -> Result<Option<Span>, ScanError> {
         if self.next == self.frames {
             return Ok(None);
         }
@@ -311,7 +312,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
 }
 
 /// Reads a frame from front to back, over the gaps between its fragments.
-pub(super) struct FrameReader<'a, R: ReadAt + ?Sized> {
+pub(crate) struct FrameReader<'a, R: ReadAt + ?Sized> {
     input: &'a R,
     at: u64,
     left_here: u64,
@@ -320,7 +321,7 @@ pub(super) struct FrameReader<'a, R: ReadAt + ?Sized> {
 }
 
 impl<'a, R: ReadAt + ?Sized> FrameReader<'a, R> {
-    pub(super) fn new(input: &'a R, span: &Span) -> Self {
+    pub(crate) fn new(input: &'a R, span: &Span) -> Self {
         Self { input, at: span.start, left_here: span.head, left: span.bytes, end: span.end }
     }
 }
@@ -345,7 +346,7 @@ impl<R: ReadAt + ?Sized> Read for FrameReader<'_, R> {
 }
 
 /// A frame that is read at any place; its fragments are listed, 16 bytes each.
-pub(super) struct ListedFrame<'a, R: ReadAt + ?Sized> {
+pub(crate) struct ListedFrame<'a, R: ReadAt + ?Sized> {
     input: &'a R,
     /// Offset in the frame where each begins, offset in the file.
     list: Vec<(u64, u64)>,
@@ -357,7 +358,7 @@ pub(super) struct ListedFrame<'a, R: ReadAt + ?Sized> {
 impl<'a, R: ReadAt + ?Sized> ListedFrame<'a, R> {
     /// # Errors
     /// There are more fragments than [`MOST_LISTED`].
-    pub(super) fn new(input: &'a R, span: &Span) -> Result<Self, ScanError> {
+    pub(crate) fn new(input: &'a R, span: &Span) -> Result<Self, ScanError> {
         let count = usize::try_from(span.fragments).ok().filter(|n| *n <= MOST_LISTED).ok_or_else(|| {
             damaged(span.start, format!("one frame is cut into more than {MOST_LISTED} fragments"))
         })?;
@@ -414,7 +415,7 @@ impl<R: ReadAt + ?Sized> ReadAt for ListedFrame<'_, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::dicom::header::PixelElement;
+    use crate::source::dicom::parse::header::PixelElement;
 
     fn item(bytes: &[u8]) -> Vec<u8> {
         let length = u32::try_from(bytes.len()).unwrap();

@@ -2,15 +2,15 @@
 
 use std::fmt;
 
-use super::mosaic::Private;
+use super::private::Private;
 use super::syntax::TransferSyntax;
+use super::value::{
+    Tag, double, doubles, integer, number, numbers, raw_double, raw_single, single, text, time_of, word_of,
+};
 use crate::volume::Endian;
 
-/// A tag: group in the high 16 bits, element in the low.
-pub(super) type Tag = u32;
-
 /// Longest value that is looked at; every kept element is far shorter in a sound file.
-pub(super) const MAX_VALUE_BYTES: usize = 1024;
+pub(crate) const MAX_VALUE_BYTES: usize = 1024;
 
 /// SOP class of label map segmentations, without the root of the standard's own.
 const LABEL_MAP: &str = "5.1.4.1.1.66.7";
@@ -84,7 +84,7 @@ pub struct Places {
 
 impl Places {
     /// Remembers where an element begins, if it is one of these.
-    pub(super) fn keep(&mut self, tag: Tag, at: u64) {
+    pub(crate) fn keep(&mut self, tag: Tag, at: u64) {
         let slot = match tag {
             0x5200_9229 => &mut self.shared_groups,
             0x5200_9230 => &mut self.frame_groups,
@@ -130,7 +130,7 @@ impl Secrets {
     }
 
     /// The texts, as far as they could be read.
-    pub(super) fn texts(&self) -> [&str; 3] {
+    pub(crate) fn texts(&self) -> [&str; 3] {
         [&self.name, &self.id, &self.birth_date]
     }
 }
@@ -269,7 +269,7 @@ pub struct DicomHeader {
 }
 
 impl DicomHeader {
-    pub(super) fn new(transfer_syntax: TransferSyntax) -> Self {
+    pub(crate) fn new(transfer_syntax: TransferSyntax) -> Self {
         Self {
             transfer_syntax,
             sop_class: String::new(),
@@ -385,7 +385,7 @@ impl DicomHeader {
 
     /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
     /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
-    pub(super) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
+    pub(crate) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
         let word = || word_of(value, endian);
         match tag {
             0x0008_0008 => self.image_type = text(value),
@@ -453,7 +453,7 @@ impl DicomHeader {
     }
 
     /// Does [`DicomHeader::keep`] look at this tag?
-    pub(super) fn wants(tag: Tag) -> bool {
+    pub(crate) fn wants(tag: Tag) -> bool {
         if Private::wants(tag) {
             return true;
         }
@@ -508,91 +508,9 @@ impl DicomHeader {
     }
 }
 
-/// One 16-bit number (VR US or a half of AT).
-fn word_of(value: &[u8], endian: Endian) -> Option<u16> {
-    let bytes = *value.first_chunk::<2>()?;
-    Some(if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
-}
-
-/// Text without padding; bytes outside ASCII become `?` (no kept element may have any).
-pub(super) fn text(value: &[u8]) -> String {
-    let plain: String = value
-        .iter()
-        .map(|b| if b.is_ascii_graphic() || *b == b' ' || *b == 0 { char::from(*b) } else { '?' })
-        .collect();
-    plain.trim_matches([' ', '\0']).into()
-}
-
-/// One finite decimal; the first of several.
-pub(super) fn number(value: &[u8]) -> Option<f64> {
-    text(value).split('\\').next().and_then(|part| part.trim().parse().ok()).filter(|v: &f64| v.is_finite())
-}
-
-/// The time of day of a date and time (VR DT), as the number HHMMSS.FFFFFF.
-pub(super) fn time_of(value: &[u8]) -> Option<f64> {
-    const DATE: usize = 8;
-    let text = text(value);
-    let end = text.find(['+', '-']).unwrap_or(text.len());
-    text.get(DATE..end)?.parse().ok().filter(|v: &f64| v.is_finite())
-}
-
-/// One integer; the first of several.
-pub(super) fn integer(value: &[u8]) -> Option<i32> {
-    text(value).split('\\').next().and_then(|part| part.trim().parse().ok())
-}
-
-/// One finite binary double (VR FD).
-pub(super) fn double(value: &[u8], endian: Endian) -> Option<f64> {
-    raw_double(value, endian).filter(|v| v.is_finite())
-}
-
-/// One binary double, whatever it is.
-fn raw_double(value: &[u8], endian: Endian) -> Option<f64> {
-    let bytes = *value.first_chunk::<8>()?;
-    Some(if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
-}
-
-/// Three finite binary doubles.
-fn doubles(value: &[u8], endian: Endian) -> Option<[f64; 3]> {
-    let at = |i: usize| double(value.get(8 * i..)?, endian);
-    Some([at(0)?, at(1)?, at(2)?])
-}
-
-/// One finite binary single (VR FL).
-fn single(value: &[u8], endian: Endian) -> Option<f64> {
-    raw_single(value, endian).filter(|v| v.is_finite())
-}
-
-/// One binary single, whatever it is.
-fn raw_single(value: &[u8], endian: Endian) -> Option<f64> {
-    let bytes = *value.first_chunk::<4>()?;
-    Some(if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) }.into())
-}
-
-/// Exactly `N` finite decimals separated by backslashes.
-pub(super) fn numbers<const N: usize>(value: &[u8]) -> Option<[f64; N]> {
-    let text = text(value);
-    let mut parts = text.split('\\').map(|part| part.trim().parse::<f64>().ok().filter(|v| v.is_finite()));
-    let mut out = [0.0; N];
-    for slot in &mut out {
-        *slot = parts.next()??;
-    }
-    parts.next().is_none().then_some(out)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn values_parse_or_are_missing() {
-        assert_eq!(numbers::<3>(b"1\\-2.5e1\\ 3 "), Some([1.0, -25.0, 3.0]));
-        for bad in [&b"1\\2"[..], b"1\\2\\3\\4", b"1\\\\3", b"1\\nan\\3", b"1\\inf\\3", b"", b"\xff\\1\\2"] {
-            assert_eq!(numbers::<3>(bad), None, "{bad:?}");
-        }
-        assert_eq!(number(b" -1024\0"), Some(-1024.0));
-        assert_eq!(text(b"MONOCHROME2 \0"), "MONOCHROME2");
-    }
 
     #[test]
     fn every_kept_tag_is_wanted() {

@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::assemble::assemble;
+use super::axes::plane;
 use super::group::{Group, Kind, NO_OBSTACLE, Series, Shared, Slice};
-use super::series::{Refusal, Stack, assemble, plane};
+use super::layer::{Refusal, Stack};
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;

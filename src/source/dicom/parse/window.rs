@@ -5,7 +5,7 @@ use std::io;
 use std::os::unix::fs::FileExt;
 
 /// Bytes held at a time: most headers up to the first long value fit one read.
-pub(super) const WINDOW_BYTES: usize = 8 << 10;
+pub(crate) const WINDOW_BYTES: usize = 8 << 10;
 
 /// Something with a length that can be read at any offset: a file, or bytes in memory for tests.
 pub trait ReadAt {
@@ -46,7 +46,7 @@ impl ReadAt for [u8] {
 }
 
 /// The window; owns [`WINDOW_BYTES`] and never more.
-pub(super) struct Window<'a, R: ReadAt + ?Sized> {
+pub(crate) struct Window<'a, R: ReadAt + ?Sized> {
     input: &'a R,
     len: u64,
     buf: Box<[u8]>,
@@ -55,23 +55,23 @@ pub(super) struct Window<'a, R: ReadAt + ?Sized> {
 }
 
 impl<'a, R: ReadAt + ?Sized> Window<'a, R> {
-    pub(super) fn new(input: &'a R) -> io::Result<Self> {
+    pub(crate) fn new(input: &'a R) -> io::Result<Self> {
         let len = input.byte_len()?;
         Ok(Self { input, len, buf: vec![0; WINDOW_BYTES].into_boxed_slice(), start: 0, have: 0 })
     }
 
     /// Length of the whole input.
-    pub(super) fn len(&self) -> u64 {
+    pub(crate) fn len(&self) -> u64 {
         self.len
     }
 
     /// Bytes from `at` to the end of the input.
-    pub(super) fn left(&self, at: u64) -> u64 {
+    pub(crate) fn left(&self, at: u64) -> u64 {
         self.len.saturating_sub(at)
     }
 
     /// At most `n` bytes at `at` (fewer only at the end of the input); `n` is cut to the window.
-    pub(super) fn upto(&mut self, at: u64, n: usize) -> io::Result<&[u8]> {
+    pub(crate) fn upto(&mut self, at: u64, n: usize) -> io::Result<&[u8]> {
         let wanted = n.min(WINDOW_BYTES).min(usize::try_from(self.left(at)).unwrap_or(usize::MAX));
         let inside = at.checked_sub(self.start).and_then(|skip| usize::try_from(skip).ok());
         if let Some(skip) = inside.filter(|skip| skip.checked_add(wanted).is_some_and(|end| end <= self.have))
@@ -100,7 +100,7 @@ impl<'a, R: ReadAt + ?Sized> Window<'a, R> {
     }
 
     /// Exactly `N` bytes at `at`, or `None` where the input ends before.
-    pub(super) fn array<const N: usize>(&mut self, at: u64) -> io::Result<Option<[u8; N]>> {
+    pub(crate) fn array<const N: usize>(&mut self, at: u64) -> io::Result<Option<[u8; N]>> {
         Ok(self.upto(at, N)?.first_chunk().copied())
     }
 }

@@ -7,14 +7,14 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::encapsulated::{MissingEnd, missing_end};
-use super::frames::{FrameGeometry, Origin, visit};
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
-use super::header::{DicomHeader, Secrets};
-use super::image::{Access, Image, Obstacle, Storage};
 use super::mosaic::{Found, is_one, look};
-use super::pixels::StatedPadding;
-use super::scan::{ScanError, scan};
+use crate::source::dicom::image::describe::{Access, Image, Obstacle, Storage};
+use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
+use crate::source::dicom::image::pixels::StatedPadding;
+use crate::source::dicom::parse::frames::{FrameGeometry, Origin, visit};
+use crate::source::dicom::parse::header::{DicomHeader, Secrets};
+use crate::source::dicom::parse::scan::{ScanError, scan};
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
 
@@ -70,7 +70,7 @@ pub(crate) fn recognise(file: &File) -> Recognised {
 }
 
 /// Reads the headers of the files of one series; `facts` are size and time of change of each.
-pub(super) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
+pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
     let mut series = Series::new(files, facts.to_vec());
     for file in 0..series.files.len() {
         let path = series.files.path(file);
@@ -87,7 +87,7 @@ pub(super) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
 
 /// Adds every frame of a file.
 fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader) {
-    series.hide(&header.secrets);
+    words(&header.secrets, &mut series.secrets);
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
     let mut obstacle = image.as_ref().err().map(Obstacle::to_string);
@@ -349,12 +349,12 @@ pub(crate) fn words(secrets: &Secrets, known: &mut Vec<String>) {
 }
 
 /// Path of a file of a series, for messages.
-pub(super) fn path_of(series: &Series, slice: &Slice) -> PathBuf {
+pub(crate) fn path_of(series: &Series, slice: &Slice) -> PathBuf {
     series.files.path(slice.file as usize)
 }
 
 /// The folder that all files lie in.
-pub(super) fn folder_of(series: &Series, files: &mut dyn Iterator<Item = u32>) -> PathBuf {
+pub(crate) fn folder_of(series: &Series, files: &mut dyn Iterator<Item = u32>) -> PathBuf {
     let mut shared: Option<PathBuf> = None;
     for file in files {
         let path = series.files.path(file as usize);

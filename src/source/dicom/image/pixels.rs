@@ -1,13 +1,13 @@
 //! How stored values are cut out of the cells of a frame, and what stands for no value
 //! (PS3.3 C.7.6.3; PS3.5 section 8).
 
-use super::header::{DicomHeader, PixelElement};
 use crate::geom::Dims;
+use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
 use crate::volume::{Endian, ScalarType};
 
 /// How a cell (the bits allocated to one sample) holds its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Stored {
+pub(crate) struct Stored {
     scalar: ScalarType,
     endian: Endian,
     signed: bool,
@@ -18,7 +18,7 @@ pub(super) struct Stored {
 
 impl Stored {
     /// A cell of 8, 16 or 32 bits.
-    pub(super) fn integer(allocated: u32, bits: u32, shift: u32, signed: bool, endian: Endian) -> Self {
+    pub(crate) fn integer(allocated: u32, bits: u32, shift: u32, signed: bool, endian: Endian) -> Self {
         let scalar = match (allocated, signed) {
             (8, false) => ScalarType::U8,
             (8, true) => ScalarType::I8,
@@ -31,37 +31,37 @@ impl Stored {
     }
 
     /// IEEE single.
-    pub(super) fn float(endian: Endian) -> Self {
+    pub(crate) fn float(endian: Endian) -> Self {
         Self { scalar: ScalarType::F32, endian, signed: true, bits: 32, shift: 0 }
     }
 
     /// IEEE double.
-    pub(super) fn double(endian: Endian) -> Self {
+    pub(crate) fn double(endian: Endian) -> Self {
         Self { scalar: ScalarType::F64, endian, signed: true, bits: 64, shift: 0 }
     }
 
     /// Type of the cut out value: as wide as the cell.
-    pub(super) fn scalar(&self) -> ScalarType {
+    pub(crate) fn scalar(&self) -> ScalarType {
         self.scalar
     }
 
     /// Bytes of a cell.
-    pub(super) fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         self.scalar.bytes()
     }
 
     /// Bits Stored.
-    pub(super) fn bits(&self) -> u32 {
+    pub(crate) fn bits(&self) -> u32 {
         self.bits
     }
 
     /// Unused bits below the stored ones.
-    pub(super) fn shift(&self) -> u32 {
+    pub(crate) fn shift(&self) -> u32 {
         self.shift
     }
 
     /// The value of a cut out sample at the beginning of some bytes in native order.
-    pub(super) fn value(&self, sample: &[u8]) -> i64 {
+    pub(crate) fn value(&self, sample: &[u8]) -> i64 {
         let word = |bytes: &[u8]| bytes.first_chunk::<2>().map_or(0_u16, |b| bytemuck::cast(*b));
         let raw = match self.bytes() {
             1 => sample.first().copied().map_or(0, u32::from),
@@ -72,11 +72,11 @@ impl Stored {
     }
 
     /// Are values two's complement?
-    pub(super) fn is_signed(&self) -> bool {
+    pub(crate) fn is_signed(&self) -> bool {
         self.signed
     }
 
-    pub(super) fn is_float(&self) -> bool {
+    pub(crate) fn is_float(&self) -> bool {
         matches!(self.scalar, ScalarType::F32 | ScalarType::F64)
     }
 
@@ -151,33 +151,33 @@ pub struct Padding {
     low: i64,
     high: i64,
     /// Stored value that is delivered instead.
-    pub(super) replacement: i64,
+    pub(crate) replacement: i64,
 }
 
 impl PixelLayout {
     /// A frame of such cells, delivered as `scalar`.
-    pub(super) fn new(columns: u32, rows: u32, scalar: ScalarType, stored: Stored) -> Self {
+    pub(crate) fn new(columns: u32, rows: u32, scalar: ScalarType, stored: Stored) -> Self {
         Self { columns, rows, across: 1, scalar, stored }
     }
 
     /// One of the tiles of a mosaic, of as many in a row as in a column.
-    pub(super) fn tile(&self, across: u32) -> Self {
+    pub(crate) fn tile(&self, across: u32) -> Self {
         let across = across.max(1);
         Self { columns: self.columns / across, rows: self.rows / across, across, ..*self }
     }
 
     /// Tiles in a row of the picture.
-    pub(super) fn across(&self) -> u32 {
+    pub(crate) fn across(&self) -> u32 {
         self.across
     }
 
     /// Pixels from a row to the next in the file.
-    pub(super) fn pitch(&self) -> u32 {
+    pub(crate) fn pitch(&self) -> u32 {
         self.columns * self.across
     }
 
     /// Bytes from the first pixel of the picture to that of a tile, as the cells lie in the file.
-    pub(super) fn tile_offset(&self, tile: u32) -> u64 {
+    pub(crate) fn tile_offset(&self, tile: u32) -> u64 {
         let (down, right) = (u64::from(tile / self.across), u64::from(tile % self.across));
         let pixels = down * u64::from(self.rows) * u64::from(self.pitch()) + right * u64::from(self.columns);
         pixels * self.stored.bytes() as u64
@@ -189,12 +189,12 @@ impl PixelLayout {
         self.scalar
     }
 
-    pub(super) fn stored(&self) -> &Stored {
+    pub(crate) fn stored(&self) -> &Stored {
         &self.stored
     }
 
     /// Size as a volume of `slices` slices; `None` where that is out of range.
-    pub(super) fn dims(&self, slices: usize) -> Option<Dims> {
+    pub(crate) fn dims(&self, slices: usize) -> Option<Dims> {
         Dims::new(self.columns, self.rows, u32::try_from(slices).ok()?)
     }
 
@@ -306,7 +306,7 @@ impl PixelLayout {
 }
 
 impl Padding {
-    pub(super) fn holds(self, value: i64) -> bool {
+    pub(crate) fn holds(self, value: i64) -> bool {
         (self.low..=self.high).contains(&value)
     }
 
@@ -390,9 +390,9 @@ fn each<W: Word>(samples: &mut [u8], map: impl Fn(u32) -> u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::dicom::header::PixelData;
-    use crate::source::dicom::image::{Image, Obstacle};
-    use crate::source::dicom::syntax::TransferSyntax;
+    use crate::source::dicom::image::describe::{Image, Obstacle};
+    use crate::source::dicom::parse::header::PixelData;
+    use crate::source::dicom::parse::syntax::TransferSyntax;
 
     fn header(allocated: u16, stored: u16, high: u16, signed: bool) -> DicomHeader {
         let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
