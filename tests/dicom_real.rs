@@ -70,7 +70,7 @@ fn a_head_ct_is_ordered_by_position_with_its_spacing_and_rescale() {
         source.read_rows(slice, 0..512, 0..512, &mut out).unwrap();
         let mut stored = vec![0; out.len()];
         file.read_exact_at(&mut stored, header.pixels.unwrap().offset).unwrap();
-        PixelLayout::of(&header).unwrap().decode(&mut stored);
+        Image::of(&header).unwrap().layout.decode(&mut stored);
         assert!(stored == out, "slice {z:?}");
     }
 }
@@ -138,13 +138,13 @@ fn classify(path: &Path) -> String {
     let header = match scan(&File::open(path).unwrap()) {
         Ok(header) => header,
         Err(ScanError::NotDicom) => return "no DICOM".into(),
-        Err(ScanError::Damaged { reason, .. }) => return format!("damaged: {reason}"),
+        Err(ScanError::Damaged { damage, .. }) => return format!("damaged: {damage}"),
         Err(e) => panic!("{e}"),
     };
     match Image::of(&header) {
         Ok(image) => {
             let way = if image.access == Access::Unrolled { ", unrolled" } else { "" };
-            let note = image.warning().map(|text| format!("; {text}")).unwrap_or_default();
+            let note = image.note().map(|text| format!("; {text}")).unwrap_or_default();
             let layout = image.layout;
             let syntax = &header.transfer_syntax;
             format!("{}x{} {}, {syntax}{way}{note}", layout.columns, layout.rows, layout.scalar())

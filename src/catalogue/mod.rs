@@ -22,6 +22,7 @@ use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use crate::facts::dicom::DicomFault;
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
     FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, base_name, natural_cmp,
@@ -258,7 +259,9 @@ impl Catalogue {
                 let reason = File::open(&path).map(|f| recognise(&f));
                 let error = match reason {
                     Err(cause) => SourceError::Unreadable { path: path.clone(), cause },
-                    Ok(Recognised::Damaged(reason)) => SourceError::Unusable { path: path.clone(), reason },
+                    Ok(Recognised::Damaged(error)) => {
+                        SourceError::Dicom { path: path.clone(), fault: DicomFault::Header(error) }
+                    }
                     Ok(_) => changed_meanwhile(&path),
                 };
                 findings(&path, "dicom", one(), Err(error))

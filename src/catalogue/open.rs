@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
+use crate::facts::dicom::{DicomFault, ImageFault};
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, known};
 use crate::source::{RawVolume, header_of_samples};
@@ -108,7 +109,8 @@ impl Choice {
         let size = finding.size.unwrap_or_default();
         let voxels = size.iter().map(|n| u64::from(*n)).product();
         // A slice that is cut short is no reason to take another volume in silence.
-        let broken = matches!(finding.volume, Err(SourceError::Unusable { .. })) && finding.size.is_some();
+        let damage = finding.volume.as_ref().err().filter(|error| error.is_damage());
+        let broken = damage.is_some() && finding.size.is_some();
         let usable = finding.volume.is_ok() || broken;
         let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
         let rank = (tier, voxels);
@@ -117,10 +119,12 @@ impl Choice {
         self.names.insert(at, name);
         // One more than is named, for the one that is taken.
         self.names.truncate(NAMED + 1);
-        if let Err(SourceError::Unusable { path, reason }) = &finding.volume {
+        if let Err(SourceError::Unusable { path, .. } | SourceError::Dicom { path, .. }) = &finding.volume
+            && let Some(error) = damage
+        {
             let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             if self.unusable.len() <= NAMED {
-                self.unusable.push(format!("{name}, of a series that is not used: {reason}"));
+                self.unusable.push(format!("{name}, of a series that is not used: {}", reason_of(error)));
             }
         }
         if self.wanted.is_some_and(|wanted| wanted != number) {
@@ -204,6 +208,7 @@ fn reason_of(error: &SourceError) -> String {
         SourceError::NoVolume { reason, .. }
         | SourceError::Unusable { reason, .. }
         | SourceError::Usage { reason, .. } => reason.clone(),
+        SourceError::Dicom { fault, .. } => fault.to_string(),
         other => other.to_string(),
     }
 }
@@ -239,8 +244,9 @@ fn refuse_file(path: &Path) -> SourceError {
     if length == 0 {
         return unusable("is empty; give a DICOM series or headerless voxels".into());
     }
-    if let Recognised::NoImage(reason) = recognise(&file) {
-        return SourceError::NoVolume { path: path.to_path_buf(), reason };
+    if let Recognised::NoImage(obstacle) = recognise(&file) {
+        let fault = DicomFault::Image(ImageFault::Pixels(obstacle));
+        return SourceError::Dicom { path: path.to_path_buf(), fault };
     }
     if let Some(what) = known(&head_of(&file)) {
         return unusable(format!(

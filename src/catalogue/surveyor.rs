@@ -130,7 +130,7 @@ impl<'a> Surveyor<'a> {
                     Weight { images: frames, opening_bytes },
                 ));
             }
-            Recognised::NoImage(kind) => return Ok(Class::LeftOut(kind)),
+            Recognised::NoImage(obstacle) => return Ok(Class::LeftOut(obstacle.to_string())),
             Recognised::Damaged(_) => return Ok(Class::Item(What::Damaged, None, Weight::FILE)),
             Recognised::Unreadable(cause) if named => {
                 return Err(SourceError::Unreadable { path: path.to_path_buf(), cause });

@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use crate::budget::Bytes;
 use crate::error::ExitKind;
+use crate::facts::dicom::DicomFault;
 
 /// A source that cannot be used; every message names the path and the cure.
 #[non_exhaustive]
@@ -60,6 +61,14 @@ pub enum SourceError {
         /// What is wrong and what to do.
         reason: String,
     },
+    /// A DICOM file or series that cannot be used.
+    #[error("{path}: {fault}", path = path.display())]
+    Dicom {
+        /// The file, or the folder of the files.
+        path: PathBuf,
+        /// Why.
+        fault: DicomFault,
+    },
     /// The scratch file that a sequential input is unrolled into cannot be written.
     #[error("scratch file in {path}: {cause}; free some space or choose another folder with --scratch", path = path.display())]
     Scratch {
@@ -102,6 +111,15 @@ pub enum SourceError {
 }
 
 impl SourceError {
+    /// Is the input broken, rather than of a kind that is not used?
+    pub(crate) fn is_damage(&self) -> bool {
+        match self {
+            Self::Unusable { .. } => true,
+            Self::Dicom { fault, .. } => fault.is_damage(),
+            _ => false,
+        }
+    }
+
     /// Exit kind: wrong options are usage (2), everything else makes the input unusable (3).
     pub fn kind(&self) -> ExitKind {
         match self {

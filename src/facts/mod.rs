@@ -3,7 +3,12 @@
 //! | part | what it holds |
 //! |---|---|
 //! | [`SourceError`] | why a volume cannot be used |
+//! | [`SystemError`] | what the operating system said |
+//! | [`dicom`] | what is wrong with DICOM, and what has to be said of it |
 
+pub mod dicom;
 mod error;
+mod system;
 
 pub use error::SourceError;
+pub use system::SystemError;

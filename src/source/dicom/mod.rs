@@ -13,14 +13,14 @@ mod image;
 mod parse;
 mod series;
 
-pub use image::describe::{Access, Image, Obstacle};
+pub use crate::facts::dicom::{Obstacle, ScanError, TransferSyntax};
+pub use image::describe::{Access, Image};
 pub use image::pixels::{Padding, PixelLayout, StatedPadding};
 pub use image::unroll::{FrameSink, unroll};
 pub use parse::frames::{FrameGeometry, Origin, visit};
 pub use parse::header::{DicomHeader, Encoding, PixelData, PixelElement, Places, Secrets};
 pub use parse::private::Private;
-pub use parse::scan::{ScanError, scan};
-pub use parse::syntax::TransferSyntax;
+pub use parse::scan::scan;
 pub use parse::window::ReadAt;
 pub(crate) use series::findings::open_series;
 pub(crate) use series::survey::{Recognised, recognise, words};

@@ -3,9 +3,9 @@
 use super::describe::{Image, Mapping};
 use super::lut::{Lut, luminance};
 use super::pixels::{Padding, PixelLayout, Stored};
-use crate::codec::{CodecError, FrameFormat};
+use crate::codec::{CodecError, FrameFormat, Mismatch};
+use crate::facts::dicom::ScanError;
 use crate::source::dicom::parse::header::DicomHeader;
-use crate::source::dicom::parse::scan::ScanError;
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::Endian;
 
@@ -51,9 +51,7 @@ impl<'a> Converter<'a> {
         let allocated = u32::try_from(8 * stored.bytes()).unwrap_or(32);
         let precision = u32::from(format.precision);
         if precision == 0 || precision > allocated {
-            return Err(CodecError::Damaged(format!(
-                "it has {precision} bits a sample, and the header allocates {allocated}"
-            )));
+            return Err(Mismatch::Bits { bits: precision, allocated }.into());
         }
         let bits = precision.min(stored.bits());
         let shift = if precision >= stored.bits() + stored.shift() { stored.shift() } else { 0 };

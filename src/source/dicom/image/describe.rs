@@ -1,88 +1,11 @@
 //! What a file's pixels are, and how they are reached: by position, or by decoding
 //! (PS3.3 C.7.6.3; PS3.5 section 8 and annex A).
 
-use thiserror::Error;
-
 use super::pixels::{PixelLayout, Stored};
+use crate::facts::dicom::{Combination, DicomNote, Obstacle, Required, TransferSyntax};
 use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
-use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
+use crate::source::dicom::parse::syntax::Codec;
 use crate::volume::{Endian, ScalarType};
-
-/// Why an object cannot be a slice of a volume; the sentence names what it is.
-#[non_exhaustive]
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum Obstacle {
-    /// A report, a plan, a directory, ...
-    #[error("{0} without pixels")]
-    NoPixels(String),
-    /// Compressed in a way that is not decoded here.
-    #[error("compressed pixels ({0}) cannot be read{remedy}", remedy = .0.remedy())]
-    Codec(TransferSyntax),
-    /// A transfer syntax that is not known here.
-    #[error("pixels in an {0} cannot be read")]
-    UnknownSyntax(TransferSyntax),
-    /// Pixels, but no word on what they are.
-    #[error(
-        "there are {0} bytes of pixel data, but no image description: rows, columns and bits allocated are missing"
-    )]
-    NoDescription(u64),
-    /// Native syntax, but no length.
-    #[error("the pixels have no length, though {0} pixels must have one")]
-    NoLength(TransferSyntax),
-    /// Number of Frames is illegible or 0. It is not guessed from the length of the pixels: what else the
-    /// header says may be as wrong.
-    #[error("the number of frames is not a positive number")]
-    BadFrames,
-    /// More frames than could lie in the file.
-    #[error("{stated} frames are stated, and the file is too short for more than {room}")]
-    TooManyFrames {
-        /// Number of Frames.
-        stated: u32,
-        /// Frames that the file could hold at most.
-        room: u64,
-    },
-    /// A photometric interpretation that cannot be reduced to one number a pixel.
-    #[error("colour images ({photometric}, {samples} samples a pixel) of this kind cannot be read")]
-    Colour {
-        /// Photometric Interpretation.
-        photometric: String,
-        /// Samples per Pixel.
-        samples: u16,
-    },
-    /// A palette image without a palette that can be used.
-    #[error("the palette is missing, or of a kind that cannot be read")]
-    Palette,
-    /// A width other than 1, 8, 16 or 32.
-    #[error("pixels of {0} bits allocated cannot be read")]
-    BitsAllocated(u16),
-    /// Bits stored and high bit do not fit the bits allocated.
-    #[error("{stored} bits stored with high bit {high} do not fit {allocated} bits allocated")]
-    BadBits {
-        /// Bits Allocated.
-        allocated: u16,
-        /// Bits Stored.
-        stored: u16,
-        /// High Bit.
-        high: u16,
-    },
-    /// A combination that the standard does not have.
-    #[error("{0} cannot be read")]
-    Combination(&'static str),
-    /// An attribute that every image must have.
-    #[error("the image does not state its {0}")]
-    Missing(&'static str),
-    /// The file ends, or its pixel element ends, before the last row.
-    #[error("the pixels are cut short: {got} bytes of {needed}")]
-    Truncated {
-        /// Bytes that the size of the image needs.
-        needed: u64,
-        /// Bytes that are there.
-        got: u64,
-    },
-    /// Not a single plain frame; only for readers that know no other.
-    #[error("{0} cannot be read yet")]
-    NotPlain(String),
-}
 
 /// How a volume gets at the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,9 +78,9 @@ impl Image {
     /// The [`Obstacle`] that is in the way.
     pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
         let syntax = &header.transfer_syntax;
-        let Some(pixels) = header.pixels else { return Err(Obstacle::NoPixels(header.kind())) };
+        let Some(pixels) = header.pixels else { return Err(Obstacle::NoPixels { object: header.kind() }) };
         if header.rows.is_none() && header.columns.is_none() && header.bits_allocated.is_none() {
-            return Err(Obstacle::NoDescription(pixels.available));
+            return Err(Obstacle::NoDescription { bytes: pixels.available });
         }
         let codec = match syntax {
             TransferSyntax::Unknown(_) => return Err(Obstacle::UnknownSyntax(syntax.clone())),
@@ -173,16 +96,16 @@ impl Image {
             Some(_) => return Err(Obstacle::BadFrames),
         };
         let side = |side: Option<u16>, what| side.filter(|n| *n > 0).ok_or(Obstacle::Missing(what));
-        let (rows, columns) = (side(header.rows, "rows")?, side(header.columns, "columns")?);
-        let allocated = header.bits_allocated.ok_or(Obstacle::Missing("bits allocated"))?;
+        let (rows, columns) = (side(header.rows, Required::Rows)?, side(header.columns, Required::Columns)?);
+        let allocated = header.bits_allocated.ok_or(Obstacle::Missing(Required::BitsAllocated))?;
         let samples = header.samples.unwrap_or(1);
         let mapping = mapping_of(header, samples, codec)?;
         let stored = stored_of(header, allocated, samples)?;
         let storage = match codec {
             Some(_) if stored.is_float() => {
-                return Err(Obstacle::Combination("compressed floating-point pixels"));
+                return Err(Obstacle::Combination(Combination::CompressedFloats));
             }
-            Some(_) if allocated == 1 => return Err(Obstacle::Combination("compressed pixels of one bit")),
+            Some(_) if allocated == 1 => return Err(Obstacle::Combination(Combination::CompressedBits)),
             Some(codec) => Storage::Coded(codec),
             None if allocated == 1 => Storage::Bits,
             None => Storage::Plain,
@@ -218,7 +141,7 @@ impl Image {
     pub fn of_components(header: &DicomHeader) -> Result<Self, Obstacle> {
         let mut image = Self::of(header)?;
         if image.mapping == Mapping::Luma422 && image.storage == Storage::Plain {
-            return Err(Obstacle::Combination("subsampled colour as components"));
+            return Err(Obstacle::Combination(Combination::SubsampledComponents));
         }
         if image.mapping != Mapping::Values {
             image.mapping = Mapping::Components;
@@ -240,16 +163,12 @@ impl Image {
         self.mapping == Mapping::Values && !self.layout.stored().is_float() && self.storage != Storage::Bits
     }
 
-    /// A sentence for the user on what the delivered samples are, where that is not plain.
-    pub fn warning(&self) -> Option<&'static str> {
+    /// What has to be said of the delivered samples, where they are not plain.
+    pub fn note(&self) -> Option<DicomNote> {
         match self.mapping {
-            Mapping::Rgb | Mapping::Luma | Mapping::Luma422 => {
-                Some("colour is reduced to luminance (ITU-R BT.601)")
-            }
-            Mapping::Palette => Some("palette colours are reduced to luminance (ITU-R BT.601)"),
-            Mapping::ModalityLut => {
-                Some("values went through the modality LUT, and its output is taken as physical")
-            }
+            Mapping::Rgb | Mapping::Luma | Mapping::Luma422 => Some(DicomNote::Luminance),
+            Mapping::Palette => Some(DicomNote::PaletteLuminance),
+            Mapping::ModalityLut => Some(DicomNote::ModalityLut),
             Mapping::Values | Mapping::Components => None,
         }
     }
@@ -283,29 +202,6 @@ impl Image {
             }
         };
         if got < needed { Err(Obstacle::Truncated { needed, got }) } else { Ok(()) }
-    }
-}
-
-impl PixelLayout {
-    /// Layout of an image of one uncompressed grey frame, all of whose bytes are in the file.
-    ///
-    /// # Errors
-    /// The [`Obstacle`] that is in the way; [`Obstacle::NotPlain`] for all that only [`Image::of`] knows.
-    pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
-        let image = Image::of(header)?;
-        let syntax = &header.transfer_syntax;
-        let what = match (image.storage, image.mapping) {
-            (Storage::Coded(_), _) => format!("compressed pixels ({syntax})"),
-            _ if !syntax.is_native() => "deflated files".into(),
-            _ if image.frames > 1 => format!("multi-frame images ({} frames in one file)", image.frames),
-            (_, Mapping::ModalityLut) => "values that go through a modality LUT".into(),
-            (Storage::Bits, _) => "pixels of 1 bits allocated".into(),
-            (_, Mapping::Values) if image.swapped => "8-bit pixels in big-endian words".into(),
-            (_, Mapping::Values) if image.layout.stored().is_float() => "floating-point pixels".into(),
-            (_, Mapping::Values) => return Ok(image.layout),
-            _ => format!("colour images ({}, {} samples a pixel)", header.photometric, image.samples),
-        };
-        Err(Obstacle::NotPlain(what))
     }
 }
 
@@ -360,7 +256,7 @@ fn stored_of(header: &DicomHeader, allocated: u16, samples: u16) -> Result<Store
         _ => return Err(Obstacle::BitsAllocated(allocated)),
     }
     if samples > 1 && signed {
-        return Err(Obstacle::Combination("colour with signed samples"));
+        return Err(Obstacle::Combination(Combination::SignedColour));
     }
     let stored = header.bits_stored.unwrap_or(allocated);
     let high = header.high_bit.unwrap_or(stored.saturating_sub(1));

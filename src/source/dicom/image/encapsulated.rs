@@ -9,9 +9,9 @@ use std::cell::Cell;
 use std::io::{self, Read};
 
 use crate::codec::FrameBytes;
+use crate::facts::dicom::{Damage, ScanError};
 use crate::source::dicom::parse::element::{ITEM, Parser, damaged};
 use crate::source::dicom::parse::header::{DicomHeader, PixelData};
-use crate::source::dicom::parse::scan::ScanError;
 use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::value::Tag;
 use crate::source::dicom::parse::window::ReadAt;
@@ -187,7 +187,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         let mut all =
             Self { input, division: Division::Whole, frames, first: start, end, next: 0, at: start };
         let Some(table) = fragment(input, start, end)? else {
-            return Err(damaged(start, "the compressed pixels are not in items"));
+            return Err(damaged(start, Damage::NotInItems));
         };
         let has_table = !has_no_table(codec, &table);
         if has_table {
@@ -216,11 +216,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         } else if let Some(at) = all.extended_table(header)? {
             Division::Table { at, wide: true }
         } else {
-            let text = format!(
-                "the compressed pixels are {fragments} fragments with {begun} beginnings, which cannot be told \
-                 apart into the {frames} frames stated"
-            );
-            return Err(damaged(start, text));
+            return Err(damaged(start, Damage::Fragments { fragments, begun, frames }));
         };
         Ok(all)
     }
@@ -306,7 +302,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         self.next += 1;
         match span {
             Some(span) => Ok(Some(span)),
-            None => Err(damaged(self.at, format!("the compressed pixels end before frame {}", frame + 1))),
+            None => Err(damaged(self.at, Damage::NoFragment(frame))),
         }
     }
 }
@@ -359,9 +355,10 @@ impl<'a, R: ReadAt + ?Sized> ListedFrame<'a, R> {
     /// # Errors
     /// There are more fragments than [`MOST_LISTED`].
     pub(crate) fn new(input: &'a R, span: &Span) -> Result<Self, ScanError> {
-        let count = usize::try_from(span.fragments).ok().filter(|n| *n <= MOST_LISTED).ok_or_else(|| {
-            damaged(span.start, format!("one frame is cut into more than {MOST_LISTED} fragments"))
-        })?;
+        let count = usize::try_from(span.fragments)
+            .ok()
+            .filter(|n| *n <= MOST_LISTED)
+            .ok_or_else(|| damaged(span.start, Damage::ManyFragments { most: MOST_LISTED }))?;
         let mut list = Vec::with_capacity(count);
         let (mut at, mut begun) = (span.start - HEAD, 0);
         while list.len() < count

@@ -390,9 +390,9 @@ fn each<W: Word>(samples: &mut [u8], map: impl Fn(u32) -> u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::dicom::image::describe::{Image, Obstacle};
+    use crate::facts::dicom::{Obstacle, Required, TransferSyntax};
+    use crate::source::dicom::image::describe::Image;
     use crate::source::dicom::parse::header::PixelData;
-    use crate::source::dicom::parse::syntax::TransferSyntax;
 
     fn header(allocated: u16, stored: u16, high: u16, signed: bool) -> DicomHeader {
         let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
@@ -411,7 +411,7 @@ mod tests {
     }
 
     fn decode16(header: &DicomHeader, background: Option<f64>, raw: &[u16]) -> Vec<u16> {
-        let layout = PixelLayout::of(header).unwrap();
+        let layout = Image::of(header).unwrap().layout;
         let padding = background.and_then(|b| layout.padding(StatedPadding::of(header), b, 1.0, 0.0));
         let mut bytes: Vec<u8> = raw.iter().flat_map(|v| v.to_le_bytes()).collect();
         layout.decode_padded(&mut bytes, padding);
@@ -482,7 +482,7 @@ mod tests {
     #[test]
     fn widening_in_place_reads_every_sample_before_it_is_overwritten() {
         for (allocated, signed) in [(8, false), (8, true), (16, false), (16, true), (32, false), (32, true)] {
-            let layout = PixelLayout::of(&header(allocated, allocated, allocated - 1, signed)).unwrap();
+            let layout = Image::of(&header(allocated, allocated, allocated - 1, signed)).unwrap().layout;
             for n in [1_usize, 2, 3, 17] {
                 let width = layout.scalar().bytes();
                 let mut out = vec![0_u8; 4 * n];
@@ -503,7 +503,7 @@ mod tests {
 
     #[test]
     fn impossible_bits_and_missing_sizes_are_named() {
-        let of = |h: &DicomHeader| PixelLayout::of(h).unwrap_err();
+        let of = |h: &DicomHeader| Image::of(h).unwrap_err();
         for allocated in [0, 2, 12, 24, 64, u16::MAX] {
             assert_eq!(of(&header(allocated, 1, 0, false)), Obstacle::BitsAllocated(allocated));
         }
@@ -515,6 +515,6 @@ mod tests {
         image.columns = Some(33);
         assert_eq!(of(&image), Obstacle::Truncated { needed: 66, got: 64 });
         image.columns = Some(0);
-        assert_eq!(of(&image), Obstacle::Missing("columns"));
+        assert_eq!(of(&image), Obstacle::Missing(Required::Columns));
     }
 }

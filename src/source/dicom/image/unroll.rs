@@ -11,11 +11,11 @@ use super::describe::{Image, Mapping, Storage};
 use super::encapsulated::{FrameReader, Frames, ListedFrame, Span, read_full};
 use super::pixels::Padding;
 use crate::codec::rle::RleFormat;
-use crate::codec::{CodecError, FrameFormat, RowSink, jpeg, jpeg2000, jpegls, rle};
+use crate::codec::{CodecError, FrameFormat, Mismatch, RowSink, jpeg, jpeg2000, jpegls, rle};
+use crate::facts::dicom::{DeflateFault, DicomFault, ScanError, TransferSyntax};
 use crate::source::dicom::parse::deflated::Inflated;
 use crate::source::dicom::parse::header::DicomHeader;
-use crate::source::dicom::parse::scan::ScanError;
-use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
+use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::SourceError;
 
@@ -123,30 +123,28 @@ impl From<io::Error> for Failure {
 impl Failure {
     fn at(self, path: &Path, frames: u32) -> SourceError {
         let path = path.to_path_buf();
-        let unusable = |path, reason| SourceError::Unusable { path, reason };
-        let place = |frame: u32| if frames > 1 { format!("in frame {} ", frame + 1) } else { String::new() };
-        match self {
-            Self::Sink(error) => error,
-            Self::Scan(ScanError::Io(cause)) => SourceError::Unreadable { path, cause },
-            Self::Scan(error) => unusable(path, format!("{error}; copy the file again, or leave it out")),
-            Self::Read(_, cause) | Self::Codec(_, CodecError::Io(cause))
-                if cause.kind() == io::ErrorKind::InvalidData =>
-            {
-                unusable(path, format!("cannot be decoded: {cause}"))
+        let fault = match self {
+            Self::Sink(error) => return error,
+            Self::Scan(ScanError::Io(fault)) => {
+                return SourceError::Unreadable { path, cause: fault.into() };
             }
+            Self::Scan(error) => DicomFault::Elements(error),
             Self::Read(slice, cause) | Self::Codec(slice, CodecError::Io(cause)) => {
-                SourceError::ReadFailed { path, slice, cause }
+                match DeflateFault::inside(&cause) {
+                    Some(fault) => DicomFault::Deflate(fault),
+                    None => return SourceError::ReadFailed { path, slice, cause },
+                }
             }
             Self::Codec(_, CodecError::Memory { needed_bytes, allowed_bytes })
             | Self::Memory { needed_bytes, allowed_bytes } => {
-                SourceError::Memory { path, needed_bytes, allowed_bytes }
+                return SourceError::Memory { path, needed_bytes, allowed_bytes };
             }
-            Self::Codec(frame, error) => unusable(path, format!("{}{error}", place(frame))),
-            Self::Cut { needed, got } => {
-                let text = format!("the pixels are cut short: {got} bytes of {needed}");
-                unusable(path, format!("{text}; copy the file again, or leave it out"))
+            Self::Codec(frame, error) => {
+                DicomFault::Frame { frame: Some(frame).filter(|_| frames > 1), error }
             }
-        }
+            Self::Cut { needed, got } => DicomFault::PixelsCut { needed, got },
+        };
+        SourceError::Dicom { path, fault }
     }
 }
 
@@ -405,8 +403,8 @@ impl<'a> Rows<'a> {
         }
         decoded.map_err(|error| Failure::Codec(frame, error))?;
         if next < image.layout.rows {
-            let text = format!("it has {next} rows of {}", image.layout.rows);
-            return Err(Failure::Codec(frame, CodecError::Damaged(text)));
+            let mismatch = Mismatch::FewRows { rows: next, stated: image.layout.rows };
+            return Err(Failure::Codec(frame, mismatch.into()));
         }
         Ok(())
     }
@@ -427,23 +425,19 @@ impl RowSink for Receiver<'_, '_> {
         let image = self.rows.image;
         let layout = &image.layout;
         if (format.columns, format.rows) != (layout.columns, layout.rows) {
-            return Err(CodecError::Damaged(format!(
-                "it is {}x{}, and the header says {}x{}",
-                format.columns, format.rows, layout.columns, layout.rows
-            )));
+            let (size, stated) = ([format.columns, format.rows], [layout.columns, layout.rows]);
+            return Err(Mismatch::Size { size, stated }.into());
         }
         if format.components != image.samples {
-            return Err(CodecError::Damaged(format!(
-                "it has {} samples a pixel, and the header says {}",
-                format.components, image.samples
-            )));
+            let (samples, stated) = (format.components, image.samples);
+            return Err(Mismatch::Samples { samples, stated }.into());
         }
         self.rows.converter.begin(format)
     }
 
     fn row(&mut self, samples: &[i32]) -> Result<(), CodecError> {
         if self.next >= self.rows.image.layout.rows {
-            return Err(CodecError::Damaged("it has more rows than it says".into()));
+            return Err(Mismatch::ManyRows.into());
         }
         let converted = self.rows.converter.decoded(samples);
         match self.sink.row(self.frame, self.next, converted) {

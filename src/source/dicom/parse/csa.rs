@@ -21,6 +21,7 @@
 use std::str::FromStr;
 
 use super::window::{ReadAt, Window};
+use crate::facts::dicom::{CsaCount, CsaFault};
 
 /// Most tags, and most items of a tag; real headers have about a hundred, and a few dozen.
 const MOST: u32 = 1000;
@@ -47,12 +48,12 @@ pub(crate) struct Csa {
 /// Reads a header of `bytes` bytes at `start`, as far as both values.
 ///
 /// # Errors
-/// In words: it is not followed to its end, or the file cannot be read.
+/// It cannot be followed to its end, or the file cannot be read.
 pub(crate) fn read<R: ReadAt + ?Sized>(
     window: &mut Window<'_, R>,
     start: u64,
     bytes: u64,
-) -> Result<Csa, String> {
+) -> Result<Csa, CsaFault> {
     let end = start.saturating_add(bytes.min(MOST_BYTES)).min(window.len());
     let mut reader = Reader { window, at: start, end };
     let newer = reader.array::<4>()? == *b"SV10";
@@ -61,14 +62,14 @@ pub(crate) fn read<R: ReadAt + ?Sized>(
     } else {
         reader.at = start;
     }
-    let tags = reader.count("tags")?;
+    let tags = reader.count(CsaCount::Tags)?;
     reader.skip(4)?;
     let mut found = Csa::default();
     let mut less = None;
     for _ in 0..tags {
         let name = reader.array::<64>()?;
         reader.skip(12)?;
-        let items = reader.count("items")?;
+        let items = reader.count(CsaCount::Items)?;
         reader.skip(4)?;
         let less = *less.get_or_insert(items);
         let length = |item: &[u32; 4]| if newer { Some(item[1]) } else { item[0].checked_sub(less) };
@@ -95,34 +96,34 @@ struct Reader<'w, 'a, R: ReadAt + ?Sized> {
 }
 
 impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
-    fn skip(&mut self, bytes: u64) -> Result<(), String> {
+    fn skip(&mut self, bytes: u64) -> Result<(), CsaFault> {
         let after = self.at.saturating_add(bytes);
         if after > self.end {
-            return Err(format!("it ends {} bytes too early", after - self.end));
+            return Err(CsaFault::EndsEarly { lacking: Some(after - self.end) });
         }
         self.at = after;
         Ok(())
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], String> {
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], CsaFault> {
         let at = self.at;
         self.skip(N as u64)?;
-        self.window.array(at).map_err(|e| e.to_string())?.ok_or_else(|| "it ends too early".to_owned())
+        self.window.array(at)?.ok_or(CsaFault::EndsEarly { lacking: None })
     }
 
-    fn number(&mut self) -> Result<u32, String> {
+    fn number(&mut self) -> Result<u32, CsaFault> {
         self.array().map(u32::from_le_bytes)
     }
 
     /// A number of things, at most [`MOST`].
-    fn count(&mut self, what: &str) -> Result<u32, String> {
-        let count = self.number()?;
-        if count > MOST { Err(format!("it states {count} {what}")) } else { Ok(count) }
+    fn count(&mut self, of: CsaCount) -> Result<u32, CsaFault> {
+        let stated = self.number()?;
+        if stated > MOST { Err(CsaFault::Count { of, stated }) } else { Ok(stated) }
     }
 
     /// Is there one of the numbers that nobody knows the meaning of, so far ahead?
-    fn is_mark(&mut self, ahead: u64) -> Result<bool, String> {
-        let found = self.window.array::<4>(self.at + ahead).map_err(|e| e.to_string())?;
+    fn is_mark(&mut self, ahead: u64) -> Result<bool, CsaFault> {
+        let found = self.window.array::<4>(self.at + ahead)?;
         Ok(found.is_some_and(|bytes| matches!(u32::from_le_bytes(bytes), 77 | 205)))
     }
 
@@ -132,7 +133,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
         items: u32,
         newer: bool,
         length: &dyn Fn(&[u32; 4]) -> Option<u32>,
-    ) -> Result<Option<[T; N]>, String> {
+    ) -> Result<Option<[T; N]>, CsaFault> {
         let mut values = [T::default(); N];
         let mut legible = 0;
         for k in 0..items as usize {
@@ -140,13 +141,13 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
             let fits = |n: &u64| *n <= self.end - self.at;
             let Some(bytes) = length(&item).map(u64::from).filter(fits) else {
                 if newer {
-                    return Err("an item is longer than the rest of it".into());
+                    return Err(CsaFault::LongItem);
                 }
                 break;
             };
             if let Some(slot) = values.get_mut(k) {
                 let most = usize::try_from(bytes.min(TEXT_BYTES)).unwrap_or(0);
-                let text = self.window.upto(self.at, most).map_err(|e| e.to_string())?;
+                let text = self.window.upto(self.at, most)?;
                 let text = std::str::from_utf8(until_zero(text)).unwrap_or_default();
                 if let Ok(value) = text.trim().parse() {
                     *slot = value;
@@ -227,7 +228,7 @@ mod tests {
         ("SliceNormalVector", &["0.00000000", "0.00523632", "-0.99998629", ""]),
     ];
 
-    fn parse(bytes: &[u8]) -> Result<Csa, String> {
+    fn parse(bytes: &[u8]) -> Result<Csa, CsaFault> {
         let mut file = vec![0xee; 13];
         file.extend(bytes);
         file.extend([0xee; 29]);

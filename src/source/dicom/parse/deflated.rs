@@ -7,6 +7,7 @@ use std::io;
 use flate2::{Decompress, FlushDecompress, Status};
 
 use super::window::ReadAt;
+use crate::facts::dicom::DeflateFault;
 
 /// Compressed bytes held at a time, and inflated bytes while stepping over them.
 const BLOCK: usize = 8 << 10;
@@ -93,7 +94,7 @@ impl State {
             let status = self
                 .inflate
                 .decompress(compressed, out, FlushDecompress::None)
-                .map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "its deflate stream is damaged"))?;
+                .map_err(|_| DeflateFault::Damaged)?;
             let read = usize::try_from(self.inflate.total_in() - read).unwrap_or(usize::MAX);
             let made = usize::try_from(self.inflate.total_out() - made).unwrap_or(0);
             self.have.start = self.have.start.saturating_add(read).min(self.have.end);
@@ -124,8 +125,7 @@ impl<R: ReadAt + ?Sized> ReadAt for Inflated<'_, R> {
             *state = State::new(self.input, self.start)?;
         }
         if offset > self.limit {
-            let text = format!("its deflate stream is longer than {} bytes before the pixels", self.limit);
-            return Err(io::Error::new(io::ErrorKind::InvalidData, text));
+            return Err(DeflateFault::LongHeader { bytes: self.limit }.into());
         }
         let mut waste = [0; BLOCK];
         while state.at < offset {

@@ -3,9 +3,9 @@
 use std::io;
 
 use super::header::{Encoding, MAX_VALUE_BYTES};
-use super::scan::ScanError;
 use super::value::Tag;
 use super::window::{ReadAt, Window};
+use crate::facts::dicom::{Damage, ScanError};
 use crate::volume::Endian;
 
 /// Deepest nesting of undefined lengths; real files stay under ten.
@@ -81,12 +81,8 @@ pub(crate) type ItemReader<'f, 'a, R> =
 pub(crate) type ElementReader<'f, 'a, R> =
     dyn FnMut(&mut Parser<'a, R>, &Element, u64) -> Result<Option<u64>, ScanError> + 'f;
 
-pub(crate) fn damaged(offset: u64, reason: impl Into<String>) -> ScanError {
-    ScanError::Damaged { offset, reason: reason.into() }
-}
-
-pub(crate) fn name(tag: Tag) -> String {
-    format!("element ({:04X},{:04X})", tag >> 16, tag & 0xffff)
+pub(crate) fn damaged(offset: u64, damage: Damage) -> ScanError {
+    ScanError::Damaged { offset, damage }
 }
 
 impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
@@ -102,7 +98,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     /// The element head at `at`.
     pub(crate) fn element(&mut self, at: u64, encoding: Encoding) -> Result<Element, ScanError> {
         let Some(head) = self.window.array::<8>(at)? else {
-            return Err(damaged(at, "the file ends inside an element"));
+            return Err(damaged(at, Damage::EndsInElement));
         };
         let big = encoding.endian == Endian::Big;
         let u16_of = |b: [u8; 2]| if big { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) };
@@ -126,7 +122,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
             return Ok(Element { tag, vr, length, value_at: at + 8 });
         }
         let Some(long) = self.window.array::<4>(at + 8)? else {
-            return Err(damaged(at, format!("the file ends inside the head of {}", name(tag))));
+            return Err(damaged(at, Damage::EndsInHead(tag)));
         };
         Ok(Element { tag, vr, length: defined(u32_of(long)), value_at: at + 12 })
     }
@@ -136,10 +132,8 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         let left = self.window.left(element.value_at);
         match element.length {
             Some(n) if u64::from(n) <= left => Ok(element.value_at + u64::from(n)),
-            Some(n) => {
-                Err(damaged(at, format!("{} declares {n} bytes, but {left} are left", name(element.tag))))
-            }
-            None => Err(damaged(at, format!("{} has no length where it needs one", name(element.tag)))),
+            Some(declared) => Err(damaged(at, Damage::LongElement { tag: element.tag, declared, left })),
+            None => Err(damaged(at, Damage::NoLength(element.tag))),
         }
     }
 
@@ -182,7 +176,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
                 }
                 // A delimiter also ends a sequence that gave its length, which some programs write.
                 SEQUENCE_END => return Ok(end.unwrap_or(inner.value_at)),
-                tag => return Err(damaged(at, format!("{} stands where an item must", name(tag)))),
+                tag => return Err(damaged(at, Damage::NoItem(tag))),
             }
         }
     }
@@ -241,13 +235,13 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
                 (Level::Sequence(encoding), ITEM, None) => Some(Level::Item(encoding)),
                 (Level::Item(encoding), _, None) => Some(inside(&inner, encoding)),
                 (Level::Sequence(_), tag, _) => {
-                    return Err(damaged(at, format!("{} stands where an item must", name(tag))));
+                    return Err(damaged(at, Damage::NoItem(tag)));
                 }
             };
             at = inner.value_at;
             if let Some(next) = next {
                 let Some(slot) = stack.get_mut(depth) else {
-                    return Err(damaged(at, format!("sequences are nested more than {MAX_DEPTH} deep")));
+                    return Err(damaged(at, Damage::Nesting { most: MAX_DEPTH }));
                 };
                 *slot = next;
                 depth += 1;

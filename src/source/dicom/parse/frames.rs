@@ -3,10 +3,9 @@
 use super::deflated::Inflated;
 use super::element::{Element, ItemReader, Parser, damaged};
 use super::header::{DicomHeader, Encoding};
-use super::scan::ScanError;
-use super::syntax::TransferSyntax;
 use super::value::{Tag, double, number, numbers, text, time_of};
 use super::window::ReadAt;
+use crate::facts::dicom::{Damage, ScanError, TransferSyntax};
 use crate::volume::Endian;
 
 /// Bytes of the Grid Frame Offset Vector looked at in one go; no number is as long.
@@ -206,9 +205,8 @@ impl Numbers {
         }
         if let Some(slices) = own.slices {
             if slices.entries < frames {
-                let reason =
-                    format!("the Slice Vector (0054,0080) numbers {} of {frames} frames", slices.entries);
-                return Err(damaged(slices.value_at, reason));
+                let damage = Damage::SliceVector { numbered: slices.entries, frames };
+                return Err(damaged(slices.value_at, damage));
             }
             own.first = slices.number(parser, 0)?;
             for frame in 1..frames.min(slices.entries) {
@@ -298,8 +296,7 @@ fn of_grid<R: ReadAt + ?Sized>(
         let piece = parser.window.upto(at, most)?;
         let length = piece.iter().position(|b| *b == b'\\').unwrap_or(piece.len());
         let Some(offset) = number(piece.get(..length).unwrap_or(&[])) else {
-            let text = format!("the grid frame offset vector has no number for frame {}", index + 1);
-            return Err(damaged(at, text));
+            return Err(damaged(at, Damage::GridOffset(index)));
         };
         at += length as u64 + 1;
         frame.index = index;

@@ -3,10 +3,10 @@
 use std::fmt;
 
 use super::private::Private;
-use super::syntax::TransferSyntax;
 use super::value::{
     Tag, double, doubles, integer, number, numbers, raw_double, raw_single, single, text, time_of, word_of,
 };
+use crate::facts::dicom::TransferSyntax;
 use crate::volume::Endian;
 
 /// Longest value that is looked at; every kept element is far shorter in a sound file.

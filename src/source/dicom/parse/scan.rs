@@ -7,14 +7,12 @@
 
 use std::io;
 
-use thiserror::Error;
-
 use super::deflated::Inflated;
 use super::element::{META, Parser, length_form};
 use super::header::{DicomHeader, Encoding, PixelData, PixelElement};
-use super::syntax::TransferSyntax;
 use super::value::{Tag, text};
 use super::window::{ReadAt, Window};
+use crate::facts::dicom::{Damage, ReadFault, ScanError, TransferSyntax};
 use crate::volume::Endian;
 
 /// Media Storage SOP Class UID and Transfer Syntax UID in the meta header.
@@ -23,25 +21,6 @@ const META_SYNTAX: Tag = 0x0002_0010;
 
 /// Longest value accepted as the first one of a file without preamble and VRs.
 const MAX_PLAUSIBLE_FIRST: u32 = 1024;
-
-/// Why a file yields no header.
-#[derive(Debug, Error)]
-pub enum ScanError {
-    /// The system refused.
-    #[error("cannot be read ({0})")]
-    Io(#[from] io::Error),
-    /// It does not look like DICOM at all.
-    #[error("is not a DICOM file")]
-    NotDicom,
-    /// It begins as DICOM, but cannot be followed.
-    #[error("is a damaged DICOM file: {reason} (at byte {offset})")]
-    Damaged {
-        /// Offset of the element that is wrong.
-        offset: u64,
-        /// What is wrong there.
-        reason: String,
-    },
-}
 
 /// Reads what matters of a DICOM file's header, in time linear in the number of elements before the
 /// pixels and in a few KiB of memory (some 50 for a deflated file), whatever the bytes are.
@@ -65,11 +44,10 @@ pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader, ScanError> {
     // Without the preamble's word for it, only an object that says what it is counts as DICOM.
     let says_what = header.sop_class.starts_with("1.") || (header.rows.is_some() && header.columns.is_some());
     match walked {
-        // The inflater's word for a damaged stream.
-        Err(ScanError::Io(e)) if e.kind() == io::ErrorKind::InvalidData => {
-            Err(ScanError::Damaged { offset: header.dataset, reason: e.to_string() })
+        Err(ScanError::Io(ReadFault::Deflate(fault))) => {
+            Err(ScanError::Damaged { offset: header.dataset, damage: Damage::Deflate(fault) })
         }
-        Err(ScanError::Io(e)) => Err(ScanError::Io(e)),
+        Err(ScanError::Io(fault)) => Err(ScanError::Io(fault)),
         _ if !has_preamble && !says_what => Err(ScanError::NotDicom),
         Err(e) => Err(e),
         Ok(()) => Ok(header),

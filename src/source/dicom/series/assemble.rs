@@ -4,8 +4,9 @@
 use super::axes::{count, directions, dot};
 use super::gaps::{Grid, judge_gaps, with_empty_slices};
 use super::group::{Group, Shared, Slice};
-use super::layer::{Layer, Refusal, Stack};
+use super::layer::{Layer, Stack};
 use super::mosaic;
+use crate::facts::dicom::{DicomNote, ImageName, SeriesFault, SliceOrder};
 use crate::geom::Affine;
 use crate::source::GapPolicy;
 
@@ -18,45 +19,43 @@ const SIDEWAYS_PIXELS: f64 = 0.1;
 /// Directions of rows and columns that are assumed where slices state positions alone.
 const UPRIGHT: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
-/// Orders the chosen slices of a group. `name` gives a slice's file name for messages.
+/// Orders the chosen slices of a group. `name` names a slice.
 pub(crate) fn assemble(
     group: &Group,
     chosen: &[usize],
     gaps: GapPolicy,
-    name: &dyn Fn(&Slice) -> String,
-) -> Result<Stack, Refusal> {
-    let mut warnings = Vec::new();
+    name: &dyn Fn(&Slice) -> ImageName,
+) -> Result<Stack, SeriesFault> {
+    let mut notes = Vec::new();
     let slices: Vec<(usize, &Slice)> =
         chosen.iter().filter_map(|i| group.slices.get(*i).map(|s| (*i, s))).collect();
     if let Some(of_each) = &group.shared.mosaic
         && let [(index, slice)] = slices.as_slice()
     {
-        let spacing = pixel_spacing(&group.shared, &mut warnings);
+        let spacing = pixel_spacing(&group.shared, &mut notes);
         let place = group.shared.orientation.zip(slice.position());
-        return mosaic::assemble(of_each, *index, spacing, place, warnings);
+        return mosaic::assemble(of_each, *index, spacing, place, notes);
     }
-    let [dx, dy] = pixel_spacing(&group.shared, &mut warnings);
+    let [dx, dy] = pixel_spacing(&group.shared, &mut notes);
     let placed = slices.iter().all(|(_, s)| s.position().is_some());
     let mut orientation = group.shared.orientation;
     if orientation.is_none() && placed && rises(&slices) {
-        warnings.push("the images state positions, but no orientation; rows are taken as running to the left, columns to the back".into());
+        notes.push(DicomNote::OrientationAssumed);
         orientation = Some(UPRIGHT);
     }
     let Some(axes) = orientation.filter(|_| placed) else {
-        return without_positions(group, &slices, [dx, dy], warnings);
+        return without_positions(group, &slices, [dx, dy], notes);
     };
-    let (row, column, normal) = directions(axes).ok_or_else(|| {
-        Refusal::Other("the image orientation is not two perpendicular unit vectors".into())
-    })?;
+    let (row, column, normal) = directions(axes).ok_or(SeriesFault::Orientation)?;
     let mut placed: Vec<(f64, [f64; 3], usize, &Slice)> =
         slices.iter().filter_map(|(i, s)| s.position().map(|p| (dot(p, normal), p, *i, *s))).collect();
     placed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
     let (Some(first), Some(last)) = (placed.first(), placed.last()) else {
-        return Err(Refusal::Other("no image".into()));
+        return Err(SeriesFault::NoImage);
     };
     let origin = first.1;
     let (step, layers) = if placed.len() == 1 {
-        (normal.map(|c| c * lone_thickness(group, &mut warnings)), vec![Layer::Image(first.2)])
+        (normal.map(|c| c * lone_thickness(group, &mut notes)), vec![Layer::Image(first.2)])
     } else {
         let along: Vec<f64> = placed.iter().map(|p| p.0).collect();
         let file = |at: usize| placed.get(at).map(|p| name(p.3)).unwrap_or_default();
@@ -65,12 +64,12 @@ pub(crate) fn assemble(
         let sparse = if sparse { with_empty_slices(&along, group.shared.spacing_between) } else { None };
         let grid = match &sparse {
             Some(_) => Grid::AsTheyAre,
-            None => judge_gaps(&along, gaps, &file, &mut warnings)?,
+            None => judge_gaps(&along, gaps, &file, &mut notes)?,
         };
         let layers: Vec<Layer> = match (sparse, grid) {
             (Some(places), _) => {
-                let empty = places.iter().filter(|p| p.is_none()).count();
-                warnings.push(format!("{empty} slices for which the segmentation has no frame are empty"));
+                let slices = places.iter().filter(|p| p.is_none()).count();
+                notes.push(DicomNote::EmptySlices { slices });
                 places.iter().map(|place| place.map_or(Layer::Empty, |at| Layer::Image(image(at)))).collect()
             }
             (None, Grid::AsTheyAre) => (0..placed.len()).map(|at| Layer::Image(image(at))).collect(),
@@ -84,7 +83,7 @@ pub(crate) fn assemble(
         };
         let whole = [0, 1, 2].map(|i| last.1[i] - origin[i]);
         let points: Vec<[f64; 3]> = placed.iter().map(|p| p.1).collect();
-        judge_line(&points, whole, normal, [dx, dy], &mut warnings);
+        judge_line(&points, whole, normal, [dx, dy], &mut notes);
         let steps = count(layers.len().saturating_sub(1));
         (whole.map(|c| c / steps), layers)
     };
@@ -96,13 +95,13 @@ pub(crate) fn assemble(
         && !numbers.is_sorted_by(|a, b| a < b)
         && !numbers.is_sorted_by(|a, b| a > b)
     {
-        warnings.push("instance numbers do not follow the positions; slices are ordered by position".into());
+        notes.push(DicomNote::NumbersDisagree);
     }
     let affine = Affine { rows: [0, 1, 2].map(|i| [row[i] * dx, column[i] * dy, step[i], origin[i]]) };
     if affine.inverse().is_none() {
-        return Err(Refusal::Other("the positions do not span a volume".into()));
+        return Err(SeriesFault::Flat);
     }
-    Ok(Stack { layers, affine, warnings })
+    Ok(Stack { layers, affine, notes })
 }
 
 /// Do positions differ along z?
@@ -122,26 +121,21 @@ pub(crate) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> 
 }
 
 /// Distance of columns, then of rows: x before y, the reverse of the attribute.
-pub(crate) fn pixel_spacing(shared: &Shared, warnings: &mut Vec<String>) -> [f64; 2] {
+pub(crate) fn pixel_spacing(shared: &Shared, notes: &mut Vec<DicomNote>) -> [f64; 2] {
     match shared.pixel_spacing {
         Some([dy, dx]) if dx > 0.0 && dy > 0.0 => [dx, dy],
         _ => {
-            warnings.push("the images state no pixel spacing; 1 mm is assumed".into());
+            notes.push(DicomNote::PixelSpacingAssumed);
             [1.0, 1.0]
         }
     }
 }
 
 /// Extent of a single slice along its normal.
-fn lone_thickness(group: &Group, warnings: &mut Vec<String>) -> f64 {
+fn lone_thickness(group: &Group, notes: &mut Vec<DicomNote>) -> f64 {
     let positive = |v: Option<f64>| v.filter(|mm| *mm > 0.0);
     let stated = positive(group.shared.slice_thickness).or(positive(group.shared.spacing_between));
-    warnings.push(match stated {
-        Some(mm) => {
-            format!("there is one slice only; its stated thickness, {mm} mm, is taken as its spacing")
-        }
-        None => "there is one slice only, and no thickness is stated; 1 mm is assumed".into(),
-    });
+    notes.push(DicomNote::OneSlice { thickness_mm: stated });
     stated.unwrap_or(1.0)
 }
 
@@ -150,8 +144,8 @@ fn without_positions(
     group: &Group,
     slices: &[(usize, &Slice)],
     [dx, dy]: [f64; 2],
-    mut warnings: Vec<String>,
-) -> Result<Stack, Refusal> {
+    mut notes: Vec<DicomNote>,
+) -> Result<Stack, SeriesFault> {
     let number = |s: &Slice| s.instance.map(|n| (n, s.frame));
     let mut numbered: Vec<((i32, u32), usize)> =
         slices.iter().filter_map(|(i, s)| number(s).map(|n| (n, *i))).collect();
@@ -167,18 +161,15 @@ fn without_positions(
             order.into_iter().map(|(_, i)| i).collect()
         }
         _ => {
-            let reason = "the images state no positions and no distinct instance numbers, so their order is \
-                          unknown; convert them to a raw volume in the right order";
-            return Err(Refusal::Other(reason.into()));
+            return Err(SeriesFault::NoOrder);
         }
     };
     let positive = |v: Option<f64>| v.filter(|mm| *mm > 0.0);
     let dz = positive(group.shared.spacing_between).or(positive(group.shared.slice_thickness)).unwrap_or(1.0);
-    let by =
-        if frames && slices.len() > 1 { "in the order of the frames" } else { "ordered by instance number" };
-    warnings.push(format!("the images state no positions: {by}, {dz} mm apart, placed at the origin"));
+    let order_by = if frames && slices.len() > 1 { SliceOrder::Frames } else { SliceOrder::InstanceNumbers };
+    notes.push(DicomNote::NoPositions { order: order_by, step_mm: dz });
     let layers = order.into_iter().map(Layer::Image).collect();
-    Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), warnings })
+    Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), notes })
 }
 
 /// Warns of tilt, and of slices beside the line from the first to the last.
@@ -187,13 +178,11 @@ fn judge_line(
     whole: [f64; 3],
     normal: [f64; 3],
     [dx, dy]: [f64; 2],
-    warnings: &mut Vec<String>,
+    notes: &mut Vec<DicomNote>,
 ) {
     let tilt = (dot(whole, normal) / dot(whole, whole).sqrt()).clamp(-1.0, 1.0).acos().to_degrees();
     if tilt > TILT_DEGREES {
-        warnings.push(format!(
-            "the slices are stacked {tilt:.2} degrees off their normal (gantry tilt); the volume is sheared to match"
-        ));
+        notes.push(DicomNote::Tilt { degrees: tilt });
     }
     let Some(origin) = positions.first() else { return };
     let height = dot(whole, normal);
@@ -205,6 +194,6 @@ fn judge_line(
     });
     let worst = sideways.fold(0.0, f64::max);
     if worst > SIDEWAYS_PIXELS * dx.min(dy) {
-        warnings.push(format!("some slices lie up to {worst:.3} mm beside the line of the others"));
+        notes.push(DicomNote::Sideways { mm: worst });
     }
 }

@@ -5,17 +5,18 @@ use std::path::{Path, PathBuf};
 use super::assemble::assemble;
 use super::axes::plane;
 use super::group::{Group, Kind, NO_OBSTACLE, Series, Shared, Slice};
-use super::layer::{Refusal, Stack};
+use super::layer::Stack;
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
+use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageName, SeriesFault, SetApart};
 use crate::source::files::FileList;
 use crate::source::safe_name;
 use crate::source::stable_hash::StableHash;
 use crate::source::{Finding, InputFiles, OpenOptions};
 use crate::volume::{SourceError, VolumeSource};
 
-/// Tags named in one warning.
+/// Attributes named in one note.
 const NAMED: usize = 4;
 
 /// The volumes of a series, refused ones included; `facts` are size and time of change of each file.
@@ -34,7 +35,7 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
     let finding = |(group, part): &(&Group, Part)| finding(&series, group, part, &notes, options);
     let mut findings: Vec<Finding> = parts.iter().map(finding).collect();
     if findings.is_empty()
-        && let Some((path, reason)) = &series.lost
+        && let Some((path, error)) = &series.lost
     {
         findings.push(Finding {
             path: path.clone(),
@@ -45,10 +46,7 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             size: None,
             files: InputFiles::default(),
             secrets: series.secrets.clone(),
-            volume: Err(SourceError::Unusable {
-                path: path.clone(),
-                reason: format!("{reason}; was it changed while the folders were searched?"),
-            }),
+            volume: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
         });
     }
     findings
@@ -93,7 +91,13 @@ fn make_distinct(parts: &mut [(&Group, Part)]) {
     }
 }
 
-fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], options: &OpenOptions) -> Finding {
+fn finding(
+    series: &Series,
+    group: &Group,
+    part: &Part,
+    notes: &[DicomNote],
+    options: &OpenOptions,
+) -> Finding {
     let shared = &group.shared;
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
     let mut numbers: Vec<u32> = slices.iter().map(|s| s.file).collect();
@@ -111,7 +115,7 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[String], option
     let stem = stem(shared, &part.label);
     let volume = open(series, group, part, &path, options).and_then(|stack| {
         DicomVolume::build(series, group, stack, &stem, notes)
-            .map_err(|reason| SourceError::NoVolume { path: path.clone(), reason })
+            .map_err(|fault| SourceError::Dicom { path: path.clone(), fault: DicomFault::Series(fault) })
     });
     let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
     let each = shared.mosaic.map_or(1, |mosaic| mosaic.slices);
@@ -138,62 +142,51 @@ fn open(
     options: &OpenOptions,
 ) -> Result<Stack, SourceError> {
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
-    let refuse = |reason| SourceError::NoVolume { path: path.to_path_buf(), reason };
-    let obstacle = |s: &Slice| series.obstacles.get(s.obstacle as usize).cloned().unwrap_or_default();
+    let refuse = |path: &Path, fault| Err(SourceError::Dicom { path: path.to_path_buf(), fault });
+    let images = slices.len();
     let bad: Vec<&&Slice> = slices.iter().filter(|s| s.obstacle != NO_OBSTACLE).collect();
     if let Some(first) = bad.first() {
-        let reason = obstacle(first);
-        let (path, n) = (path_of(series, first), slices.len());
-        return Err(match (bad.len(), n) {
-            (1, 1) if reason.contains("cut short") => cut_short(path, reason),
-            (1, 1) => SourceError::NoVolume { path, reason },
-            (bad, _) if bad == n => refuse(format!("none of its {n} images can be used: {reason}")),
+        let Some(fault) = series.obstacles.get(first.obstacle as usize).cloned() else {
+            return refuse(path, DicomFault::Series(SeriesFault::Incomplete));
+        };
+        let file = path_of(series, first);
+        return match bad.len() {
+            1 if images == 1 => refuse(&file, DicomFault::Image(fault)),
+            bad if bad == images => refuse(path, DicomFault::EveryImage { images, first: fault }),
             // Without it the volume would silently lack a slice.
-            _ => cut_short(path, reason),
-        });
+            _ => refuse(&file, DicomFault::OneImage(fault)),
+        };
     }
     let frames = slices.iter().any(|s| s.frame > 0);
-    let name = |s: &Slice| {
-        let file = series.files.name(s.file as usize).display();
-        if frames { format!("{file} (frame {})", s.frame + 1) } else { file.to_string() }
+    let name = |s: &Slice| ImageName {
+        file: series.files.name(s.file as usize).to_path_buf(),
+        frame: Some(s.frame).filter(|_| frames),
     };
-    assemble(group, &part.chosen, options.gaps, &name).map_err(|refusal| match refusal {
-        Refusal::Repeated(reason) | Refusal::Other(reason) => refuse(reason),
-        Refusal::Gaps(reason) => refuse(reason + &set_apart(series, group)),
+    assemble(group, &part.chosen, options.gaps, &name).or_else(|mut fault| {
+        if let SeriesFault::Uneven(gaps) = &mut fault {
+            gaps.set_apart = set_apart(series, group);
+        }
+        refuse(path, DicomFault::Series(fault))
     })
 }
 
-/// Says which images of the series went into other groups, as the missing ones may be among them. Overviews
+/// The images of the series that went into other groups, as the missing ones may be among them. Overviews
 /// are left out: they never fill a gap.
-fn set_apart(series: &Series, group: &Group) -> String {
+fn set_apart(series: &Series, group: &Group) -> Option<SetApart> {
     let others: Vec<&Group> = series
         .groups
         .iter()
         .filter(|g| !std::ptr::eq(*g, group) && g.shared.kind != Kind::Localizer)
         .collect();
-    let count: usize = others.iter().map(|g| g.slices.len()).sum();
-    let Some(first) = others.first().and_then(|g| g.slices.first()) else { return String::new() };
-    let mut tags: Vec<&str> = Vec::new();
-    for tag in others.iter().flat_map(|g| group.shared.differences(&g.shared)) {
-        if !tags.contains(&tag) {
-            tags.push(tag);
+    let first = others.first().and_then(|g| g.slices.first())?;
+    let mut by: Vec<Attribute> = Vec::new();
+    for attribute in others.iter().flat_map(|g| group.shared.differences(&g.shared)) {
+        if !by.contains(&attribute) {
+            by.push(attribute);
         }
     }
-    let images =
-        if count == 1 { "1 other image of the series was" } else { "other images of the series were" };
-    let number = if count == 1 { String::new() } else { format!("{count} ") };
-    format!(
-        "; {number}{images} set apart because of a different {} (first: {})",
-        tags.join(", "),
-        series.files.name(first.file as usize).display()
-    )
-}
-
-fn cut_short(path: PathBuf, reason: String) -> SourceError {
-    SourceError::Unusable {
-        path,
-        reason: format!("{reason}; copy the file again, or move it away to build without it"),
-    }
+    let images = others.iter().map(|g| g.slices.len()).sum();
+    Some(SetApart { images, by, first: series.files.name(first.file as usize).to_path_buf() })
 }
 
 /// Modality, number and hash of the series, and the part: never a name of a file or of a patient.
@@ -207,32 +200,28 @@ fn stem(shared: &Shared, label: &str) -> String {
     safe_name(&format!("{}{number}-{:08x}{part}", modality.to_ascii_lowercase(), hash >> 32))
 }
 
-/// Says what was dropped, and by which tags a series was split.
-fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<String> {
+/// What was dropped, and by which attributes a series was split.
+fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<DicomNote> {
     let mut notes = Vec::new();
     if series.duplicates > 0 {
-        notes.push(format!("{} image(s) that are in the series twice were left out", series.duplicates));
+        notes.push(DicomNote::Duplicates { images: series.duplicates });
     }
-    if let Some((path, reason)) = &series.lost {
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        notes.push(format!("{name}: {reason}"));
+    if let Some((path, error)) = &series.lost {
+        let file = path.file_name().map(PathBuf::from).unwrap_or_default();
+        notes.push(DicomNote::Lost { file, error: error.clone() });
     }
     if parts.len() > 1 {
-        let mut tags: Vec<&str> = parts.iter().flat_map(|(_, p)| p.tags.iter().copied()).collect();
+        let mut all: Vec<Attribute> = parts.iter().flat_map(|(_, p)| p.by.iter().copied()).collect();
         if let Some((first, others)) = series.groups.split_first() {
-            tags.extend(others.iter().flat_map(|other| first.shared.differences(&other.shared)));
+            all.extend(others.iter().flat_map(|other| first.shared.differences(&other.shared)));
         }
-        let mut distinct: Vec<&str> = Vec::new();
-        for tag in tags {
-            if !distinct.contains(&tag) && distinct.len() < NAMED {
-                distinct.push(tag);
+        let mut by: Vec<Attribute> = Vec::new();
+        for attribute in all {
+            if !by.contains(&attribute) && by.len() < NAMED {
+                by.push(attribute);
             }
         }
-        notes.push(format!(
-            "the series holds {} volumes, told apart by {}",
-            parts.len(),
-            distinct.join(", ")
-        ));
+        notes.push(DicomNote::Volumes { volumes: parts.len(), by });
     }
     notes
 }

@@ -1,9 +1,7 @@
 //! Distances between slices: even, repeated, or with gaps, and what is done about those.
 
-use std::fmt::Write as _;
-
 use super::axes::count;
-use super::layer::Refusal;
+use crate::facts::dicom::{DicomNote, FilledGaps, Hole, ImageName, MissingSlices, SeriesFault, UnevenGaps};
 use crate::source::GapPolicy;
 
 /// Gaps that differ less than this from the mean are even: scanners print positions in micrometres.
@@ -107,36 +105,28 @@ pub(crate) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Ve
 pub(crate) fn is_uneven(along: &[f64]) -> bool {
     let mut sorted = along.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let file = |_| String::new();
-    matches!(judge_gaps(&sorted, GapPolicy::Error, &file, &mut Vec::new()), Err(Refusal::Gaps(_)))
+    let name = |_| ImageName::default();
+    matches!(judge_gaps(&sorted, GapPolicy::Error, &name, &mut Vec::new()), Err(SeriesFault::Uneven(_)))
 }
 
 /// Judges sorted positions: refuses repeated ones, and uneven gaps unless the policy knows what to do
-/// with them; warns of small deviations. `file` names an image.
+/// with them; notes small deviations. `name` names an image.
 pub(crate) fn judge_gaps(
     along: &[f64],
     policy: GapPolicy,
-    file: &dyn Fn(usize) -> String,
-    warnings: &mut Vec<String>,
-) -> Result<Grid, Refusal> {
+    name: &dyn Fn(usize) -> ImageName,
+    notes: &mut Vec<DicomNote>,
+) -> Result<Grid, SeriesFault> {
     let gaps: Vec<f64> = along.windows(2).map(|w| w[1] - w[0]).collect();
     let total = along.last().zip(along.first()).map_or(0.0, |(b, a)| b - a);
     if total <= SAME_MM {
-        return Err(Refusal::Repeated(format!(
-            "all {} images are at one position; they form no volume",
-            along.len()
-        )));
+        return Err(SeriesFault::OnePosition { images: along.len() });
     }
     let (usual, same) = usual_gap(along);
     let repeats = gaps.iter().filter(|g| **g <= same).count();
     if let Some(at) = gaps.iter().position(|g| *g <= same) {
-        return Err(Refusal::Repeated(format!(
-            "{repeats} of {} images repeat the position of another (first: {} and {}), and nothing in their \
-             headers tells them apart; give the files of one volume",
-            along.len(),
-            file(at),
-            file(at + 1)
-        )));
+        let first = Box::new([name(at), name(at + 1)]);
+        return Err(SeriesFault::Repeated { repeats, images: along.len(), first });
     }
     let mean = total / count(gaps.len());
     let worst = gaps.iter().map(|g| (g - mean).abs()).fold(0.0, f64::max) / mean;
@@ -146,23 +136,16 @@ pub(crate) fn judge_gaps(
     let start = along.first().copied().unwrap_or(0.0);
     let off = along.iter().enumerate().map(|(i, p)| (p - start - count(i) * mean).abs()).fold(0.0, f64::max);
     if worst <= UNEVEN || (off <= ROUNDED_MM && off <= ROUNDED * mean) {
-        warnings.push(format!(
-            "slices are not quite evenly spaced: gaps differ by up to {:.2} % from their mean {mean:.4} mm, and \
-             slices lie up to {off:.3} mm off the regular grid",
-            100.0 * worst
-        ));
+        notes.push(DicomNote::NotQuiteEven { worst, mean_mm: mean, off_mm: off });
         return Ok(Grid::AsTheyAre);
     }
     match policy {
-        GapPolicy::Error => Err(Refusal::Gaps(uneven(&gaps, usual, file))),
+        GapPolicy::Error => Err(SeriesFault::Uneven(Box::new(uneven(&gaps, usual, name)))),
         GapPolicy::Keep => {
-            warnings.push(format!(
-                "unevenly spaced slices are used as if they were {mean:.4} mm apart; they lie up to {off:.3} mm \
-                 off the places that the model shows them at"
-            ));
+            notes.push(DicomNote::KeptUneven { mean_mm: mean, off_mm: off });
             Ok(Grid::AsTheyAre)
         }
-        GapPolicy::Fill => fill(along, total, (usual, same), file, warnings),
+        GapPolicy::Fill => fill(along, total, (usual, same), name, notes),
     }
 }
 
@@ -171,15 +154,12 @@ fn fill(
     along: &[f64],
     total: f64,
     (usual, same): (f64, f64),
-    file: &dyn Fn(usize) -> String,
-    warnings: &mut Vec<String>,
-) -> Result<Grid, Refusal> {
+    name: &dyn Fn(usize) -> ImageName,
+    notes: &mut Vec<DicomNote>,
+) -> Result<Grid, SeriesFault> {
     let steps = (total / usual).round().max(1.0);
     if steps > MOST_MADE * count(along.len()) {
-        return Err(Refusal::Other(format!(
-            "{steps} slices would have to be made out of {}; give the files of an evenly spaced part",
-            along.len()
-        )));
+        return Err(SeriesFault::TooFar { slices: steps, images: along.len() });
     }
     let step = total / steps;
     // An image stands for a place that it misses by no more than is accepted where nothing is missing.
@@ -222,31 +202,21 @@ fn fill(
         }
         k += 1;
     }
-    let mut text = format!(
-        "gaps between slices were filled: {made} of {} were made by interpolation between neighbours (",
-        places.len()
-    );
-    for (i, (at, n)) in holes.iter().take(NAMED).enumerate() {
-        let comma = if i > 0 { ", " } else { "" };
-        let _ = write!(text, "{comma}{n} between {} and {}", file(*at), file(at + 1));
-    }
-    if holes.len() > NAMED {
-        let _ = write!(text, ", and in {} more places", holes.len() - NAMED);
-    }
-    let _ = write!(text, "), on a regular grid of {step:.4} mm from the first to the last");
-    let unused = along.len() - used.min(along.len());
-    if unused > 0 {
-        let _ = write!(text, "; {unused} that lie off the grid only lend their values to those");
-    }
-    if worst > EVEN * step {
-        let _ = write!(text, "; the others lie up to {worst:.3} mm off it");
-    }
-    warnings.push(text);
+    let hole = |(at, made): &(usize, u64)| Hole { made: *made, between: [name(*at), name(at + 1)] };
+    notes.push(DicomNote::Filled(Box::new(FilledGaps {
+        made,
+        slices: places.len(),
+        holes: holes.iter().take(NAMED).map(hole).collect(),
+        more_holes: holes.len().saturating_sub(NAMED),
+        step_mm: step,
+        unused: along.len() - used.min(along.len()),
+        off_mm: Some(worst).filter(|worst| *worst > EVEN * step),
+    })));
     Ok(Grid::Filled(places))
 }
 
-/// The sentence on uneven gaps: which lengths occur how often, and where slices seem to be missing.
-fn uneven(gaps: &[f64], usual: f64, file: &dyn Fn(usize) -> String) -> String {
+/// Uneven gaps: which lengths occur how often, and where slices seem to be missing.
+fn uneven(gaps: &[f64], usual: f64, name: &dyn Fn(usize) -> ImageName) -> UnevenGaps {
     const KINDS: usize = 6;
     // Gaps as long as the first of their kind: how many, and their sum.
     let mut kinds: Vec<(f64, usize, f64)> = Vec::new();
@@ -260,29 +230,23 @@ fn uneven(gaps: &[f64], usual: f64, file: &dyn Fn(usize) -> String) -> String {
         }
     }
     kinds.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.total_cmp(&b.0)));
-    let mut text = format!("the slices are unevenly spaced: {} gaps along the normal, ", gaps.len());
-    for (i, (_, n, sum)) in kinds.iter().take(KINDS).enumerate() {
-        let _ = write!(text, "{}{n} x {:.3}", if i > 0 { ", " } else { "" }, sum / count(*n));
-    }
-    if kinds.len() > KINDS {
-        let _ = write!(text, " and {} other lengths", kinds.len() - KINDS);
-    }
-    text += " mm";
     // Missing slices leave gaps of whole multiples of the usual one.
     let multiple = |gap: f64| (gap / usual).round();
     let whole =
         gaps.iter().all(|g| multiple(*g) >= 1.0 && (g - multiple(*g) * usual).abs() <= UNEVEN * usual);
     let odd = |g: &f64| if whole { multiple(*g) > 1.0 } else { (g - usual).abs() > UNEVEN * usual };
     let at = gaps.iter().position(odd).unwrap_or(0);
-    let place = format!("between {} and {}", file(at), file(at + 1));
-    if whole {
-        let lost: f64 = gaps.iter().map(|g| multiple(*g) - 1.0).sum();
-        let places = gaps.iter().filter(|g| odd(g)).count();
-        let _ = write!(text, "; {lost} slice(s) seem to be missing in {places} place(s), first {place}");
-    } else {
-        let _ = write!(text, "; first {place}");
+    UnevenGaps {
+        gaps: gaps.len(),
+        lengths: kinds.iter().take(KINDS).map(|(_, n, sum)| (*n, sum / count(*n))).collect(),
+        other_lengths: kinds.len().saturating_sub(KINDS),
+        first: [name(at), name(at + 1)],
+        missing: whole.then(|| MissingSlices {
+            slices: gaps.iter().map(|g| multiple(*g) - 1.0).sum(),
+            places: gaps.iter().filter(|g| odd(g)).count(),
+        }),
+        set_apart: None,
     }
-    text + "; add the missing slices, give the files of an evenly spaced part, or choose --gaps fill or --gaps keep"
 }
 
 #[cfg(test)]
@@ -290,10 +254,11 @@ mod tests {
     use super::*;
 
     fn judged(along: &[f64], policy: GapPolicy) -> Result<(Grid, Vec<String>), String> {
-        let mut warnings = Vec::new();
-        match judge_gaps(along, policy, &|i| format!("f{i}"), &mut warnings) {
-            Ok(grid) => Ok((grid, warnings)),
-            Err(Refusal::Repeated(text) | Refusal::Gaps(text) | Refusal::Other(text)) => Err(text),
+        let mut notes = Vec::new();
+        let name = |i| ImageName { file: format!("f{i}").into(), frame: None };
+        match judge_gaps(along, policy, &name, &mut notes) {
+            Ok(grid) => Ok((grid, notes.iter().map(DicomNote::to_string).collect())),
+            Err(fault) => Err(fault.to_string()),
         }
     }
 

@@ -7,6 +7,7 @@ use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
 use super::mosaic::Mosaic;
+use crate::facts::dicom::{Attribute, DicomNote, ImageFault, ScanError};
 use crate::source::dicom::image::pixels::{PixelLayout, StatedPadding};
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
@@ -20,8 +21,8 @@ const SPACING_TOLERANCE: f64 = 1e-4;
 /// Texts that are kept apart in one series; what comes later counts as one.
 const MAX_TEXTS: usize = 256;
 
-/// Sentences on the files of a group; those of damaged files may all differ.
-const MAX_WARNINGS: usize = 16;
+/// Notes on the files of a group; those of damaged files may all differ.
+const MAX_NOTES: usize = 16;
 
 /// [`Slice::obstacle`] of an image that can be read.
 pub(crate) const NO_OBSTACLE: u32 = u32::MAX;
@@ -43,28 +44,28 @@ pub(crate) enum Key {
     Rescale,
 }
 
-/// Words and tags of [`Key::Number`]s.
-const NUMBERS: [(&str, &str); Key::NUMBERS] = [
-    ("stack", "Stack ID (0020,9056)"),
-    ("segment", "Referenced Segment Number (0062,000B)"),
-    ("echo", "Echo Number (0018,0086)"),
-    ("TE", "Echo Time (0018,0081)"),
-    ("TI", "Inversion Time (0018,0082)"),
-    ("flip", "Flip Angle (0018,1314)"),
-    ("time", "Temporal Position (0020,0100)"),
-    ("b", "Diffusion b-value (0018,9087)"),
-    ("direction", "Diffusion Gradient Orientation (0018,9089)"),
-    ("trigger", "Trigger Time (0018,1060)"),
-    ("phase", "Cardiac Phase (0020,9241)"),
-    ("acquisition", "Acquisition Number (0020,0012)"),
-    ("acquired", "Acquisition Time (0008,0032)"),
-    ("reference time", "Frame Reference Time (0054,1300)"),
-    ("frames", "the frame vectors of nuclear medicine (0054,xxxx)"),
-    ("dimension 1 index", "Dimension Index Values (0020,9157)"),
-    ("dimension 2 index", "Dimension Index Values (0020,9157)"),
-    ("dimension 3 index", "Dimension Index Values (0020,9157)"),
-    ("dimension 4 index", "Dimension Index Values (0020,9157)"),
-    ("dimension 5 index", "Dimension Index Values (0020,9157)"),
+/// Of each [`Key::Number`] the word before a value, the attribute, and whether its values mean nothing to people.
+const NUMBERS: [(&str, Attribute, bool); Key::NUMBERS] = [
+    ("stack", Attribute::Stack, true),
+    ("segment", Attribute::Segment, false),
+    ("echo", Attribute::EchoNumber, false),
+    ("TE", Attribute::EchoTime, false),
+    ("TI", Attribute::InversionTime, false),
+    ("flip", Attribute::FlipAngle, false),
+    ("time", Attribute::TemporalPosition, false),
+    ("b", Attribute::BValue, false),
+    ("direction", Attribute::GradientDirection, true),
+    ("trigger", Attribute::TriggerTime, false),
+    ("phase", Attribute::CardiacPhase, false),
+    ("acquisition", Attribute::AcquisitionNumber, false),
+    ("acquired", Attribute::AcquisitionTime, true),
+    ("reference time", Attribute::FrameReferenceTime, false),
+    ("frames", Attribute::FrameVectors, true),
+    ("dimension 1 index", Attribute::DimensionIndex, false),
+    ("dimension 2 index", Attribute::DimensionIndex, false),
+    ("dimension 3 index", Attribute::DimensionIndex, false),
+    ("dimension 4 index", Attribute::DimensionIndex, false),
+    ("dimension 5 index", Attribute::DimensionIndex, false),
 ];
 
 impl Key {
@@ -93,12 +94,12 @@ impl Key {
         [Self::TRIGGER, Self::TIME, Self::REFERENCE].contains(&self)
     }
 
-    /// The attribute, for people.
-    pub(crate) fn tag(self) -> &'static str {
+    /// The attribute.
+    pub(crate) fn attribute(self) -> Attribute {
         match self {
-            Self::ImageType => "Image Type (0008,0008)",
-            Self::Rescale => "Rescale Slope and Intercept (0028,1053), (0028,1052)",
-            Self::Number(at) => NUMBERS.get(at).map_or("", |(_, tag)| tag),
+            Self::ImageType => Attribute::ImageType,
+            Self::Rescale => Attribute::Rescale,
+            Self::Number(at) => NUMBERS.get(at).map_or(Attribute::DimensionIndex, |(_, own, _)| *own),
         }
     }
 
@@ -107,11 +108,7 @@ impl Key {
         match self {
             Self::ImageType => ("", false),
             Self::Rescale => ("rescale", true),
-            Self::Number(at) => {
-                let (word, tag) = NUMBERS.get(at).copied().unwrap_or_default();
-                let ranked = ["0020,9056", "9089", "0008,0032", "0054,xxxx"];
-                (word, ranked.iter().any(|own| tag.contains(own)))
-            }
+            Self::Number(at) => NUMBERS.get(at).map_or(("", false), |(word, _, ranked)| (word, *ranked)),
         }
     }
 
@@ -225,17 +222,17 @@ pub(crate) struct Shared {
     pub(crate) leaves_out_empty: bool,
     /// Memory that decoding takes; 0 where pixels are read by position.
     pub(crate) unroll_bytes: u64,
-    pub(crate) warnings: Vec<String>,
+    pub(crate) notes: Vec<DicomNote>,
 }
 
 impl Shared {
-    /// Keeps a sentence once, of few.
-    pub(crate) fn warn(&mut self, sentence: Option<&str>) {
-        if let Some(sentence) = sentence
-            && self.warnings.len() < MAX_WARNINGS
-            && !self.warnings.iter().any(|w| w == sentence)
+    /// Keeps a note once, of few.
+    pub(crate) fn note(&mut self, note: Option<DicomNote>) {
+        if let Some(note) = note
+            && self.notes.len() < MAX_NOTES
+            && !self.notes.contains(&note)
         {
-            self.warnings.push(sentence.to_owned());
+            self.notes.push(note);
         }
     }
 
@@ -259,16 +256,17 @@ impl Shared {
     }
 
     /// The attributes by which images of two groups of a series were told apart; never none.
-    pub(crate) fn differences(&self, other: &Self) -> Vec<&'static str> {
+    pub(crate) fn differences(&self, other: &Self) -> Vec<Attribute> {
         let found = [
-            ("Image Type (0008,0008)", self.kind != other.kind),
-            ("Rows and Columns (0028,0010), (0028,0011)", self.size != other.size),
-            ("Image Orientation (0020,0037)", !self.turns_like(other)),
-            ("Pixel Spacing (0028,0030)", !self.spaced_like(other)),
-            ("slices of the mosaic (0029,1010)", self.mosaic != other.mosaic),
+            (Attribute::ImageType, self.kind != other.kind),
+            (Attribute::Size, self.size != other.size),
+            (Attribute::Orientation, !self.turns_like(other)),
+            (Attribute::PixelSpacing, !self.spaced_like(other)),
+            (Attribute::MosaicSlices, self.mosaic != other.mosaic),
         ];
-        let tags: Vec<&str> = found.into_iter().filter(|(_, differs)| *differs).map(|(tag, _)| tag).collect();
-        if tags.is_empty() { vec!["format of the pixels, or whether positions are stated"] } else { tags }
+        let differ: Vec<Attribute> =
+            found.into_iter().filter(|(_, differs)| *differs).map(|(own, _)| own).collect();
+        if differ.is_empty() { vec![Attribute::PixelFormat] } else { differ }
     }
 
     /// A whole number that differs by at most one between orientations that are the same.
@@ -302,11 +300,11 @@ pub(crate) struct Series {
     pub(crate) groups: Vec<Group>,
     pub(crate) layouts: Vec<PixelLayout>,
     pub(crate) image_types: Vec<String>,
-    pub(crate) obstacles: Vec<String>,
+    pub(crate) obstacles: Vec<ImageFault>,
     /// Images that were dropped, because they are in the series twice.
     pub(crate) duplicates: u64,
     /// Files that were images when they were found, and are not any more.
-    pub(crate) lost: Option<(PathBuf, String)>,
+    pub(crate) lost: Option<(PathBuf, ScanError)>,
     /// Words that tell who the patient is.
     pub(crate) secrets: Vec<String>,
     directions: Vec<[i64; 3]>,
@@ -363,8 +361,8 @@ impl Series {
         index_of(&mut self.image_types, text, MAX_TEXTS)
     }
 
-    pub(crate) fn obstacle_index(&mut self, text: &str) -> u32 {
-        index_of(&mut self.obstacles, text.to_owned(), MAX_TEXTS)
+    pub(crate) fn obstacle_index(&mut self, fault: &ImageFault) -> u32 {
+        index_of(&mut self.obstacles, fault.clone(), MAX_TEXTS)
     }
 
     /// Number of a direction of diffusion, in the order in which they were met.
@@ -391,8 +389,8 @@ impl Series {
     }
 
     /// Remembers a file that could not be read again.
-    pub(crate) fn lost(&mut self, path: PathBuf, reason: String) {
-        self.lost.get_or_insert((path, reason));
+    pub(crate) fn lost(&mut self, path: PathBuf, error: ScanError) {
+        self.lost.get_or_insert((path, error));
     }
 
     /// All images are there: they are put in an order that no file name decides, and copies are dropped.
@@ -533,15 +531,15 @@ mod tests {
 
     #[test]
     fn keys_are_where_their_names_say() {
-        for (key, tag) in [
-            (Key::STACK, "0020,9056"),
-            (Key::SEGMENT, "0062,000B"),
-            (Key::TRIGGER, "0018,1060"),
-            (Key::TIME, "0008,0032"),
-            (Key::REFERENCE, "0054,1300"),
-            (Key::VECTORS, "0054,xxxx"),
+        for (key, attribute) in [
+            (Key::STACK, Attribute::Stack),
+            (Key::SEGMENT, Attribute::Segment),
+            (Key::TRIGGER, Attribute::TriggerTime),
+            (Key::TIME, Attribute::AcquisitionTime),
+            (Key::REFERENCE, Attribute::FrameReferenceTime),
+            (Key::VECTORS, Attribute::FrameVectors),
         ] {
-            assert!(key.tag().contains(tag), "{key:?}: {}", key.tag());
+            assert_eq!(key.attribute(), attribute, "{key:?}");
         }
     }
 }

@@ -1,5 +1,6 @@
-//! What the slices of a volume are, and why images form none.
+//! What the slices of a volume are.
 
+use crate::facts::dicom::DicomNote;
 use crate::geom::Affine;
 
 /// Images in order, with their place in the patient.
@@ -8,7 +9,7 @@ pub(crate) struct Stack {
     /// What each slice of the volume is, by increasing position.
     pub(crate) layers: Vec<Layer>,
     pub(crate) affine: Affine,
-    pub(crate) warnings: Vec<String>,
+    pub(crate) notes: Vec<DicomNote>,
 }
 
 /// A slice of the volume; numbers are indices into the group's slices.
@@ -22,15 +23,4 @@ pub(crate) enum Layer {
     Empty,
     /// No image lies here: so much of the way from the first to the second.
     Between(usize, usize, f64),
-}
-
-/// Why images form no volume.
-#[derive(Debug)]
-pub(crate) enum Refusal {
-    /// Some positions occur more than once: perhaps several volumes in one series.
-    Repeated(String),
-    /// Slices seem to be missing.
-    Gaps(String),
-    /// Anything else.
-    Other(String),
 }

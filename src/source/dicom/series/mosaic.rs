@@ -14,14 +14,14 @@
 //! An enhanced image has frames of its own and is no mosaic, whatever it says.
 
 use super::axes::{directions, dot};
-use super::layer::{Layer, Refusal, Stack};
+use super::layer::{Layer, Stack};
+use crate::facts::dicom::{CsaFault, DicomNote, MosaicFault, SeriesFault, TransferSyntax};
 use crate::geom::Affine;
 use crate::source::dicom::parse::csa::{self, Csa};
 use crate::source::dicom::parse::deflated::Inflated;
 use crate::source::dicom::parse::element::Parser;
 use crate::source::dicom::parse::frames::FrameGeometry;
 use crate::source::dicom::parse::header::DicomHeader;
-use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::source::dicom::parse::window::ReadAt;
 
 /// Cosine of the largest angle between the stated normal and that of the image: they are the same but for
@@ -47,7 +47,7 @@ pub(crate) struct Found {
     pub(crate) mosaic: Mosaic,
     /// Size of a tile: columns and rows.
     pub(crate) size: [u32; 2],
-    pub(crate) warnings: Vec<String>,
+    pub(crate) notes: Vec<DicomNote>,
 }
 
 /// Is the image a mosaic?
@@ -56,48 +56,35 @@ pub(crate) fn is_one(header: &DicomHeader) -> bool {
     !enhanced && header.image_type.split('\\').any(|part| part.trim() == "MOSAIC")
 }
 
-/// How the slices lie in an image that [`is_one`]; in words why that is not known.
-pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Found, String> {
-    let refuse = |reason: String| Err(format!("a Siemens mosaic {reason}"));
+/// How the slices lie in an image that [`is_one`]; or why that is not known.
+pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Found, MosaicFault> {
     if header.frames.is_some_and(|frames| frames != Ok(1)) {
-        return refuse("of several frames cannot be read".into());
+        return Err(MosaicFault::SeveralFrames);
     }
-    let mut warnings = Vec::new();
+    let mut notes = Vec::new();
     let (csa, fault) = match private_header(input, header) {
         Ok(csa) => (csa, None),
-        Err(reason) => (Csa::default(), Some(reason)),
+        Err(fault) => (Csa::default(), Some(fault)),
     };
     let stated = |images: Option<u32>| images.filter(|n| *n > 0);
     let slices = match (stated(csa.images), stated(header.private.images)) {
         (Some(a), Some(b)) if a != b => {
-            return refuse(format!("whose private elements state {a} slices, and {b} in another place"));
+            return Err(MosaicFault::SlicesDisagree { stated: [a, b] });
         }
         (Some(slices), _) | (None, Some(slices)) => slices,
         (None, None) => {
-            let why = fault.map_or_else(String::new, |reason| format!(" (it cannot be read: {reason})"));
-            return refuse(format!(
-                "does not state the number of its slices, which only the private header (0029,1010) has{why}; \
-                 give the original files, or convert them on the scanner"
-            ));
+            return Err(MosaicFault::NoSliceNumber { header: fault });
         }
     };
     let across = slices.isqrt() + u32::from(slices.isqrt().pow(2) < slices);
     let [columns, rows] = [header.columns, header.rows].map(|side| u32::from(side.unwrap_or(0)));
     if columns == 0 || rows == 0 || columns % across != 0 || rows % across != 0 {
-        return refuse(format!(
-            "of {slices} slices has {across} x {across} tiles, and its {columns} x {rows} pixels cannot be \
-             divided so"
-        ));
+        return Err(MosaicFault::Tiles { slices, across, columns, rows });
     }
     let positive = |mm: Option<f64>| mm.filter(|mm| *mm > 0.0);
     let distance_mm = positive(header.spacing_between).or_else(|| {
         let thickness = positive(header.slice_thickness);
-        warnings.push(match thickness {
-            Some(mm) => {
-                format!("the mosaic states no spacing between slices; their thickness, {mm} mm, is taken")
-            }
-            None => "the mosaic states no spacing between slices, and no thickness; 1 mm is assumed".into(),
-        });
+        notes.push(DicomNote::MosaicSpacing { thickness_mm: thickness });
         thickness
     });
     let normal = header.orientation.and_then(directions).map(|(.., normal)| normal);
@@ -105,42 +92,34 @@ pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Resul
         (Some(stated), Some(normal)) => {
             let cosine = dot(stated, normal);
             if cosine.abs() < PARALLEL {
-                return refuse(
-                    "states a slice normal in its private header that is not perpendicular to its rows and columns"
-                        .into(),
-                );
+                return Err(MosaicFault::OtherNormal);
             }
             cosine < 0.0
         }
         (None, Some(_)) if slices > 1 => {
-            let why = fault
-                .map_or_else(String::new, |reason| format!(" (its private header cannot be read: {reason})"));
-            warnings.push(format!(
-                "the mosaic does not state in which direction its slices follow each other{why}; rows x columns is \
-                 assumed"
-            ));
+            notes.push(DicomNote::MosaicDirection { header: fault });
             false
         }
         _ => false,
     };
     let mosaic = Mosaic { across, slices, distance_mm: distance_mm.unwrap_or(1.0), backwards };
-    Ok(Found { mosaic, size: [columns / across, rows / across], warnings })
+    Ok(Found { mosaic, size: [columns / across, rows / across], notes })
 }
 
 /// The private header, if there is one.
-fn private_header<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Csa, String> {
+fn private_header<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Csa, CsaFault> {
     let Some(at) = header.places.csa else { return Ok(Csa::default()) };
     if header.transfer_syntax == TransferSyntax::Deflated {
-        let inflated = Inflated::new(input, header.dataset).map_err(|e| e.to_string())?;
+        let inflated = Inflated::new(input, header.dataset)?;
         return read_csa(&inflated, header, at);
     }
     read_csa(input, header, at)
 }
 
-fn read_csa<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, at: u64) -> Result<Csa, String> {
-    let mut parser = Parser::new(input).map_err(|e| e.to_string())?;
-    let element = parser.element(at, header.encoding).map_err(|e| e.to_string())?;
-    let end = parser.end(&element, at).map_err(|e| e.to_string())?;
+fn read_csa<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, at: u64) -> Result<Csa, CsaFault> {
+    let mut parser = Parser::new(input)?;
+    let element = parser.element(at, header.encoding)?;
+    let end = parser.end(&element, at)?;
     csa::read(&mut parser.window, element.value_at, end - element.value_at)
 }
 
@@ -165,28 +144,24 @@ pub(crate) fn assemble(
     index: usize,
     [dx, dy]: [f64; 2],
     place: Option<([f64; 6], [f64; 3])>,
-    mut warnings: Vec<String>,
-) -> Result<Stack, Refusal> {
+    mut notes: Vec<DicomNote>,
+) -> Result<Stack, SeriesFault> {
     let dz = mosaic.distance_mm;
     let tiles = 0..mosaic.slices;
     let Some((axes, first)) = place else {
-        warnings.push(format!(
-            "the mosaic states no position: its slices are taken in their order, {dz} mm apart, placed at the origin"
-        ));
+        notes.push(DicomNote::MosaicUnplaced { step_mm: dz });
         let layers = tiles.map(|tile| Layer::Tile(index, tile)).collect();
-        return Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), warnings });
+        return Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), notes });
     };
-    let (row, column, normal) = directions(axes).ok_or_else(|| {
-        Refusal::Other("the image orientation is not two perpendicular unit vectors".into())
-    })?;
+    let (row, column, normal) = directions(axes).ok_or(SeriesFault::Orientation)?;
     let last = mosaic.slices.saturating_sub(1);
     let before = if mosaic.backwards { dz * f64::from(last) } else { 0.0 };
     let rows =
         [0, 1, 2].map(|i| [row[i] * dx, column[i] * dy, normal[i] * dz, first[i] - before * normal[i]]);
     let affine = Affine { rows };
     if affine.inverse().is_none() {
-        return Err(Refusal::Other("the positions do not span a volume".into()));
+        return Err(SeriesFault::Flat);
     }
     let tile = |tile: u32| Layer::Tile(index, if mosaic.backwards { last - tile } else { tile });
-    Ok(Stack { layers: tiles.map(tile).collect(), affine, warnings })
+    Ok(Stack { layers: tiles.map(tile).collect(), affine, notes })
 }

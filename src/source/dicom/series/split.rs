@@ -14,6 +14,7 @@ use std::collections::{BTreeMap, HashMap};
 use super::assemble::along_normal;
 use super::gaps::{is_uneven, positions};
 use super::group::{Group, Key, Slice};
+use crate::facts::dicom::Attribute;
 
 /// Images that may be one volume.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,7 +24,7 @@ pub(crate) struct Part {
     /// What it is among its siblings, for example `echo 2`; empty if there are none.
     pub(crate) label: String,
     /// The attributes that it was split off by.
-    pub(crate) tags: Vec<&'static str>,
+    pub(crate) by: Vec<Attribute>,
 }
 
 /// How often positions repeat.
@@ -52,7 +53,7 @@ fn repeats(group: &Group, chosen: &[usize]) -> Repeats {
 /// Splits the images of a group into parts that repeat no position, as far as that is possible.
 /// `types` are the image types that slices refer to.
 pub(crate) fn split(group: &Group, types: &[String]) -> Vec<Part> {
-    let whole = Part { chosen: (0..group.slices.len()).collect(), label: String::new(), tags: Vec::new() };
+    let whole = Part { chosen: (0..group.slices.len()).collect(), label: String::new(), by: Vec::new() };
     let mut done = Vec::new();
     let mut waiting = vec![whole];
     // Each split makes parts that are smaller, so this ends.
@@ -156,9 +157,9 @@ fn named(key: Key, parts: Parts, whole: &Part, group: &Group, types: &[String]) 
         if whole.label.is_empty() { label } else { format!("{} {label}", whole.label) }
     };
     let part = |(chosen, label): (Vec<usize>, String)| {
-        let mut tags = whole.tags.clone();
-        tags.push(key.tag());
-        Part { chosen, label: join(label), tags }
+        let mut by = whole.by.clone();
+        by.push(key.attribute());
+        Part { chosen, label: join(label), by }
     };
     parts.into_values().zip(labels).map(part).collect()
 }
@@ -211,7 +212,7 @@ fn one_by_one(whole: &Part) -> Vec<Part> {
     let part = |(k, image): (usize, &usize)| Part {
         chosen: vec![*image],
         label: format!("{} set {}", whole.label, k + 1).trim().to_owned(),
-        tags: whole.tags.clone(),
+        by: whole.by.clone(),
     };
     whole.chosen.iter().enumerate().map(part).collect()
 }
@@ -278,9 +279,9 @@ fn by_turn(group: &Group, whole: &Part, repeats: &Repeats) -> Option<Vec<Part>> 
     let part = |(k, mut chosen): (usize, Vec<usize>)| {
         chosen.sort_unstable();
         let label = format!("{} set {} of {turns}", whole.label, k + 1).trim().to_owned();
-        let mut tags = whole.tags.clone();
-        tags.push("order of acquisition and instance");
-        Part { chosen, label, tags }
+        let mut by = whole.by.clone();
+        by.push(Attribute::AcquisitionOrder);
+        Part { chosen, label, by }
     };
     Some(parts.into_iter().enumerate().map(part).collect())
 }

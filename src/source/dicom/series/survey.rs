@@ -2,19 +2,19 @@
 //!
 //! Memory: one header at a time, some 250 bytes per image, the names once.
 
-use std::fmt::Write as _;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::mosaic::{Found, is_one, look};
-use crate::source::dicom::image::describe::{Access, Image, Obstacle, Storage};
+use crate::facts::dicom::{DicomNote, ImageFault, Obstacle, ScanError};
+use crate::source::dicom::image::describe::{Access, Image, Storage};
 use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
 use crate::source::dicom::image::pixels::StatedPadding;
 use crate::source::dicom::parse::frames::{FrameGeometry, Origin, visit};
 use crate::source::dicom::parse::header::{DicomHeader, Secrets};
-use crate::source::dicom::parse::scan::{ScanError, scan};
+use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
 
@@ -37,10 +37,10 @@ pub(crate) enum Recognised {
         /// Memory that is taken for a moment when the series is opened, about.
         opening_bytes: u64,
     },
-    /// A report, a plan, a directory, ...; in words.
-    NoImage(String),
+    /// A report, a plan, a directory, ...
+    NoImage(Obstacle),
     /// It begins as DICOM, but cannot be followed.
-    Damaged(String),
+    Damaged(ScanError),
     /// The system refused.
     Unreadable(io::Error),
     /// Something else.
@@ -62,10 +62,10 @@ pub(crate) fn recognise(file: &File) -> Recognised {
                 opening_bytes: u64::from(frames) * each,
             }
         }
-        Ok(header) => Recognised::NoImage(Obstacle::NoPixels(header.kind()).to_string()),
-        Err(ScanError::Io(cause)) => Recognised::Unreadable(cause),
+        Ok(header) => Recognised::NoImage(Obstacle::NoPixels { object: header.kind() }),
+        Err(ScanError::Io(fault)) => Recognised::Unreadable(fault.into()),
         Err(ScanError::NotDicom) => Recognised::Foreign,
-        Err(error @ ScanError::Damaged { .. }) => Recognised::Damaged(error.to_string()),
+        Err(error @ ScanError::Damaged { .. }) => Recognised::Damaged(error),
     }
 }
 
@@ -74,11 +74,11 @@ pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
     let mut series = Series::new(files, facts.to_vec());
     for file in 0..series.files.len() {
         let path = series.files.path(file);
-        let opened = File::open(&path).map_err(ScanError::Io);
+        let opened = File::open(&path).map_err(ScanError::from);
         let scanned = opened.and_then(|f| scan(&f).map(|header| (f, header)));
         match scanned {
             Ok((input, header)) => add_file(&mut series, file, &input, &header),
-            Err(error) => series.lost(path, error.to_string()),
+            Err(error) => series.lost(path, error),
         }
     }
     series.finish();
@@ -90,12 +90,12 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     words(&header.secrets, &mut series.secrets);
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
-    let mut obstacle = image.as_ref().err().map(Obstacle::to_string);
+    let mut obstacle = image.as_ref().err().cloned().map(ImageFault::Pixels);
     let mut mosaic = None;
     if is_one(header) {
         match look(input, header) {
             Ok(found) => mosaic = Some(found),
-            Err(reason) => obstacle = obstacle.or(Some(reason)),
+            Err(fault) => obstacle = obstacle.or(Some(ImageFault::Mosaic(fault))),
         }
     }
     let image = image.ok().filter(|_| obstacle.is_none());
@@ -107,28 +107,27 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
             own = mosaic.first_slice(own);
         }
         let shared =
-            add_frame(series, file, header, image.as_ref(), mosaic.as_ref(), &own, obstacle.as_deref());
-        shared.warn(note.as_deref());
-        for warning in mosaic.iter().flat_map(|mosaic| &mosaic.warnings) {
-            shared.warn(Some(warning));
+            add_frame(series, file, header, image.as_ref(), mosaic.as_ref(), &own, obstacle.as_ref());
+        shared.note(note);
+        for note in mosaic.iter().flat_map(|mosaic| &mosaic.notes) {
+            shared.note(Some(note.clone()));
         }
         return;
     }
     if let Ok(true) = is_planar(input, header) {
-        let reason = "its frames are views, detectors, energy windows or points in time, not slices (there is \
-                      no Slice Vector (0054,0080)), so they form no volume";
-        add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(reason));
+        let fault = ImageFault::FramesWithoutSlices;
+        add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&fault));
         return;
     }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
-        add_frame(series, file, header, image.as_ref(), None, frame, None).warn(note.as_deref());
+        add_frame(series, file, header, image.as_ref(), None, frame, None).note(note.clone());
         seen += 1;
         seen < frames
     });
     if let Err(error) = visited {
-        let reason = format!("its frames cannot be told apart: {error}");
-        add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&reason));
+        let fault = ImageFault::Frames(error);
+        add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&fault));
     }
 }
 
@@ -146,17 +145,12 @@ fn is_planar(input: &File, header: &DicomHeader) -> Result<bool, ScanError> {
     Ok(differ)
 }
 
-/// Warns of compressed pixels whose end is missing. A file that cannot be read says so when it is decoded.
-fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<String> {
+/// Is the end of compressed pixels missing? A file that cannot be read says so when it is decoded.
+fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<DicomNote> {
     let Storage::Coded(codec) = image.storage else { return None };
     let MissingEnd { fragments, lacking } = missing_end(input, &header.pixels?, codec).ok().flatten()?;
-    let mut text = String::from("the end of the pixel data is missing; was the file cut short?");
-    if lacking > 0 {
-        let _ = write!(text, " The last fragment lacks {lacking} bytes");
-    } else if image.frames > 1 && fragments >= image.frames.into() {
-        let _ = write!(text, " All {} frames were found", image.frames);
-    }
-    Some(text)
+    let all = lacking == 0 && image.frames > 1 && fragments >= image.frames.into();
+    Some(DicomNote::EndMissing { lacking, all_frames: Some(image.frames).filter(|_| all) })
 }
 
 /// Adds a frame; returns what its group shares.
@@ -167,7 +161,7 @@ fn add_frame<'s>(
     image: Option<&Image>,
     mosaic: Option<&Found>,
     frame: &FrameGeometry,
-    obstacle: Option<&str>,
+    obstacle: Option<&ImageFault>,
 ) -> &'s mut Shared {
     let kind = kind_of(&frame.frame_type);
     let mut key = StableHash::new().part(header.series_uid.as_bytes());
@@ -240,7 +234,7 @@ fn add_frame<'s>(
             series.layout_index(mosaic.map_or(i.layout, |m| i.layout.tile(m.mosaic.across)))
         }),
         image_type: series.type_index(&frame.frame_type, &frame.complex_component),
-        obstacle: obstacle.map_or(NO_OBSTACLE, |text| series.obstacle_index(text)),
+        obstacle: obstacle.map_or(NO_OBSTACLE, |fault| series.obstacle_index(fault)),
         identity: if header.instance_uid.is_empty() {
             0
         } else {
@@ -274,27 +268,24 @@ fn add_frame<'s>(
         spacing_between: frame.spacing_between,
         leaves_out_empty: header.is_segmentation(),
         unroll_bytes: 0,
-        warnings: Vec::new(),
+        notes: Vec::new(),
     };
     let group = series.group_of(key, shared);
     if let Some(image) = image {
         group.shared.unroll_bytes =
             group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
-        group.shared.warn(image.warning());
+        group.shared.note(image.note());
     }
     if header.is_dose() && header.dose_scaling.is_none() && rescales {
-        group.shared.warn(Some("the RT dose states no dose grid scaling; values are as stored, not in Gy"));
+        group.shared.note(Some(DicomNote::DoseUnscaled));
     }
-    group.shared.warn(match frame.origin {
-        Origin::Stated if frame.position.is_none() && frame.index > 0 && header.is_film() => Some(
-            "frames follow each other in time (Frame Increment Pointer (0028,0009)), and are stacked as if they \
-             were slices",
-        ),
-        Origin::Stated => None,
-        Origin::Grid => Some("positions of frames are taken from the grid frame offset vector"),
-        Origin::Stepped => {
-            Some("frames state no positions of their own; they are placed in their order by the stated spacing between slices")
+    group.shared.note(match frame.origin {
+        Origin::Stated if frame.position.is_none() && frame.index > 0 && header.is_film() => {
+            Some(DicomNote::FramesInTime)
         }
+        Origin::Stated => None,
+        Origin::Grid => Some(DicomNote::GridPositions),
+        Origin::Stepped => Some(DicomNote::SteppedPositions),
     });
     group.slices.push(slice);
     &mut group.shared

@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use super::group::{Group, Series, Slice};
 use super::layer::{Layer, Stack};
+use crate::facts::dicom::{DicomFault, DicomNote, ImageFault, SeriesFault};
 use crate::geom::Dims;
 use crate::progress::Progress;
 use crate::source::dicom::image::describe::Image;
@@ -90,45 +91,41 @@ enum At {
 }
 
 impl DicomVolume {
-    /// The volume of a stack of images of a group; `name` is remembered as the source's, `notes` are said
+    /// The volume of a stack of images of a group; `name` is remembered as the source's, `notes` are those
     /// of the whole series.
     pub(crate) fn build(
         series: &Series,
         group: &Group,
         stack: Stack,
         name: &str,
-        notes: &[String],
-    ) -> Result<Self, String> {
-        let Stack { layers, affine, warnings: of_stack } = stack;
-        let mut warnings = notes.to_vec();
-        warnings.extend(group.shared.warnings.iter().cloned());
-        warnings.extend(of_stack);
+        notes: &[DicomNote],
+    ) -> Result<Self, SeriesFault> {
+        let Stack { layers, affine, notes: of_stack } = stack;
+        let mut notes = notes.to_vec();
+        notes.extend(group.shared.notes.iter().cloned());
+        notes.extend(of_stack);
         let shared = &group.shared;
         let (used, layers) = number_images(layers);
         let slices: Vec<&Slice> = used.iter().filter_map(|i| group.slices.get(*i)).collect();
         let rescaled = slices.iter().filter(|s| s.rescales).count();
         let stated = slices.iter().filter(|s| s.rescales && s.rescale().is_some()).count();
         if stated > 0 && stated < rescaled {
-            return Err(format!(
-                "{} of {} slices state no rescale slope and intercept, so their values cannot be compared",
-                rescaled - stated,
-                slices.len()
-            ));
+            return Err(SeriesFault::RescaleMissing { lacking: rescaled - stated, slices: slices.len() });
         }
         let rescale_of = |s: &Slice| s.rescale().unwrap_or((1.0, 0.0));
         if slices.iter().any(|s| rescale_of(s).0 == 0.0) {
-            return Err("the rescale slope is 0, so every pixel would have the same value".into());
+            return Err(SeriesFault::RescaleZero);
         }
         let common = slices.first().map_or((1.0, 0.0), |s| rescale_of(s));
         let physical = slices.iter().any(|s| rescale_of(s) != common);
         if physical {
-            warnings.push("slices differ in rescale; values are converted to single precision".into());
+            notes.push(DicomNote::RescalesDiffer);
         }
         if stated == 0 && rescaled > 0 && shared.modality == "CT" {
-            warnings.push("the images state no rescale; values may not be HU".into());
+            notes.push(DicomNote::NoRescale);
         }
-        let layout_of = |s: &Slice| series.layouts.get(s.layout as usize).ok_or("an image without layout");
-        let layout = *layout_of(slices.first().ok_or("no image")?)?;
+        let layout_of = |s: &Slice| series.layouts.get(s.layout as usize).ok_or(SeriesFault::Incomplete);
+        let layout = *layout_of(slices.first().ok_or(SeriesFault::NoImage)?)?;
         let background = if shared.modality == "CT" { CT_BACKGROUND } else { 0.0 };
         let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
         files.sort_unstable();
@@ -142,7 +139,7 @@ impl DicomVolume {
             let (slope, intercept) = rescale_of(slice);
             let own = layout_of(slice)?;
             if own.scalar() != layout.scalar() {
-                return Err("its images do not have one type of samples".into());
+                return Err(SeriesFault::SampleTypes);
             }
             let padding = own.padding(slice.padding, background, slope, intercept);
             let padding = padding.filter(|p| p.matters() && (slice.rescales || own.stored().is_float()));
@@ -150,8 +147,8 @@ impl DicomVolume {
                 paddings.push(padding);
                 paddings.len() - 1
             });
-            let padding = u32::try_from(at).map_err(|_| "too many padding values")?;
-            let file = files.binary_search(&slice.file).map_err(|_| "an image without a file")?;
+            let padding = u32::try_from(at).map_err(|_| SeriesFault::ManyPaddings)?;
+            let file = files.binary_search(&slice.file).map_err(|_| SeriesFault::Incomplete)?;
             let at = match slice.native() {
                 Some(offset) => At::File(offset),
                 None => {
@@ -160,7 +157,7 @@ impl DicomVolume {
                 }
             };
             places.push(Place {
-                file: u32::try_from(file).map_err(|_| "too many files")?,
+                file: u32::try_from(file).map_err(|_| SeriesFault::ManyFiles)?,
                 frame: slice.frame,
                 at,
                 slope,
@@ -169,9 +166,8 @@ impl DicomVolume {
                 padding,
             });
         }
-        let dims = layout.dims(layers.len()).ok_or_else(|| {
-            format!("{}x{}x{} voxels are out of range", layout.columns, layout.rows, layers.len())
-        })?;
+        let (columns, rows, size) = (layout.columns, layout.rows, layers.len());
+        let dims = layout.dims(size).ok_or(SeriesFault::Size { columns, rows, slices: size })?;
         let description = SourceDescription {
             format: "dicom".into(),
             name: name.into(),
@@ -189,7 +185,7 @@ impl DicomVolume {
             spacing_mm: affine.spacing_mm(),
             affine,
             description,
-            warnings,
+            warnings: notes.iter().map(DicomNote::to_string).collect(),
         };
         let files = FileSet::new(series.files.select(files.iter().map(|f| *f as usize)));
         Ok(Self {
@@ -416,15 +412,16 @@ impl VolumeSource for DicomVolume {
         for of_file in wanted.chunk_by(|a, b| a.0 == b.0) {
             let Some((file, ..)) = of_file.first() else { continue };
             let path = self.files.list().path(*file as usize);
-            let unusable = |reason: String| SourceError::Unusable { path: path.clone(), reason };
+            let unusable = |fault| SourceError::Dicom { path: path.clone(), fault };
             let input =
                 File::open(&path).map_err(|cause| SourceError::Unreadable { path: path.clone(), cause })?;
-            let header = scan(&input).map_err(|e| unusable(e.to_string()))?;
-            let image = Image::of(&header).map_err(|e| unusable(e.to_string()))?;
+            let header = scan(&input).map_err(|error| unusable(DicomFault::Header(error)))?;
+            let image = Image::of(&header)
+                .map_err(|obstacle| unusable(DicomFault::Image(ImageFault::Pixels(obstacle))))?;
             if (image.layout.columns, image.layout.rows, image.layout.scalar())
                 != (layout.pitch(), layout.rows * layout.across(), scalar)
             {
-                return Err(unusable("was changed since it was found; start again".into()));
+                return Err(unusable(DicomFault::Changed));
             }
             let mut sink = ToSpool {
                 spool: &spool,
