@@ -17,7 +17,7 @@
 //! | [`resident`] | memory and code that are done with, given back to the system |
 //! | [`scratch`] | nameless files for what does not fit into memory |
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
-//! | [`codec`] | compressed images, one frame at a time, row by row |
+//! | `codec` (private) | compressed images, one frame at a time, row by row |
 //! | [`facts`] | what readers find, assume and refuse, as values |
 //! | [`volume`] | the trait of a volume, its facts, crop, downsample, georeference, spooling |
 //! | [`source`] | where voxels come from: raw files, DICOM series, NRRD, NIfTI and others, the synthetic head |
@@ -33,7 +33,10 @@ pub mod budget;
 pub mod builder;
 pub mod catalogue;
 pub mod clean;
-pub mod codec;
+mod codec;
+#[cfg(test)]
+#[path = "../tests/support/compress.rs"]
+mod compress;
 mod cpu;
 pub mod error;
 pub mod facts;

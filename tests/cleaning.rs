@@ -3,8 +3,7 @@
 //! is changed that nobody asked to change, or a machine dies on noise.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
 
 use infobyte::format::SectionKind;
 use infobyte::load::Model;
@@ -17,7 +16,7 @@ mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
-use command::{binary, oct, smallest_budget, text};
+use command::{measured_build, oct, smallest_budget, text};
 use random::Random;
 
 /// Writes 16-bit samples that are a function of their place.
@@ -270,38 +269,17 @@ fn noise_at_the_percolation_density_stays_within_the_cap() {
         &["--close", "2", "--keep-largest", "1"],
     ] {
         let output = folder.path().join("m.oct");
-        let peak_file = folder.path().join("peak");
         let size = [side; 3].map(|n| n.to_string()).join("x");
         let memory = format!("{cap}MiB");
-        let args = ["build", &text(&raw), "-o", &text(&output), "--json", "--dims", &size, "--dtype", "u8"];
-        let rest = ["--iso", "1", "--channels", "none", "--memory", &memory];
+        let raw_options = ["--dims", &size, "--dtype", "u8", "--iso", "1", "--channels", "none"];
+        let (report, outside) =
+            measured_build(&raw, &output, &[&raw_options, &["--memory", &memory][..], extra].concat());
         // GNU time where there is one; the program's own figure everywhere.
-        let mut command = gnu_time().map_or_else(
-            || Command::new(binary()),
-            |time| {
-                let mut command = Command::new(time);
-                command.args(["-f", "%M", "-o"]).arg(&peak_file).arg(binary());
-                command
-            },
-        );
-        let done = command.args(args).args(rest).args(extra).stdin(Stdio::null()).output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        let report: Value = serde_json::from_slice(&done.stdout).unwrap();
-        let inside = number(&report, "peak_rss_bytes");
-        let outside =
-            fs::read_to_string(&peak_file).map_or(0, |kib| kib.trim().parse::<u64>().unwrap() << 10);
+        let (inside, outside) = (number(&report, "peak_rss_bytes"), outside.unwrap_or(0));
         println!("{extra:?}: {inside} and {outside} of {}, {}", cap << 20, report["cleaning"]);
         assert!(inside > 0 && inside.max(outside) <= cap << 20, "{extra:?}: {inside} {outside}");
         if extra.contains(&"6") {
             assert!(number(&report["cleaning"], "components") > 500_000, "{report}");
         }
     }
-}
-
-/// Where GNU time may be; shells have a smaller `time` of their own.
-fn gnu_time() -> Option<PathBuf> {
-    let path = PathBuf::from("/usr/bin/time");
-    let version = Command::new(&path).arg("--version").output().ok()?;
-    let text = String::from_utf8_lossy(&[version.stdout, version.stderr].concat()).into_owned();
-    text.contains("GNU").then_some(path)
 }

@@ -11,7 +11,7 @@ use infobyte::volume::{ScalarType, SourceError, VolumeSource};
 
 #[path = "support/dicom.rs"]
 mod dicom;
-use dicom::Elements;
+use dicom::{Elements, firsts};
 
 const IMAGE_TYPE: u32 = 0x0008_0008;
 const ACQUISITION: u32 = 0x0020_0012;
@@ -63,16 +63,6 @@ impl Folder {
 fn ct(z: f64, instance: i32) -> Elements {
     let value = u16::try_from(instance).unwrap() * 10;
     Elements::ct(z, instance, [value, value + 1, value + 2, value + 3])
-}
-
-/// The first sample of each slice.
-fn firsts(source: &dyn VolumeSource) -> Vec<u16> {
-    let read = |z| {
-        let mut out = [0; 2];
-        source.read_rows(z, 0..1, 0..1, &mut out).unwrap();
-        u16::from_le_bytes(out)
-    };
-    (0..source.info().dims.nz()).map(read).collect()
 }
 
 fn warnings(source: &dyn VolumeSource) -> String {

@@ -4,7 +4,7 @@
 
 use infobyte::catalogue::open;
 use infobyte::source::OpenOptions;
-use infobyte::source::dicom::{Access, DicomHeader, Image as DicomImage, ScanError, scan};
+use infobyte::source::dicom::{Access, DicomHeader, Image as Judged, ScanError, scan};
 
 #[path = "support/counting.rs"]
 mod counting;
@@ -23,14 +23,9 @@ fn bounded(bytes: &[u8]) -> Result<DicomHeader, ScanError> {
     assert!(spent < 64 << 10, "{spent} bytes allocated for {} bytes of input", bytes.len());
     if let Ok(header) = &result {
         // Whatever was read must also be judged without a panic.
-        let _ = DicomImage::of(header).map(|image| {
-            let layout = image.layout;
-            let plain = matches!(image.access, Access::Native { .. });
-            assert!(
-                !plain
-                    || header.pixels.unwrap().available >= u64::from(layout.rows) * u64::from(layout.columns)
-            );
-        });
+        if let Ok(Judged { access: Access::Native { frame_bytes, .. }, frames, .. }) = Judged::of(header) {
+            assert!(header.pixels.unwrap().available >= frame_bytes * u64::from(frames));
+        }
     }
     result
 }
@@ -58,7 +53,7 @@ fn the_samples_are_sound() {
             assert_eq!(header.modality, "CT");
             assert_eq!(header.pixel_spacing, Some([0.75, 0.5]));
             assert_eq!(header.transfer_syntax.uid(), syntax.uid());
-            assert!(DicomImage::of(&header).is_ok());
+            assert!(Judged::of(&header).is_ok());
         }
     }
 }
@@ -71,7 +66,7 @@ fn every_truncation_is_refused_or_told() {
             let pixels = bounded(&bytes).unwrap().pixels.unwrap();
             let whole = usize::try_from(pixels.offset).unwrap() + 8;
             for end in 0..bytes.len() {
-                let usable = bounded(&bytes[..end]).is_ok_and(|h| DicomImage::of(&h).is_ok());
+                let usable = bounded(&bytes[..end]).is_ok_and(|h| Judged::of(&h).is_ok());
                 assert_eq!(usable, end >= whole, "{syntax:?} {meta} cut at {end} of {}", bytes.len());
             }
         }
@@ -162,7 +157,7 @@ fn zero_lengths_stray_delimiters_and_constant_bytes_are_harmless() {
         w.head(0x7fe0_0010, "OW", 0);
         let header = bounded(&w.bytes).unwrap();
         assert_eq!((header.rows, header.position, header.slope), (None, None, None));
-        assert!(DicomImage::of(&header).is_err());
+        assert!(Judged::of(&header).is_err());
     }
     for byte in [0, 2, 8, b'D', 0xff] {
         for n in [0, 1, 7, 131, 132, 133, 140, 10_000] {

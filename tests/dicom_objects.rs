@@ -10,7 +10,7 @@ use infobyte::volume::VolumeSource;
 
 #[path = "support/dicom.rs"]
 mod dicom;
-use dicom::{Elements, Syntax, Writer};
+use dicom::{Elements, Syntax, Writer, firsts};
 
 const IMAGE_TYPE: u32 = 0x0008_0008;
 const CLASS: u32 = 0x0008_0016;
@@ -54,15 +54,6 @@ impl Found {
     fn firsts(&self) -> Vec<Vec<u16>> {
         (0..self.findings.len()).map(|at| firsts(self.volume(at))).collect()
     }
-}
-
-fn firsts(source: &dyn VolumeSource) -> Vec<u16> {
-    let read = |z| {
-        let mut out = [0; 2];
-        source.read_rows(z, 0..1, 0..1, &mut out).unwrap();
-        u16::from_le_bytes(out)
-    };
-    (0..source.info().dims.nz()).map(read).collect()
 }
 
 /// Origin and step of the slices.

@@ -7,10 +7,7 @@
 //! test's own binary, whose code is larger than a release; `OCT_BINARY` names another to be measured.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-
-use serde_json::Value;
+use std::path::Path;
 
 #[path = "support/command.rs"]
 mod command;
@@ -23,7 +20,7 @@ mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
-use command::{binary, text};
+use command::measured_build;
 use dicom::Image;
 use formats::{Object, Tiff};
 use infobyte::volume::ScalarType;
@@ -31,33 +28,6 @@ use random::Random;
 use volume::encode;
 
 const MIB: u64 = 1 << 20;
-
-/// Where GNU time may be; shells have a smaller `time` of their own.
-fn gnu_time() -> Option<PathBuf> {
-    let path = PathBuf::from("/usr/bin/time");
-    let version = Command::new(&path).arg("--version").output().ok()?;
-    let text = String::from_utf8_lossy(&[version.stdout, version.stderr].concat()).into_owned();
-    text.contains("GNU").then_some(path)
-}
-
-/// Builds `input` and returns the report and the peak that GNU time saw.
-fn measured(input: &Path, output: &Path, extra: &[&str]) -> (Value, Option<u64>) {
-    let peak_file = output.with_extension("peak");
-    let mut command = match gnu_time() {
-        Some(time) => {
-            let mut command = Command::new(time);
-            command.args(["-f", "%M", "-o"]).arg(&peak_file).arg(binary());
-            command
-        }
-        None => Command::new(binary()),
-    };
-    let args = ["build", &text(input), "-o", &text(output), "--json"];
-    let done = command.args(args).args(extra).stdin(Stdio::null()).output().unwrap();
-    let stderr = String::from_utf8_lossy(&done.stderr);
-    assert!(done.status.success(), "{input:?} {extra:?}: {stderr}");
-    let peak = fs::read_to_string(&peak_file).ok().map(|kib| kib.trim().parse::<u64>().unwrap() * 1024);
-    (serde_json::from_slice(&done.stdout).unwrap(), peak)
-}
 
 /// The cap that the smallest machines set, in MiB: 8, and for the test's own unoptimised binary, whose code
 /// alone is larger by 2 MiB, 10.
@@ -68,7 +38,7 @@ fn small_cap() -> u64 {
 /// Builds within `cap_mib` and holds every figure to it; returns what was left, in bytes.
 fn held_to(input: &Path, output: &Path, cap_mib: u64, extra: &[&str]) -> u64 {
     let cap = format!("{cap_mib}MiB");
-    let (report, outside) = measured(input, output, &[extra, &["--memory", &cap]].concat());
+    let (report, outside) = measured_build(input, output, &[extra, &["--memory", &cap]].concat());
     let number = |key: &str| report[key].as_u64().unwrap_or_else(|| panic!("{key} of {report}"));
     let limit = cap_mib * MIB;
     let inside = number("peak_rss_bytes");

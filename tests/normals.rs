@@ -27,74 +27,29 @@
 
 #[path = "support/random.rs"]
 mod random;
-
-use std::ops::Range;
+#[path = "support/volume.rs"]
+mod volume;
 
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
 use infobyte::format::normal;
-use infobyte::geom::{Affine, Dims, morton};
+use infobyte::geom::{Affine, morton};
 use infobyte::load::{Model, NodeView};
-use infobyte::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use infobyte::volume::ScalarType;
 use random::Random;
+use volume::MemoryVolume;
 
-/// A volume held in memory.
-struct Held {
-    info: VolumeInfo,
-    samples: Vec<u8>,
-}
-
-impl Held {
-    /// Samples `value(x, y, z)` of type `scalar`.
-    fn new<T: bytemuck::Pod>(
-        dims: [u32; 3],
-        spacing_mm: [f64; 3],
-        scalar: ScalarType,
-        value: impl Fn([u32; 3]) -> T,
-    ) -> Self {
-        assert_eq!(size_of::<T>(), scalar.bytes());
-        let [nx, ny, nz] = dims;
-        let mut samples = Vec::new();
-        for z in 0..nz {
-            for y in 0..ny {
-                for x in 0..nx {
-                    samples.extend(bytemuck::bytes_of(&value([x, y, z])));
-                }
-            }
-        }
-        let info = VolumeInfo {
-            dims: Dims::new(nx, ny, nz).unwrap(),
-            scalar,
-            rescale: Rescale::IDENTITY,
-            spacing_mm,
-            affine: Affine::from_spacing(spacing_mm),
-            description: SourceDescription::default(),
-            warnings: Vec::new(),
-        };
-        Self { info, samples }
-    }
-}
-
-impl VolumeSource for Held {
-    fn info(&self) -> &VolumeInfo {
-        &self.info
-    }
-
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
-        let [nx, ny, _] = self.info.dims.to_array().map(|n| n as usize);
-        let width = self.info.scalar.bytes();
-        for (y, row) in rows.zip(out.chunks_mut(cols.len() * width)) {
-            let from = ((z as usize * ny + y as usize) * nx + cols.start as usize) * width;
-            row.copy_from_slice(&self.samples[from..from + row.len()]);
-        }
-        Ok(())
-    }
+/// A volume of the samples next to `value(x, y, z)`.
+fn volume_of(
+    dims: [u32; 3],
+    spacing_mm: [f64; 3],
+    scalar: ScalarType,
+    value: impl Fn([u32; 3]) -> f64,
+) -> MemoryVolume {
+    let [nx, ny, nz] = dims;
+    let cells = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+    let values: Vec<f64> = cells.map(value).collect();
+    MemoryVolume::new(dims, scalar, &values).placed(Affine::from_spacing(spacing_mm))
 }
 
 /// Skin voxels with their normals' codes.
@@ -102,7 +57,7 @@ type Codes = Vec<([u32; 3], u16)>;
 
 /// Every skin voxel of a finished file with its code, in the file's order, and the builder's report.
 fn stored_codes(
-    volume: &Held,
+    volume: &MemoryVolume,
     iso: f64,
     threads: usize,
     memory: MemoryCap,
@@ -160,7 +115,7 @@ struct Errors {
 
 /// Angles between stored and true normals, in degrees; `truth` gives any outward vector, or `None`
 /// for a voxel that is left out. Every one of them must be below 90: neither zero nor inward.
-fn angles(volume: &Held, iso: f64, truth: impl Fn([u32; 3]) -> Option<[f64; 3]>) -> Vec<f64> {
+fn angles(volume: &MemoryVolume, iso: f64, truth: impl Fn([u32; 3]) -> Option<[f64; 3]>) -> Vec<f64> {
     let (codes, _) = stored_codes(volume, iso, 2, MemoryCap::Process(1 << 30)).unwrap();
     let angles: Vec<f64> = codes
         .into_iter()
@@ -312,16 +267,16 @@ impl Ball {
         taps
     }
 
-    fn grey(&self, noise: f64, slices: Slices) -> Held {
+    fn grey(&self, noise: f64, slices: Slices) -> MemoryVolume {
         let corner = [0, 1, 2].map(|a| f64::from(self.dims()[a]) * self.spacing[a]);
         let profile = Profile::new(self.radius, 0.8, length(corner));
         let blur = self.blur_along_z(slices);
-        Held::new(self.dims(), self.spacing, ScalarType::U16, |at| {
+        volume_of(self.dims(), self.spacing, ScalarType::U16, |at| {
             let [x, y, z] = self.offset(at);
             let blurred: f64 =
                 blur.iter().map(|(shift, weight)| weight * profile.at(length([x, y, z + shift]))).sum();
             let value = blurred + noise * STEP * gaussian_noise(at);
-            value.round().clamp(0.0, 65535.0) as u16
+            value.round()
         })
     }
 
@@ -364,8 +319,9 @@ fn noise_of_two_and_a_half_percent_is_averaged_out() {
 /// The ball without any grey in between.
 fn binary_ball() -> Errors {
     let ball = Ball::new(40.0, [1.0; 3]);
-    let volume =
-        Held::new(ball.dims(), [1.0; 3], ScalarType::U8, |at| u8::from(ball.distance(at) <= ball.radius));
+    let volume = volume_of(ball.dims(), [1.0; 3], ScalarType::U8, |at| {
+        f64::from(u8::from(ball.distance(at) <= ball.radius))
+    });
     row("ball R=40, binary", angles(&volume, 0.5, |at| Some(ball.offset(at))), "3.87 / 11.5")
 }
 
@@ -380,10 +336,10 @@ fn binary_planes() -> Errors {
         let r = (1.0 - z * z).sqrt();
         let outward = [r * phi.cos(), r * phi.sin(), z];
         let shift = gaussian_noise([i, 1, 2]);
-        let volume = Held::new([n; 3], [1.0; 3], ScalarType::U8, |at| {
+        let volume = volume_of([n; 3], [1.0; 3], ScalarType::U8, |at| {
             let height: f64 =
                 at.iter().zip(outward).map(|(c, o)| (f64::from(*c) - 0.5 * f64::from(n)) * o).sum();
-            u8::from(height <= shift)
+            f64::from(u8::from(height <= shift))
         });
         let inside = |at: [u32; 3]| at.iter().all(|c| (2..n - 2).contains(c));
         all.extend(angles(&volume, 0.5, |at| inside(at).then_some(outward)));
@@ -435,10 +391,10 @@ fn anisotropic_spacing_meets_its_percentiles_too() {
 #[test]
 fn codes_do_not_depend_on_threads_or_memory() {
     // A noisy, wavy ground, wide enough for a small budget to cut it into narrower columns.
-    let volume = Held::new([4000, 72, 24], [1.0, 1.0, 2.0], ScalarType::U16, |at| {
+    let volume = volume_of([4000, 72, 24], [1.0, 1.0, 2.0], ScalarType::U16, |at| {
         let [x, y, z] = at.map(f64::from);
         let height = 12.0 + 5.0 * (x * 0.05).sin() * (y * 0.07).cos();
-        (2000.0 + 500.0 * (height - z) + 50.0 * gaussian_noise(at)).round().clamp(0.0, 4095.0) as u16
+        (2000.0 + 500.0 * (height - z) + 50.0 * gaussian_noise(at)).round().clamp(0.0, 4095.0)
     });
     let codes = |threads, memory| stored_codes(&volume, 2000.0, threads, memory);
     let (expected, wide) = codes(1, MemoryCap::Process(1 << 30)).unwrap();
@@ -474,9 +430,8 @@ fn the_marschner_lobb_signal_is_resolved() {
         let margin = 3;
         let place =
             |at: [u32; 3]| at.map(|i| (f64::from(i) + 0.5 - f64::from(margin)) * 2.0 / f64::from(n) - 1.0);
-        let volume = Held::new([n + 2 * margin; 3], [1.0; 3], ScalarType::F32, |at| {
-            marschner_lobb(place(at)).0 as f32
-        });
+        let volume =
+            volume_of([n + 2 * margin; 3], [1.0; 3], ScalarType::F32, |at| marschner_lobb(place(at)).0);
         let inside = |at: [u32; 3]| at.iter().all(|i| (margin..n + margin).contains(i));
         let truth = |at: [u32; 3]| inside(at).then(|| marschner_lobb(place(at)).1);
         let e = row(&format!("Marschner-Lobb {n}^3"), angles(&volume, 0.5, truth), gaussian);

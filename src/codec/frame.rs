@@ -6,21 +6,21 @@ use super::error::CodecError;
 
 /// What a codestream says of its image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameFormat {
+pub(crate) struct FrameFormat {
     /// Width in pixels.
-    pub columns: u32,
+    pub(crate) columns: u32,
     /// Height in pixels.
-    pub rows: u32,
+    pub(crate) rows: u32,
     /// Samples per pixel.
-    pub components: u8,
+    pub(crate) components: u8,
     /// Bits per sample.
-    pub precision: u8,
+    pub(crate) precision: u8,
     /// Are samples two's complement? False where the codestream cannot say.
-    pub signed: bool,
+    pub(crate) signed: bool,
 }
 
 /// Receives a decoded frame, top to bottom.
-pub trait RowSink {
+pub(crate) trait RowSink {
     /// Called once, before any row and before anything of the image's size is allocated. A receiver that
     /// refuses ends the decoding with its error.
     ///
@@ -37,14 +37,9 @@ pub trait RowSink {
 }
 
 /// The bytes of one compressed frame, wherever its fragments lie.
-pub trait FrameBytes {
+pub(crate) trait FrameBytes {
     /// How many there are.
     fn len(&self) -> u64;
-
-    /// Are there none?
-    fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
 
     /// Reads some bytes at `offset`; 0 at the end.
     ///
@@ -64,28 +59,6 @@ impl FrameBytes for Vec<u8> {
         if let (Some(to), Some(from)) = (buffer.get_mut(..taken), rest.get(..taken)) {
             to.copy_from_slice(from);
         }
-        Ok(taken)
-    }
-}
-
-/// Reads [`FrameBytes`] from its first byte to its last.
-pub struct FrameReader<'a> {
-    bytes: &'a dyn FrameBytes,
-    at: u64,
-}
-
-impl<'a> FrameReader<'a> {
-    /// Starts at the first byte.
-    #[must_use]
-    pub fn new(bytes: &'a dyn FrameBytes) -> FrameReader<'a> {
-        FrameReader { bytes, at: 0 }
-    }
-}
-
-impl io::Read for FrameReader<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let taken = self.bytes.read_at(buffer, self.at)?;
-        self.at = self.at.saturating_add(taken as u64);
         Ok(taken)
     }
 }

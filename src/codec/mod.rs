@@ -6,10 +6,13 @@
 
 mod error;
 mod frame;
-pub mod jpeg;
-pub mod jpeg2000;
-pub mod jpegls;
-pub mod rle;
+pub(crate) mod jpeg;
+pub(crate) mod jpeg2000;
+pub(crate) mod jpegls;
+#[cfg(test)]
+#[path = "../../tests/support/codec/kept.rs"]
+mod kept;
+pub(crate) mod rle;
 
 pub use error::{CodecError, Damage, Feature, Mismatch};
-pub use frame::{FrameBytes, FrameFormat, FrameReader, RowSink};
+pub(crate) use frame::{FrameBytes, FrameFormat, RowSink};

@@ -20,15 +20,15 @@ const CHUNK_BYTES: usize = 1 << 10;
 
 /// What an RLE frame must hold; only the header of the file knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RleFormat {
+pub(crate) struct RleFormat {
     /// Width in pixels.
-    pub columns: u32,
+    pub(crate) columns: u32,
     /// Height in pixels.
-    pub rows: u32,
+    pub(crate) rows: u32,
     /// Samples per pixel.
-    pub components: u8,
+    pub(crate) components: u8,
     /// Bytes of one sample as allocated, 1 to 4.
-    pub bytes_per_sample: u8,
+    pub(crate) bytes_per_sample: u8,
 }
 
 /// Decodes one RLE frame.
@@ -45,7 +45,11 @@ pub struct RleFormat {
 /// # Errors
 /// The header contradicts the format or the length of the frame, a segment ends early, or the input or
 /// `sink` fails.
-pub fn decode(input: &dyn FrameBytes, format: &RleFormat, sink: &mut dyn RowSink) -> Result<(), CodecError> {
+pub(crate) fn decode(
+    input: &dyn FrameBytes,
+    format: &RleFormat,
+    sink: &mut dyn RowSink,
+) -> Result<(), CodecError> {
     let &RleFormat { columns, rows, components, bytes_per_sample } = format;
     if !(1..=4).contains(&bytes_per_sample) {
         return Err(Feature::SampleBytes { bytes: bytes_per_sample }.into());
@@ -212,28 +216,10 @@ mod encoder;
 #[cfg(test)]
 #[expect(clippy::cast_possible_truncation, reason = "bytes and sizes of small test images")]
 mod tests {
+    use super::super::kept::Kept;
     use super::encoder::encode;
     use super::*;
     use crate::random::Random;
-
-    /// Keeps the rows.
-    #[derive(Default)]
-    struct Keep {
-        format: Option<FrameFormat>,
-        rows: Vec<Vec<i32>>,
-    }
-
-    impl RowSink for Keep {
-        fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
-            assert!(self.format.replace(*format).is_none(), "begun twice");
-            Ok(())
-        }
-
-        fn row(&mut self, samples: &[i32]) -> Result<(), CodecError> {
-            self.rows.push(samples.to_vec());
-            Ok(())
-        }
-    }
 
     /// Hands out few bytes at a time.
     struct Trickle(Vec<u8>);
@@ -272,14 +258,14 @@ mod tests {
                     let format = RleFormat { columns, rows, components, bytes_per_sample };
                     let samples = samples(&format, &mut random);
                     let frame = Trickle(encode(&format, &samples, &mut random));
-                    let mut keep = Keep::default();
-                    decode(&frame, &format, &mut keep).unwrap();
-                    assert_eq!(keep.rows.len(), rows as usize);
+                    let mut kept = Kept::default();
+                    decode(&frame, &format, &mut kept).unwrap();
+                    assert_eq!(kept.rows.len(), rows as usize);
                     let expected: Vec<i32> = samples.iter().map(|sample| sample.cast_signed()).collect();
-                    assert_eq!(keep.rows.concat(), expected, "{format:?}");
+                    assert_eq!(kept.rows.concat(), expected, "{format:?}");
                     let precision = 8 * bytes_per_sample;
                     let begun = FrameFormat { columns, rows, components, precision, signed: false };
-                    assert_eq!(keep.format, Some(begun));
+                    assert_eq!(kept.format, Some(begun));
                 }
             }
         }
@@ -293,11 +279,11 @@ mod tests {
         // Seven times 9, nothing, a literal of two, and padding of an odd length.
         frame.extend([250, 9, 128, 1, 5, 6, 0]);
         let format = RleFormat { columns: 3, rows: 3, components: 1, bytes_per_sample: 1 };
-        let mut keep = Keep::default();
-        decode(&frame, &format, &mut keep).unwrap();
-        assert_eq!(keep.rows, [[9, 9, 9], [9, 9, 9], [9, 5, 6]]);
+        let mut kept = Kept::default();
+        decode(&frame, &format, &mut kept).unwrap();
+        assert_eq!(kept.rows, [[9, 9, 9], [9, 9, 9], [9, 5, 6]]);
         frame.truncate(frame.len() - 2);
-        let result = decode(&frame, &format, &mut Keep::default());
+        let result = decode(&frame, &format, &mut Kept::default());
         assert!(
             matches!(result, Err(CodecError::Damaged(what)) if what.to_string().contains("segment 1 ends early"))
         );
@@ -311,12 +297,12 @@ mod tests {
         let says = |at: usize, value: u32, words: &str| {
             let mut frame = sound.clone();
             frame[at..at + 4].copy_from_slice(&value.to_le_bytes());
-            let mut keep = Keep::default();
-            match decode(&frame, &format, &mut keep) {
+            let mut kept = Kept::default();
+            match decode(&frame, &format, &mut kept) {
                 Err(CodecError::Damaged(what)) => assert!(what.to_string().contains(words), "{what}"),
                 other => panic!("{other:?}"),
             }
-            assert!(keep.format.is_none(), "found before the frame begins");
+            assert!(kept.format.is_none(), "found before the frame begins");
         };
         says(0, 3, "has 3 segments, where the pixels need 2");
         says(0, u32::MAX, "segments");
@@ -324,9 +310,9 @@ mod tests {
         says(8, 63, "segment 1 lies at 64 to 63");
         says(8, u32::MAX, "segment 1 lies at");
         let short = sound[..63].to_vec();
-        assert!(matches!(decode(&short, &format, &mut Keep::default()), Err(CodecError::Damaged(_))));
+        assert!(matches!(decode(&short, &format, &mut Kept::default()), Err(CodecError::Damaged(_))));
         let wide = RleFormat { components: 4, bytes_per_sample: 4, ..format };
-        assert!(matches!(decode(&sound, &wide, &mut Keep::default()), Err(CodecError::Unsupported(_))));
+        assert!(matches!(decode(&sound, &wide, &mut Kept::default()), Err(CodecError::Unsupported(_))));
     }
 
     #[test]
@@ -340,7 +326,7 @@ mod tests {
             let samples = samples(&format, &mut random);
             let sound = encode(&format, &samples, &mut random);
             for length in 0..sound.len() - 2 {
-                let result = decode(&sound[..length].to_vec(), &format, &mut Keep::default());
+                let result = decode(&sound[..length].to_vec(), &format, &mut Kept::default());
                 assert!(matches!(result, Err(CodecError::Damaged(_))), "{length} of {}", sound.len());
             }
             for _ in 0..200 {
@@ -349,9 +335,9 @@ mod tests {
                     let within = if random.below(2) == 0 { HEADER_BYTES } else { changed.len() };
                     changed[random.below(within)] = random.byte();
                 }
-                let mut keep = Keep::default();
-                let result = decode(&changed, &format, &mut keep);
-                assert!(keep.rows.len() <= 9 && (result.is_err() || keep.rows.len() == 9));
+                let mut kept = Kept::default();
+                let result = decode(&changed, &format, &mut kept);
+                assert!(kept.rows.len() <= 9 && (result.is_err() || kept.rows.len() == 9));
                 failed += usize::from(result.is_err());
             }
         }

@@ -83,3 +83,30 @@ pub(crate) fn smallest_budget(refusal: &str) -> &str {
     let (_, after) = refusal.split_once("smallest that works is --memory ").expect(refusal);
     after.split([',', ';', ' ', '\n']).next().unwrap()
 }
+
+/// Where GNU time may be; shells have a smaller `time` of their own.
+fn gnu_time() -> Option<PathBuf> {
+    let path = PathBuf::from("/usr/bin/time");
+    let version = Command::new(&path).arg("--version").output().ok()?;
+    let text = String::from_utf8_lossy(&[version.stdout, version.stderr].concat()).into_owned();
+    text.contains("GNU").then_some(path)
+}
+
+/// Builds `input`; the report, and the peak in bytes that GNU time saw, where there is a GNU time.
+pub(crate) fn measured_build(input: &Path, output: &Path, extra: &[&str]) -> (Value, Option<u64>) {
+    let peak_file = output.with_extension("peak");
+    let mut command = match gnu_time() {
+        Some(time) => {
+            let mut command = Command::new(time);
+            command.args(["-f", "%M", "-o"]).arg(&peak_file).arg(binary());
+            command
+        }
+        None => Command::new(binary()),
+    };
+    let args = ["build", &text(input), "-o", &text(output), "--json"];
+    let done = command.args(args).args(extra).stdin(Stdio::null()).output().unwrap();
+    let stderr = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.success(), "{input:?} {extra:?}: {stderr}");
+    let peak = fs::read_to_string(&peak_file).ok().map(|kib| kib.trim().parse::<u64>().unwrap() * 1024);
+    (serde_json::from_slice(&done.stdout).unwrap(), peak)
+}

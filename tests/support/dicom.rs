@@ -1,6 +1,8 @@
 //! Writes small DICOM files from parts, sound or hostile, for tests.
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+use infobyte::volume::VolumeSource;
+
 /// How elements are written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Syntax {
@@ -389,4 +391,14 @@ pub(crate) fn mosaic(
     ];
     image.raw(0x0029_1010, "OB", &csa(true, &header)).raw(0x7fe0_0010, "OW", &pixels);
     image
+}
+
+/// The first sample of each slice.
+pub(crate) fn firsts(source: &dyn VolumeSource) -> Vec<u16> {
+    let read = |z| {
+        let mut out = [0; 2];
+        source.read_rows(z, 0..1, 0..1, &mut out).unwrap();
+        u16::from_le_bytes(out)
+    };
+    (0..source.info().dims.nz()).map(read).collect()
 }

@@ -3,12 +3,15 @@
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use infobyte::volume::ScalarType;
 
 use super::volume::encode;
+
+#[path = "compress.rs"]
+mod compress;
+pub(crate) use compress::{bzip2, gzip, zlib};
 
 /// A volume to be written: samples as little-endian bytes, x fastest, and a diagonal LPS affine.
 #[derive(Clone)]
@@ -54,24 +57,6 @@ impl Object {
     pub(crate) fn slice_bytes(&self) -> usize {
         self.dims[0] as usize * self.dims[1] as usize * self.scalar.bytes()
     }
-}
-
-pub(crate) fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
-}
-
-pub(crate) fn zlib(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
-}
-
-pub(crate) fn bzip2(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
 }
 
 /// The samples as text.

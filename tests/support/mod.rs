@@ -25,6 +25,11 @@ pub(crate) fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
 /// A shell of a ball with rough normals, in a box of `dims`.
 pub(crate) fn shell(dims: [u32; 3], channels: Channels, seed: u64) -> Vec<u8> {
     let mut random = Random(seed);
+    shell_of(dims, channels, |n| random.below(n))
+}
+
+/// The same with numbers from elsewhere: `below(n)` gives the next one below `n`.
+pub(crate) fn shell_of(dims: [u32; 3], channels: Channels, mut below: impl FnMut(u64) -> u64) -> Vec<u8> {
     let center = dims.map(|n| f64::from(n) / 2.0 - 0.5);
     let radius = dims.map(f64::from).into_iter().fold(f64::INFINITY, f64::min) / 2.0 - 1.0;
     let mut voxels = Vec::new();
@@ -34,11 +39,11 @@ pub(crate) fn shell(dims: [u32; 3], channels: Channels, seed: u64) -> Vec<u8> {
                 let d = [0, 1, 2].map(|a| f64::from([x, y, z][a]) - center[a]);
                 let length = d.iter().map(|c| c * c).sum::<f64>().sqrt();
                 if (length - radius).abs() < 0.6 {
-                    let rough = d.map(|c| (c + random.below(100) as f64 / 100.0 - 0.5) as f32);
+                    let rough = d.map(|c| (c + below(100) as f64 / 100.0 - 0.5) as f32);
                     voxels.push(AssembledVoxel {
                         cell: [x, y, z],
                         normal: normal::encode(rough),
-                        value: random.below(1 << (8 * channels.value_bytes)) as u16,
+                        value: below(1 << (8 * channels.value_bytes)) as u16,
                     });
                 }
             }

@@ -50,7 +50,11 @@ use memory::reserve;
 /// # Errors
 /// [`CodecError::Damaged`] and [`CodecError::Unsupported`] as above; [`CodecError::Memory`] if more than
 /// `memory_bytes` would be held; what the input or the receiver reports.
-pub fn decode(input: &mut dyn Read, memory_bytes: u64, sink: &mut dyn RowSink) -> Result<(), CodecError> {
+pub(crate) fn decode(
+    input: &mut dyn Read,
+    memory_bytes: u64,
+    sink: &mut dyn RowSink,
+) -> Result<(), CodecError> {
     reserve(0, memory_bytes)?;
     let mut bytes = Bytes::new(input);
     let mut tables = Tables::default();

@@ -2,41 +2,14 @@
 
 use std::io::Read;
 
-use super::super::{CodecError, FrameFormat, RowSink};
+use super::super::kept::Kept;
+use super::super::{CodecError, FrameFormat, Mismatch, RowSink};
 use super::encoder::{Dct, FLAT, Lossless, STEEP, Writer};
 use super::{dct, decode};
 use crate::random::Random;
 
 /// More than any image of the tests needs.
 const PLENTY: u64 = 1 << 22;
-
-/// Keeps what it is given, if the image is as small as those of the tests.
-#[derive(Default)]
-struct Kept {
-    format: Option<FrameFormat>,
-    rows: Vec<Vec<i32>>,
-}
-
-impl RowSink for Kept {
-    fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
-        assert!(self.format.is_none(), "begun twice");
-        self.format = Some(*format);
-        if format.rows > 300 {
-            return Err(CodecError::Damaged("too high for the test".to_owned()));
-        }
-        Ok(())
-    }
-
-    fn row(&mut self, samples: &[i32]) -> Result<(), CodecError> {
-        let format = self.format.expect("begun");
-        assert_eq!(samples.len(), format.columns as usize * usize::from(format.components));
-        let most = (1 << format.precision) - 1;
-        assert!(samples.iter().all(|s| (0..=most).contains(s)), "a sample has more than its bits");
-        self.rows.push(samples.to_vec());
-        assert!(self.rows.len() <= format.rows as usize);
-        Ok(())
-    }
-}
 
 /// All samples of an image that must decode.
 fn samples(stream: &[u8]) -> Vec<i32> {
@@ -460,7 +433,7 @@ fn errors_of_input_and_receiver_are_passed_on() {
     struct Refusing;
     impl RowSink for Refusing {
         fn begin(&mut self, _: &FrameFormat) -> Result<(), CodecError> {
-            Err(CodecError::Unsupported("this test".to_owned()))
+            Err(Mismatch::ManyRows.into())
         }
         fn row(&mut self, _: &[i32]) -> Result<(), CodecError> {
             panic!("a row after a refusal");
@@ -473,5 +446,5 @@ fn errors_of_input_and_receiver_are_passed_on() {
     assert!(matches!(error, CodecError::Io(_)), "{error}");
     let mut input = &stream[..];
     let error = decode(&mut input, PLENTY, &mut Refusing).unwrap_err().to_string();
-    assert!(error.contains("this test"));
+    assert!(error.contains("more rows than it says"));
 }

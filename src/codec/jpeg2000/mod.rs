@@ -68,7 +68,7 @@ const SMALL_LISTS: u64 = 4096;
 /// # Errors
 /// The codestream is damaged or ends early, is of a kind named in the module's text, needs more memory
 /// than allowed, or `sink` refuses it.
-pub fn decode(
+pub(crate) fn decode(
     input: &mut dyn Read,
     compressed_bytes: u64,
     memory_bytes: u64,

@@ -1,50 +1,21 @@
 //! Codestreams with known samples, and damaged ones.
 
+use super::super::kept::Kept;
 use super::vectors::{
     EVERYTHING, HIGH_THROUGHPUT, IRREVERSIBLE, THREE_PASSES, THREE_PASSES_SAMPLES, plain_stream,
 };
 use super::*;
 use crate::random::Random;
 
-#[derive(Default)]
-struct Frame {
-    format: Option<FrameFormat>,
-    samples: Vec<i32>,
-    rows: usize,
-    /// Refuse more samples than these.
-    limit: u64,
-}
-
-impl RowSink for Frame {
-    fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
-        assert!(self.format.replace(*format).is_none(), "begin is called once");
-        let samples = u64::from(format.columns) * u64::from(format.rows) * u64::from(format.components);
-        if samples > self.limit {
-            Err(CodecError::Unsupported("a frame of this size".into()))
-        } else {
-            Ok(())
-        }
-    }
-
-    fn row(&mut self, samples: &[i32]) -> Result<(), CodecError> {
-        let format = self.format.expect("begin comes first");
-        assert_eq!(samples.len(), format.columns as usize * usize::from(format.components));
-        self.samples.extend_from_slice(samples);
-        self.rows += 1;
-        assert!(self.rows <= format.rows as usize);
-        Ok(())
-    }
-}
-
-fn try_decode(bytes: &[u8], memory_bytes: u64) -> Result<Frame, CodecError> {
-    let mut frame = Frame { limit: 1 << 21, ..Frame::default() };
+fn try_decode(bytes: &[u8], memory_bytes: u64) -> Result<Kept, CodecError> {
+    let mut frame = Kept { most_samples: 1 << 21, ..Kept::default() };
     decode(&mut &*bytes, bytes.len() as u64, memory_bytes, &mut frame)?;
     let format = frame.format.expect("a decoded frame has a format");
-    assert_eq!(frame.rows, format.rows as usize, "a decoded frame has all its rows");
+    assert_eq!(frame.rows.len(), format.rows as usize, "a decoded frame has all its rows");
     Ok(frame)
 }
 
-fn decoded(bytes: &[u8]) -> Frame {
+fn decoded(bytes: &[u8]) -> Kept {
     try_decode(bytes, 16 << 20).unwrap()
 }
 
@@ -59,14 +30,14 @@ fn all_styles_tiles_and_layers_are_exact() {
     let frame = decoded(EVERYTHING);
     let format = FrameFormat { columns: 9, rows: 7, components: 1, precision: 12, signed: true };
     assert_eq!(frame.format, Some(format));
-    assert_eq!(frame.samples, formula(9, 7, 250, -100));
+    assert_eq!(frame.rows.concat(), formula(9, 7, 250, -100));
 }
 
 #[test]
 fn irreversible_colours_are_near() {
     let frame = decoded(IRREVERSIBLE);
-    assert_eq!(frame.samples.len(), 9 * 9 * 3);
-    for (index, pixel) in frame.samples.chunks_exact(3).enumerate() {
+    assert_eq!(frame.rows.concat().len(), 9 * 9 * 3);
+    for (index, pixel) in frame.rows.concat().chunks_exact(3).enumerate() {
         let (x, y) = (i32::try_from(index % 9).unwrap(), i32::try_from(index / 9).unwrap());
         for (sample, expected) in pixel.iter().zip([20 * x + 5 * y, 200 - 10 * x, 7 * x + 13 * y]) {
             assert!((sample - expected).abs() <= 2, "pixel {x}, {y}: {sample} for {expected}");
@@ -79,12 +50,12 @@ fn high_throughput_is_exact() {
     let frame = decoded(HIGH_THROUGHPUT);
     let format = FrameFormat { columns: 9, rows: 7, components: 1, precision: 16, signed: false };
     assert_eq!(frame.format, Some(format));
-    assert_eq!(frame.samples, formula(9, 7, 65536, 0));
+    assert_eq!(frame.rows.concat(), formula(9, 7, 65536, 0));
 }
 
 #[test]
 fn high_throughput_passes_agree_with_openjpeg() {
-    assert_eq!(decoded(THREE_PASSES).samples, THREE_PASSES_SAMPLES);
+    assert_eq!(decoded(THREE_PASSES).rows.concat(), THREE_PASSES_SAMPLES);
 }
 
 #[test]
@@ -95,7 +66,7 @@ fn a_box_around_the_codestream_is_opened() {
     file.extend(b"jp2c");
     file.extend(HIGH_THROUGHPUT);
     file.extend(b"\0\0\0\x08free");
-    assert_eq!(decoded(&file).samples, formula(9, 7, 65536, 0));
+    assert_eq!(decoded(&file).rows.concat(), formula(9, 7, 65536, 0));
 }
 
 #[test]
@@ -116,22 +87,22 @@ fn too_little_memory_is_said_and_what_is_asked_for_suffices() {
 
 #[test]
 fn a_receiver_that_refuses_ends_it() {
-    let mut frame = Frame { limit: 1, ..Frame::default() };
+    let mut frame = Kept { most_samples: 1, ..Kept::default() };
     let result = decode(&mut &*EVERYTHING, EVERYTHING.len() as u64, 1 << 20, &mut frame);
     assert!(matches!(result, Err(CodecError::Unsupported(_))));
-    assert_eq!(frame.rows, 0);
+    assert!(frame.rows.is_empty());
 }
 
 #[test]
 fn empty_packets_are_grey_and_missing_ones_are_damage() {
     let whole =
         plain_stream(64, 32, 2, &[(0, vec![0; 2]), (1, vec![0; 2]), (2, vec![0; 2]), (3, vec![0; 2])]);
-    assert!(decoded(&whole).samples.iter().all(|&sample| sample == 128));
+    assert!(decoded(&whole).rows.concat().iter().all(|&sample| sample == 128));
     for parts in [
         vec![(0, vec![0; 2]), (1, vec![0; 2]), (2, vec![0; 2])],
         vec![(0, vec![0; 2]), (1, vec![0; 2]), (2, vec![0; 2]), (3, vec![0; 1])],
     ] {
-        let error = try_decode(&plain_stream(64, 32, 2, &parts), 1 << 20).err().expect("a packet is missing");
+        let error = try_decode(&plain_stream(64, 32, 2, &parts), 1 << 20).expect_err("a packet is missing");
         assert!(matches!(error, CodecError::Damaged(_)), "{error}");
     }
 }
@@ -140,14 +111,14 @@ fn empty_packets_are_grey_and_missing_ones_are_damage() {
 fn packets_that_pass_over_everything_are_refused_in_time() {
     // 65535 layers, in each of which two bits exclude all 65536 code-blocks: four thousand million visits.
     let stream = plain_stream(1024, 1024, 65535, &[(0, vec![0x80; 65535])]);
-    let error = try_decode(&stream, 64 << 20).err().expect("it leads nowhere");
+    let error = try_decode(&stream, 64 << 20).expect_err("it leads nowhere");
     assert!(matches!(error, CodecError::Damaged(_)), "{error}");
 }
 
 #[test]
 fn vast_sizes_are_refused_before_anything_is_taken() {
     let stream = plain_stream(0x7FFF_FFFF, 0x7FFF_FFFF, 1, &[(0, vec![0])]);
-    let mut frame = Frame { limit: u64::MAX, ..Frame::default() };
+    let mut frame = Kept { most_samples: u64::MAX, ..Kept::default() };
     let result = decode(&mut &*stream, stream.len() as u64, 1 << 20, &mut frame);
     assert!(matches!(result, Err(CodecError::Memory { .. })));
 }

@@ -45,7 +45,11 @@ const FIXED_BYTES: u64 = 16 << 10;
 /// # Errors
 /// The codestream is damaged or of a kind named above, it needs more than `memory_bytes`, or the input or
 /// `sink` fails. Rows already handed over were sound as far as the format can tell: JPEG-LS has no checksum.
-pub fn decode(input: &mut dyn Read, memory_bytes: u64, sink: &mut dyn RowSink) -> Result<(), CodecError> {
+pub(crate) fn decode(
+    input: &mut dyn Read,
+    memory_bytes: u64,
+    sink: &mut dyn RowSink,
+) -> Result<(), CodecError> {
     let mut stream = Stream::new(input);
     if stream.marker()? != SOI {
         return Err(Damage::NoStart.into());

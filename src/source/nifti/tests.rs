@@ -134,12 +134,7 @@ fn what_is_not_read_is_named() {
 
 #[test]
 fn other_gzip_files_are_left_alone() {
-    use std::io::Write;
-    let gzip = |bytes: &[u8]| {
-        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-        encoder.write_all(bytes).unwrap();
-        encoder.finish().unwrap()
-    };
+    use crate::compress::gzip;
     assert!(recognise(&gzip(&plain()), Path::new("anything.gz")));
     assert!(!recognise(&gzip(&[7; 5000]), Path::new("a.nii.gz")));
     assert!(!recognise(&plain()[..300], Path::new("a.dat")));

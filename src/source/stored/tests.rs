@@ -1,16 +1,10 @@
 use std::fs;
-use std::io::Write;
 use std::path::Path;
 
 use super::*;
+use crate::compress::gzip;
 use crate::progress::Silent;
 use crate::source::{OpenOptions, nrrd};
-
-fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
-}
 
 /// A header of three volumes of 4 x 3 x 2 bytes, `volume * 24 + voxel` each.
 fn header(encoding: &str, data: &str) -> String {

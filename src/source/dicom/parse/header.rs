@@ -358,11 +358,6 @@ impl DicomHeader {
         known.into()
     }
 
-    /// Is it a localizer (scout)? Value 3 of Image Type says so.
-    pub fn is_localizer(&self) -> bool {
-        self.image_type.split('\\').any(|part| part == "LOCALIZER")
-    }
-
     /// Is it an RT dose? Its values are scaled by Dose Grid Scaling, and by nothing else (PS3.3 C.8.8.3).
     pub fn is_dose(&self) -> bool {
         self.sop_class == "1.2.840.10008.5.1.4.1.1.481.2" || self.modality == "RTDOSE"
