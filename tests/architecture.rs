@@ -20,7 +20,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("progress", &[]),
     ("resident", &[]),
     ("scratch", &["budget"]),
-    ("facts", &["budget", "codec", "error"]),
+    ("facts", &["budget", "codec", "error", "geom"]),
     ("volume", &["budget", "error", "facts", "geom", "progress", "scratch"]),
     ("source", &["budget", "codec", "cpu", "error", "facts", "geom", "progress", "scratch", "volume"]),
     ("catalogue", &["error", "facts", "geom", "progress", "scratch", "source", "volume"]),

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use infobyte::catalogue::{Catalogue, open};
+use infobyte::jobs::wording::sentences;
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
 use infobyte::volume::{ScalarType, SourceError, VolumeSource};
 
@@ -66,7 +67,7 @@ fn ct(z: f64, instance: i32) -> Elements {
 }
 
 fn warnings(source: &dyn VolumeSource) -> String {
-    source.info().warnings.join("\n")
+    sentences(&source.info().notes).join("\n")
 }
 
 fn parts(findings: &[Finding]) -> Vec<(&str, [u32; 3], bool)> {
@@ -245,7 +246,7 @@ fn behaviour_07_small_unevenness_is_one_warning_with_the_deviation() {
     };
     assert_eq!(warnings(at(&[0.0, 5.0, 10.0004, 15.0]).unwrap().as_ref()), "");
     let source = at(&[0.0, 5.0, 10.1, 15.0]).unwrap();
-    assert_eq!(source.info().warnings.len(), 1);
+    assert_eq!(source.info().notes.len(), 1);
     let said = warnings(source.as_ref());
     assert!(said.contains("up to 2.00 %") && said.contains("0.100 mm"), "{said}");
     // Relative: the same 0.1 mm is too much of half a millimetre.
@@ -372,7 +373,7 @@ fn behaviour_19_names_and_folders_do_not_change_the_result() {
                 f.part,
                 f.files.bytes,
                 firsts(volume.as_ref()),
-                format!("{:?} {:?}", info.affine, info.warnings),
+                format!("{:?} {:?}", info.affine, info.notes),
             )
         };
         folder.findings().into_iter().map(describe).collect::<Vec<_>>()

@@ -7,6 +7,7 @@ use std::ops::Deref;
 use std::path::Path;
 
 use infobyte::catalogue::{Catalogue, open};
+use infobyte::jobs::wording::sentences;
 use infobyte::progress::Silent;
 use infobyte::source::{Finding, OpenOptions};
 use infobyte::volume::{SourceError, VolumeSource, Workspace};
@@ -88,7 +89,7 @@ fn firsts(source: &dyn VolumeSource) -> Vec<u16> {
 }
 
 fn said(source: &dyn VolumeSource) -> String {
-    source.info().warnings.join("\n")
+    sentences(&source.info().notes).join("\n")
 }
 
 /// Where the scanner put column i, row j of tile k: the centre of the picture is that of the first slice.

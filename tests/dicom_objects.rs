@@ -5,6 +5,7 @@
 use std::fs;
 
 use infobyte::catalogue::Catalogue;
+use infobyte::jobs::wording::sentences;
 use infobyte::source::{Finding, OpenOptions};
 use infobyte::volume::VolumeSource;
 
@@ -287,7 +288,7 @@ fn labels_stay_numbers_whatever_their_colours() {
     // A picture is another thing.
     image.set(CLASS, "UI", "1.2.840.10008.5.1.4.1.1.7.4").set(MODALITY, "CS", "OT");
     let found = Found::in_files(&[image]);
-    let warnings = found.volume(0).info().warnings.join("\n");
+    let warnings = sentences(&found.volume(0).info().notes).join("\n");
     assert!(warnings.contains("palette colours"), "{warnings}");
 }
 
@@ -356,7 +357,7 @@ fn positions_rounded_to_tenths_are_even() {
     let found = Found::in_files(&images);
     let info = found.volume(0).info();
     assert!((info.spacing_mm[2] - at(39) / 39.0).abs() < 1e-12, "{:?}", info.spacing_mm);
-    assert!(info.warnings.join("\n").contains("not quite evenly spaced"), "{:?}", info.warnings);
+    assert!(sentences(&info.notes).join("\n").contains("not quite evenly spaced"), "{:?}", info.notes);
     // A slice that is missing is still missing.
     let some: Vec<Elements> =
         images.iter().enumerate().filter(|(i, _)| *i != 17).map(|(_, e)| e.clone()).collect();
@@ -373,7 +374,7 @@ fn slices_that_a_segmentation_leaves_out_are_empty() {
     assert_eq!(found.firsts(), [[0, 1, 2, 0, 0, 3]]);
     let info = found.volume(0).info();
     assert_eq!((info.dims.to_array(), info.spacing_mm[2]), ([2, 2, 6], 1.0));
-    assert!(info.warnings.join("\n").contains("2 slices for which the segmentation has no frame"));
+    assert!(sentences(&info.notes).join("\n").contains("2 slices for which the segmentation has no frame"));
     // Of other images they would be missing.
     let found = Found::in_files(&[enhanced(ENHANCED_MR, "MR", &list)]);
     assert!(found.refusal(0).contains("2 slice(s) seem to be missing"), "{}", found.refusal(0));
@@ -467,7 +468,7 @@ fn positions_without_orientation_are_still_positions() {
     let found = Found::in_files(&images);
     assert_eq!(line(found.volume(0)), ([1.0, 2.0, 0.0], [0.0, 0.0, 4.0]));
     assert_eq!(found.firsts(), [[3, 2, 1]]);
-    assert!(found.volume(0).info().warnings.join("\n").contains("no orientation"));
+    assert!(sentences(&found.volume(0).info().notes).join("\n").contains("no orientation"));
     let found = Found::in_files(&series([4, 1, 6, 2, 5, 3], |image, volume| {
         image.without(ORIENTATION).set(0x0020_0100, "IS", &volume.to_string());
     }));
@@ -480,7 +481,7 @@ fn films_are_reported_as_such() {
     image.without(POSITION).without(ORIENTATION);
     let warned = |image: &Elements| {
         let found = Found::in_files(std::slice::from_ref(image));
-        found.volume(0).info().warnings.join("\n").contains("follow each other in time")
+        sentences(&found.volume(0).info().notes).join("\n").contains("follow each other in time")
     };
     assert!(!warned(&image));
     image.raw(0x0028_0009, "AT", &us_list(&[0x0018, 0x1063]));

@@ -8,6 +8,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use infobyte::catalogue::{Catalogue, open};
+use infobyte::jobs::wording::sentences;
 use infobyte::progress::Silent;
 use infobyte::source::dicom::{Access, Image, ScanError, scan};
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
@@ -164,7 +165,7 @@ fn of_several_volumes_the_largest_is_opened_with_a_warning() {
     ] {
         let Some(folder) = real_data(item) else { continue };
         let source = open(&[folder], &OpenOptions::default()).unwrap_or_else(|e| panic!("{item}: {e}"));
-        let warned = source.info().warnings.join("\n");
+        let warned = sentences(&source.info().notes).join("\n");
         assert_eq!(source.info().dims.to_array(), dims, "{item}");
         assert!(warned.contains(words), "{item}: {warned}");
     }
@@ -201,7 +202,7 @@ fn gaps_of_real_series_are_refused_filled_or_kept() {
         for (policy, (slices, step)) in [(GapPolicy::Fill, filled), (GapPolicy::Keep, kept)] {
             let mut volume = one(policy).unwrap();
             let info = volume.info().clone();
-            println!("{item} {policy:?}: {} {:?} {:?}", info.dims, info.spacing_mm, info.warnings);
+            println!("{item} {policy:?}: {} {:?} {:?}", info.dims, info.spacing_mm, sentences(&info.notes));
             assert_eq!(info.dims.nz(), slices, "{item}");
             assert!((info.spacing_mm[2] - step).abs() < 1e-3, "{item}: {:?}", info.spacing_mm);
             range_of(&mut *volume);
@@ -224,7 +225,7 @@ fn fifteen_copies_of_one_slice_are_one_slice() {
     // Nine lossless files of one instance; six lossy ones, which are derived images of other bits or values.
     let whole: Vec<&Finding> = found.iter().filter(|f| f.files.count == 1 && f.volume.is_ok()).collect();
     assert!(whole.iter().any(|f| f.volume.as_ref().is_ok_and(|v| {
-        v.info().warnings.iter().any(|w| w.contains("8 image(s) that are in the series twice"))
+        sentences(&v.info().notes).iter().any(|w| w.contains("8 image(s) that are in the series twice"))
     })));
 }
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use infobyte::catalogue::open;
 use infobyte::geom::{Dims, Orientation};
+use infobyte::jobs::wording::sentences;
 use infobyte::source::{OpenOptions, RawOptions, RawVolume};
 use infobyte::volume::{Endian, ScalarType, VolumeSource};
 
@@ -138,7 +139,7 @@ fn a_tilted_gantry_is_kept_in_the_affine() {
         (info.affine.column(1)[1] - 0.6).abs() < 1e-12 && (info.affine.column(1)[2] - 0.45).abs() < 1e-12
     );
     assert!(info.affine.determinant() > 0.0);
-    assert!(info.warnings.iter().any(|w| w.contains("36.87 degrees")), "{:?}", info.warnings);
+    assert!(sentences(&info.notes).iter().any(|w| w.contains("36.87 degrees")), "{:?}", info.notes);
 }
 
 #[test]
@@ -204,7 +205,7 @@ fn the_largest_series_is_taken_and_foreign_files_are_reported() {
     fs::write(deep.join("f/too-deep.dcm"), other(4.0).bytes()).unwrap();
     let series = open(&[folder], &OpenOptions::default()).unwrap();
     assert_eq!(series.info().dims.to_array(), [2, 2, 4]);
-    let warned = series.info().warnings.join("\n");
+    let warned = sentences(&series.info().notes).join("\n");
     assert!(
         warned.contains("not used: CT image 2x2x2")
             && warned.contains("1 file(s) left out: not a volume (first: notes.txt)"),

@@ -5,6 +5,7 @@
 use std::fs;
 
 use infobyte::catalogue::open;
+use infobyte::jobs::wording::sentences;
 use infobyte::source::{GapPolicy, OpenOptions};
 use infobyte::volume::{SourceError, VolumeSource};
 
@@ -51,7 +52,7 @@ fn a_dose_is_scaled_by_its_grid_scaling_alone() {
     assert_eq!((scaled.rescale.slope, scaled.rescale.intercept), (0.00025, 0.0));
     let bare = dose(None);
     assert_eq!((bare.rescale.slope, bare.rescale.intercept), (1.0, 0.0));
-    assert!(bare.warnings.iter().any(|w| w.contains("no dose grid scaling")), "{:?}", bare.warnings);
+    assert!(sentences(&bare.notes).iter().any(|w| w.contains("no dose grid scaling")), "{:?}", bare.notes);
 }
 
 #[test]
@@ -83,7 +84,7 @@ fn slices_that_were_made_are_counted_and_placed() {
     let mut all = images(6);
     all.remove(3);
     let (_keep, volume) = opened(&all, GapPolicy::Fill);
-    let warnings = volume.unwrap().info().warnings.clone();
+    let warnings = sentences(&volume.unwrap().info().notes);
     let expected = "gaps between slices were filled: 1 of 6 were made by interpolation between neighbours \
                     (1 between 3.dcm and 4.dcm)";
     assert!(warnings.iter().any(|w| w.starts_with(expected)), "{warnings:?}");

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use infobyte::catalogue::{Catalogue, open};
 use infobyte::format::SectionKind;
+use infobyte::jobs::wording::sentences;
 use infobyte::load::Model;
 use infobyte::progress::Silent;
 use infobyte::source::{Finding, OpenOptions};
@@ -161,7 +162,7 @@ fn nifti_of_both_versions_packed_and_paired_is_the_volume() {
         [nifti(&object, 1, false, true, 2), object.bytes.clone(), vec![1; object.bytes.len()]].concat();
     let path = file(at, "four.nii.gz", &gzip(&four));
     same(std::slice::from_ref(&path), &object, true, "four dimensions");
-    let warnings = ready(&[path], at).unwrap().info().warnings.join(" ");
+    let warnings = sentences(&ready(&[path], at).unwrap().info().notes).join(" ");
     assert!(warnings.contains("volume 1 of 2"), "{warnings}");
 }
 
@@ -374,7 +375,7 @@ fn image_j_tells_its_spacing_and_has_one_directory_for_a_long_stack() {
     file(&folder_of_two, "b.tif", &pages.write(&object));
     // Each is a volume of its own; one is taken, and the other is named.
     same(std::slice::from_ref(&folder_of_two), &object, true, "two stacks in a folder");
-    let warnings = ready(&[folder_of_two], folder.path()).unwrap().info().warnings.join(" ");
+    let warnings = sentences(&ready(&[folder_of_two], folder.path()).unwrap().info().notes).join(" ");
     assert!(warnings.contains("2 sets of images"), "{warnings}");
     let more = Tiff { description: stacked.replace("images=11", "images=900"), ..how.clone() };
     let refused = ready(&[file(folder.path(), "more.tif", &more.write(&object))], folder.path());
@@ -385,7 +386,7 @@ fn image_j_tells_its_spacing_and_has_one_directory_for_a_long_stack() {
     let white = Tiff { photometric: 0, ..Tiff::default() };
     let path = file(folder.path(), "white.tif", &white.write(&object));
     same(std::slice::from_ref(&path), &object, false, "0 is white");
-    assert!(ready(&[path], folder.path()).unwrap().info().warnings.join(" ").contains("0 is white"));
+    assert!(sentences(&ready(&[path], folder.path()).unwrap().info().notes).join(" ").contains("0 is white"));
     let colours = Tiff { photometric: 2, ..Tiff::default() };
     let path = file(folder.path(), "rgb.tif", &colours.write(&object));
     assert!(ready(&[path], folder.path()).err().unwrap().to_string().contains("RGB"));
@@ -411,7 +412,7 @@ fn tiff_pictures_that_begin_at_another_corner_are_not_mirrored() {
         let rows = volume.info().affine.rows;
         assert_eq!(rows[0], [x[0], 0.0, 0.0, x[1]], "{orientation}");
         assert_eq!(rows[1], [0.0, y[0], 0.0, y[1]], "{orientation}");
-        let told = volume.info().warnings.join(" ").contains("(Orientation)");
+        let told = sentences(&volume.info().notes).join(" ").contains("(Orientation)");
         assert_eq!(told, (2..=4).contains(&orientation), "{orientation}");
     }
     let error = |paths: &[PathBuf]| ready(paths, folder.path()).err().unwrap().to_string();

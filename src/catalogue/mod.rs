@@ -22,6 +22,7 @@ use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use crate::facts::StatedBy;
 use crate::facts::dicom::DicomFault;
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
@@ -433,7 +434,7 @@ fn hidden(finding: Finding, words: &[String], hide: Hide<'_>) -> Finding {
 
 /// A finding whose volume is where the command line says.
 fn placed(finding: Finding, asked: Placement) -> Finding {
-    let volume = finding.volume.and_then(|volume| place(volume, asked, ["--spacing", "--orientation"]));
+    let volume = finding.volume.and_then(|volume| place(volume, asked, StatedBy::Caller));
     Finding { volume, ..finding }
 }
 

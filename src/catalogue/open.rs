@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
 use crate::facts::dicom::{DicomFault, ImageFault};
+use crate::facts::{Note, StatedBy};
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, known};
 use crate::source::{RawVolume, header_of_samples};
@@ -66,7 +67,7 @@ pub fn open_in(
             && let Some(description) = sidecar::of(data)
         {
             let volume = sidecar::open(&description, options.placement)?;
-            let volume = place(volume, options.placement, ["--spacing", "--orientation"])?;
+            let volume = place(volume, options.placement, StatedBy::Caller)?;
             return match options.volume {
                 None | Some(1) => Ok(volume),
                 Some(wanted) => Err(SourceError::Usage {
@@ -185,8 +186,9 @@ impl Choice {
             return Ok(source);
         }
         let mut info = source.info().clone();
-        warnings.append(&mut info.warnings);
-        info.warnings = warnings;
+        let mut notes: Vec<Note> = warnings.into_iter().map(Note::Text).collect();
+        notes.append(&mut info.notes);
+        info.notes = notes;
         Ok(Box::new(Noted { source, info }))
     }
 }

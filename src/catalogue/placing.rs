@@ -10,6 +10,7 @@ use super::sidecar::{
     candidates, file_of, is_named_so, placement, unknown, unparsed, value_of, with_unknown,
 };
 use super::walk::changed;
+use crate::facts::StatedBy;
 use crate::volume::{Placement, place};
 use crate::volume::{SourceError, VolumeSource};
 
@@ -113,8 +114,8 @@ impl Placing {
         let unusable =
             |reason: &String| SourceError::Unusable { path: self.path.clone(), reason: reason.clone() };
         let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
-        let who = ["spacing of the side-car", "orientation of the side-car"];
-        Ok(with_unknown(place(volume, *placement, who)?, unknown, &PLACING_KEYS))
+        let by = StatedBy::SideCar;
+        Ok(with_unknown(place(volume, *placement, by)?, unknown, &PLACING_KEYS))
     }
 }
 

@@ -34,7 +34,7 @@ use crate::geom::{Dims, Orientation};
 use crate::source::{RawOptions, RawVolume};
 use crate::volume::Noted;
 use crate::volume::Placement;
-use crate::volume::{ScalarType, SourceError, VolumeSource};
+use crate::volume::{Note, ScalarType, SourceError, VolumeSource};
 
 /// Longest text that is looked at.
 const MAX_BYTES: u64 = 64 << 10;
@@ -219,21 +219,17 @@ pub(super) fn placement(value: &Value) -> Result<Placement, String> {
     Ok(Placement { spacing_mm, orientation: orientation.transpose()? })
 }
 
-/// A volume whose warnings name keys that are not known.
+/// A volume whose notes name keys that are not known.
 pub(super) fn with_unknown(
     volume: Box<dyn VolumeSource>,
     unknown: &[String],
-    known: &[&str],
+    known: &'static [&'static str],
 ) -> Box<dyn VolumeSource> {
     if unknown.is_empty() {
         return volume;
     }
     let mut info = volume.info().clone();
-    info.warnings.push(format!(
-        "the side-car has keys that are not known: {}; known are {}",
-        unknown.join(", "),
-        known.join(", ")
-    ));
+    info.notes.push(Note::UnknownKeys { unknown: unknown.to_vec(), known });
     Box::new(Noted { source: volume, info })
 }
 
@@ -447,15 +443,16 @@ mod tests {
             open(&at("a.json"), Placement::default()).map(|v| v.info().clone())
         };
         let info = opened(r#", "spacing_mm": [1, 2, 3]"#).unwrap();
-        assert_eq!((info.spacing_mm, info.warnings.len()), ([1.0, 2.0, 3.0], 0));
+        assert_eq!((info.spacing_mm, info.notes.len()), ([1.0, 2.0, 3.0], 0));
         let twice = opened(r#", "spacing_mm": [1, 2, 3], "spacing": "1x2x3""#).unwrap();
         assert_eq!(twice.spacing_mm, [1.0, 2.0, 3.0]);
         let differ = opened(r#", "spacing_mm": [1, 2, 3], "spacing": [1, 1, 1]"#).unwrap_err().to_string();
         assert!(differ.contains("spacing_mm differ"), "{differ}");
         let misspelt = opened(r#", "spaceing": [1, 2, 3], "no\nte": 1"#).unwrap();
-        let [warning] = misspelt.warnings.as_slice() else { panic!("{:?}", misspelt.warnings) };
+        let [note] = misspelt.notes.as_slice() else { panic!("{:?}", misspelt.notes) };
+        let text = note.to_string();
         for words in ["spaceing", "no\\nte", "spacing_mm", "orientation"] {
-            assert!(warning.contains(words), "{warning}");
+            assert!(text.contains(words), "{text}");
         }
     }
 

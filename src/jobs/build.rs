@@ -8,6 +8,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::info::{Info, info, static_facts};
+use super::wording::sentences;
 use crate::budget::{Bytes, HELD_SPREAD, MemoryCap, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
@@ -124,7 +125,7 @@ pub fn build_source(
         report,
         info: info(output)?,
         cleaning: None,
-        warnings: without_repeats(&source.info().warnings),
+        warnings: sentences(&source.info().notes),
         wall_s,
     })
 }
@@ -177,7 +178,7 @@ pub fn build_reshaped_source(
         None => builder::build(&*source, &options, output, progress)?,
     };
     let wall_s = started.elapsed().as_secs_f64();
-    let mut warnings = without_repeats(&source.info().warnings);
+    let mut warnings = sentences(&source.info().notes);
     warnings.extend(doubt);
     Ok(BuildSummary {
         input,
@@ -218,17 +219,6 @@ fn prepare(
         }));
     }
     Ok(source.prepare(&Workspace { scratch: &scratch, memory_bytes, progress })?)
-}
-
-/// The sentences in order, each once.
-pub(super) fn without_repeats(warnings: &[String]) -> Vec<String> {
-    let mut kept: Vec<String> = Vec::new();
-    for warning in warnings {
-        if !kept.contains(warning) {
-            kept.push(warning.clone());
-        }
-    }
-    kept
 }
 
 impl BuildSummary {

@@ -10,4 +10,4 @@ pub mod picture;
 pub mod render;
 pub mod scan;
 pub mod verify;
-mod wording;
+pub mod wording;

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::build::without_repeats;
 use super::masked::{LeftOuts, Masked};
+use super::wording::sentences;
 use crate::budget::peak_rss_bytes;
 use crate::catalogue::Catalogue;
 use crate::error::Error;
@@ -95,7 +95,7 @@ fn list(masked: &Masked<'_>, number: usize, finding: &Finding) -> Listed {
                     spacing_mm: info.spacing_mm,
                     dtype: info.scalar.name(),
                     scratch_bytes: source.preparation().scratch_bytes,
-                    warnings: without_repeats(&info.warnings).into_iter().map(mask).collect(),
+                    warnings: sentences(&info.notes).into_iter().map(mask).collect(),
                 })
             }
         },

@@ -13,8 +13,8 @@ use super::header::{
     Lines, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
 };
 use super::stored::{Encoding, Samples, Skip, Stored, regular};
+use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
-use crate::volume::no_spacing;
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 
 /// Keys that a header begins with, in lower case.
@@ -160,8 +160,8 @@ impl Header {
             .ok_or_else(|| refuse(format!("its ElementType `{}` is not read", self.kind.escape_debug())))?;
         let at = |i: usize| self.size.get(i).copied().unwrap_or(1);
         let (size, volumes) = ([at(0), at(1), at(2)], at(3));
-        let mut warnings = Vec::new();
-        let affine = self.affine(&mut warnings).ok_or_else(|| {
+        let mut notes = Vec::new();
+        let affine = self.affine(&mut notes).ok_or_else(|| {
             refuse("its spacing, offset or matrix has fewer numbers than the volume has dimensions".into())
         })?;
         let local = self.data.eq_ignore_ascii_case("local");
@@ -199,7 +199,7 @@ impl Header {
             skip_unpacked: 0,
             rescale: Rescale::IDENTITY,
             affine,
-            warnings,
+            notes,
         })
     }
 
@@ -219,17 +219,17 @@ impl Header {
     }
 
     /// Voxel index to LPS mm.
-    fn affine(&self, warnings: &mut Vec<String>) -> Option<Affine> {
+    fn affine(&self, notes: &mut Vec<Note>) -> Option<Affine> {
         let axes = self.axes;
         let spacing = if self.spacing.is_empty() { &self.element_size } else { &self.spacing };
         if spacing.is_empty() {
-            warnings.push(no_spacing("the header"));
+            notes.push(Note::AssumedSpacing { by: Carrier::Header });
         }
         let mut scale = 1.0;
         if !self.unit.is_empty() && !self.unit.contains('?') {
             match unit_mm(&self.unit) {
                 Some(mm) => scale = mm,
-                None => warnings.push(format!("the unit `{}` is taken for mm", self.unit.escape_debug())),
+                None => notes.push(Note::UnknownUnit { unit: self.unit.clone() }),
             }
         }
         let number = |list: &[f64], at: usize, default: f64| {

@@ -102,8 +102,8 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     files.push(Path::new(data.file_name().unwrap_or_default()));
     let samples = header.samples().map_err(|reason| unusable(path, reason))?;
     let (size, volumes) = header.size().map_err(|reason| unusable(path, reason))?;
-    let mut warnings = Vec::new();
-    let affine = header.placement.affine(&mut warnings).map_err(|reason| unusable(path, reason))?;
+    let mut notes = Vec::new();
+    let affine = header.placement.affine(&mut notes).map_err(|reason| unusable(path, reason))?;
     let rescale = header.rescale();
     let raw = encoding == Encoding::Raw;
     Stored {
@@ -119,7 +119,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
         skip_unpacked: if raw { 0 } else { skip },
         rescale,
         affine,
-        warnings,
+        notes,
     }
     .open()
 }

@@ -13,9 +13,9 @@ use super::files::FileList;
 use super::header::{unreadable, unusable};
 use super::reversed::Reversed;
 use super::stored::{Encoding, Samples, Skip, Stored};
+use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
-use crate::volume::{no_directions, no_spacing};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -69,6 +69,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     }
     let mut files = FileList::new(path.parent().unwrap_or(Path::new("")));
     files.push(Path::new(path.file_name().unwrap_or_default()));
+    let by = Carrier::Npy;
     let volumes = Stored {
         header: path.to_path_buf(),
         format: "npy",
@@ -82,7 +83,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
         skip_unpacked: 0,
         rescale: Rescale::IDENTITY,
         affine: Affine::from_spacing([1.0; 3]),
-        warnings: vec![no_spacing("an .npy file"), no_directions("an .npy file")],
+        notes: vec![Note::AssumedSpacing { by }, Note::AssumedDirections { by }],
     }
     .open()?;
     if array.fortran {

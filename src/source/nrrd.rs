@@ -15,6 +15,7 @@ use super::files::FileList;
 use super::files::base_name;
 use super::header::{Lines, counts, files_beside, listed, numbered, text, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, Stored, section};
+use crate::facts::Note;
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 
@@ -193,13 +194,13 @@ impl Header {
                 self.dimension
             )));
         }
-        let mut warnings = Vec::new();
+        let mut notes = Vec::new();
         let endian = match self.endian.as_str() {
             "big" => Endian::Big,
             "little" => Endian::Little,
             "" => {
                 if samples.bytes() > 1 && encoding != Encoding::Text {
-                    warnings.push("the header states no byte order; little-endian is assumed".into());
+                    notes.push(Note::AssumedByteOrder);
                 }
                 Endian::Little
             }
@@ -209,7 +210,7 @@ impl Header {
         };
         let axes = self.geometry.axes(&self.sizes)?;
         let layout = Layout::of(&axes)?;
-        let affine = self.geometry.affine(&axes, &layout.space, &mut warnings)?;
+        let affine = self.geometry.affine(&axes, &layout.space, &mut notes)?;
         let slices = layout.size[2].saturating_mul(layout.volumes);
         let (files, start) = match self.data {
             Some(DataFiles::Attached(offset)) => {
@@ -276,7 +277,7 @@ impl Header {
             skip_unpacked,
             rescale: Rescale::IDENTITY,
             affine,
-            warnings,
+            notes,
         })
     }
 }

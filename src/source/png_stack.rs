@@ -17,9 +17,9 @@ use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
+use crate::facts::{Carrier, Note};
 use crate::geom::{Affine, Dims};
 use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
-use crate::volume::{no_directions, no_spacing};
 
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
@@ -80,9 +80,10 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
     } else {
         base_name(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))
     };
-    let mut warnings = vec![no_spacing("PNG"), no_directions("PNG")];
+    let by = Carrier::Png;
+    let mut notes = vec![Note::AssumedSpacing { by }, Note::AssumedDirections { by }];
     if head.depth < 8 {
-        warnings.push(format!("samples of {} bits are scaled to 0..255", head.depth));
+        notes.push(Note::BitsScaled { bits: head.depth });
     }
     let info = VolumeInfo {
         dims,
@@ -91,7 +92,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
         spacing_mm: [1.0; 3],
         affine: Affine::from_spacing([1.0; 3]),
         description: SourceDescription { format: "png".into(), name, files: count.into(), bytes },
-        warnings,
+        notes,
     };
     let recipe = Pictures { files: Arc::new(FileSet::new(list)), row_bytes: u64::from(head.size[0]) * 2 };
     Ok(Box::new(StoredVolume::sequential(info, Box::new(recipe))))
@@ -174,7 +175,7 @@ impl Unroll for Pictures {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
         for z in 0..info.dims.nz() {
             let index = z as usize;
             let path = || self.files.list().path(index);

@@ -97,7 +97,7 @@ impl RawVolume {
                 files: files.list().len() as u64,
                 bytes: dims.voxels() * voxel_bytes,
             },
-            warnings: Vec::new(),
+            notes: Vec::new(),
         };
         let placed = Placed {
             files: Arc::new(files),

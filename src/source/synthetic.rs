@@ -95,7 +95,7 @@ impl SyntheticHead {
                 files: 0,
                 bytes: 2 * dims.voxels(),
             },
-            warnings: Vec::new(),
+            notes: Vec::new(),
         };
         Some(Self { info, side, voxel_mm, waves })
     }

@@ -19,14 +19,14 @@ mod scalar;
 mod spool;
 mod wrapper;
 
-pub use crate::facts::SourceError;
+pub use crate::facts::{Note, SourceError};
 pub(crate) use blend::blend;
 pub(crate) use block::{check_request, read_block};
 pub use crop::Crop;
 pub use downsample::Downsample;
 pub(crate) use noted::Noted;
 pub use placement::Placement;
-pub(crate) use placement::{no_directions, no_spacing, place, placed_so};
+pub(crate) use placement::place;
 pub use scalar::{Endian, Scalar, ScalarType};
 pub(crate) use spool::Spool;
 pub(crate) use wrapper::Wrapper;
@@ -54,8 +54,8 @@ pub struct VolumeInfo {
     pub affine: Affine,
     /// What the input was, for the metadata; no folder names, no patient names.
     pub description: SourceDescription,
-    /// Sentences for the user: what was guessed, skipped or odd.
-    pub warnings: Vec<String>,
+    /// What was guessed, left out, replaced or odd.
+    pub notes: Vec<Note>,
 }
 
 /// Linear map from stored samples to physical values.

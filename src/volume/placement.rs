@@ -1,11 +1,11 @@
 //! Spacing and directions that come from outside the file: from the command line, or from a side-car.
 //!
 //! Pictures and arrays state neither, and some headers state less than they could. What a format then assumes it
-//! tells in a warning of one of the forms made here; the warning itself is the record of it, and goes when
-//! somebody states what was missing.
+//! tells in a note; the note is the record of it, and goes when somebody states what was missing.
 
 use super::noted::Noted;
-use super::{SourceError, VolumeInfo, VolumeSource};
+use super::{Note, SourceError, VolumeInfo, VolumeSource};
+use crate::facts::StatedBy;
 use crate::geom::Orientation;
 
 /// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
@@ -17,40 +17,8 @@ pub struct Placement {
     pub orientation: Option<Orientation>,
 }
 
-/// End of a warning that tells of an assumed spacing.
-const NO_SPACING: &str = "; 1 mm is assumed";
-
-/// Ends of warnings that tell of assumed directions.
-const NO_DIRECTIONS: [&str; 2] = [" taken as LPS", " so left and right may be swapped"];
-
-/// End of a warning that tells of axes that run backwards.
-const PLACED_SO: &str = " (Orientation), and are placed so";
-
 /// Relative difference of spacings that are the same; headers print six digits.
 const TOLERANCE: f64 = 1e-5;
-
-/// The warning of a format whose files, or one of whose headers, state no spacing: `PNG`, `the header`, ...
-pub(crate) fn no_spacing(what: &str) -> String {
-    format!("{what} states no spacing{NO_SPACING}")
-}
-
-/// The warning of a format whose files state no directions.
-pub(crate) fn no_directions(what: &str) -> String {
-    format!("{what} states no directions; its axes are{}", NO_DIRECTIONS[0])
-}
-
-/// The warning of a format that states from which end columns or rows are stored, which is heeded.
-pub(crate) fn placed_so(what: &str) -> String {
-    format!("{what}{PLACED_SO}")
-}
-
-fn assumes_spacing(warning: &str) -> bool {
-    warning.ends_with(NO_SPACING)
-}
-
-fn assumes_directions(warning: &str) -> bool {
-    NO_DIRECTIONS.iter().any(|end| warning.ends_with(end))
-}
 
 impl Placement {
     /// Is nothing stated?
@@ -67,41 +35,46 @@ impl Placement {
     }
 }
 
-/// A volume with the spacing and directions that were stated for it by `who` (`--spacing`, `the side-car`).
+/// A volume with the spacing and directions that somebody stated for it.
 ///
 /// The affine's columns are scaled, so that oblique axes and gantry tilt stay; only where the letters of the
 /// axes differ are they laid along the patient's. Voxel (0, 0, 0) stays where it is. What the file stated
-/// otherwise is told in a warning, and noted behind the name of the source.
+/// otherwise is told in a note, and noted behind the name of the source.
 ///
 /// # Errors
 /// [`SourceError::Usage`] for a spacing that makes no sound affine, such as 1e-300 mm.
 pub(crate) fn place(
     source: Box<dyn VolumeSource>,
     asked: Placement,
-    who: [&str; 2],
+    by: StatedBy,
 ) -> Result<Box<dyn VolumeSource>, SourceError> {
     if asked.is_empty() {
         return Ok(source);
     }
     let mut info = source.info().clone();
     if let Some(spacing) = asked.spacing_mm {
-        scale(&mut info, spacing, who[0]);
+        scale(&mut info, spacing, by);
     }
     if let Some(orientation) = asked.orientation {
-        turn(&mut info, orientation, who[1]);
+        turn(&mut info, orientation, by);
     }
     if info.affine.inverse().is_none() {
         return Err(SourceError::Usage {
             path: info.description.name.into(),
-            reason: format!("{} is out of range; give the distance of voxels in mm", who[0]),
+            reason: match by {
+                StatedBy::Caller => "--spacing",
+                StatedBy::SideCar => "spacing of the side-car",
+            }
+            .to_owned()
+                + " is out of range; give the distance of voxels in mm",
         });
     }
     Ok(Box::new(Noted { source, info }))
 }
 
-fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], who: &str) {
-    let assumed = info.warnings.iter().any(|w| assumes_spacing(w));
-    info.warnings.retain(|w| !assumes_spacing(w));
+fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {
+    let assumed = info.notes.iter().any(Note::assumes_spacing);
+    info.notes.retain(|note| !note.assumes_spacing());
     let old = info.spacing_mm;
     // Of a header that lacks the spacing of one axis, 1 mm is what was assumed.
     let stated = |mm: f64| !(assumed && (mm - 1.0).abs() < TOLERANCE);
@@ -116,23 +89,20 @@ fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], who: &str) {
     info.spacing_mm = spacing_mm;
     if differs {
         info.description.note("spacing replaced");
-        info.warnings.push(format!(
-            "{who} gives {}; the file states {}, which is not used",
-            mm(spacing_mm),
-            mm(old)
-        ));
+        info.notes.push(Note::SpacingReplaced { by, given_mm: spacing_mm, stated_mm: old });
     }
 }
 
-fn turn(info: &mut VolumeInfo, orientation: Orientation, who: &str) {
-    let assumed = info.warnings.iter().any(|w| assumes_directions(w));
-    info.warnings.retain(|w| !assumes_directions(w));
-    let (old, new) = (info.affine.orientation_letters(), orientation.to_string());
-    if old == new {
+fn turn(info: &mut VolumeInfo, orientation: Orientation, by: StatedBy) {
+    let assumed = info.notes.iter().any(Note::assumes_directions);
+    info.notes.retain(|note| !note.assumes_directions());
+    let old = info.affine.orientation_letters();
+    if Orientation::parse(&old) == Some(orientation) {
         return;
     }
-    let backwards = info.warnings.iter().any(|w| w.ends_with(PLACED_SO));
-    info.warnings.retain(|w| !w.ends_with(PLACED_SO));
+    let is_backwards = |note: &Note| matches!(note, Note::StoredBackwards { .. });
+    let backwards = info.notes.iter().any(is_backwards);
+    info.notes.retain(|note| !is_backwards(note));
     let origin = info.affine.origin();
     info.affine = orientation.affine(info.spacing_mm);
     for (row, at) in info.affine.rows.iter_mut().zip(origin) {
@@ -140,26 +110,19 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, who: &str) {
     }
     if !assumed || backwards {
         info.description.note("directions replaced");
-        info.warnings.push(format!(
-            "{who} gives {new}; the directions that the file states, about {old}, are not used"
-        ));
+        info.notes.push(Note::DirectionsReplaced { by, given: orientation, stated: old });
     }
-}
-
-/// A spacing for people: six digits, as headers print it.
-fn mm(spacing_mm: [f64; 3]) -> String {
-    let [x, y, z] = spacing_mm.map(|mm| format!("{mm:.5e}").parse().unwrap_or(mm));
-    format!("{x} x {y} x {z} mm")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::facts::Carrier;
     use crate::geom::{Affine, Dims};
     use crate::source::{RawOptions, RawVolume};
     use crate::volume::{Endian, ScalarType};
 
-    const WHO: [&str; 2] = ["--spacing", "--orientation"];
+    const WHO: StatedBy = StatedBy::Caller;
 
     struct Fake(VolumeInfo);
 
@@ -178,8 +141,8 @@ mod tests {
         }
     }
 
-    /// Info of some volume with an affine and warnings.
-    fn with(affine: Affine, warnings: &[String]) -> Box<dyn VolumeSource> {
+    /// Info of some volume with an affine and notes.
+    fn with(affine: Affine, notes: &[Note]) -> Box<dyn VolumeSource> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.raw");
         std::fs::write(&path, [0; 8]).unwrap();
@@ -192,7 +155,7 @@ mod tests {
             orientation: Orientation::LPS,
         };
         let mut info = RawVolume::open(&[path], &options).unwrap().info().clone();
-        (info.affine, info.spacing_mm, info.warnings) = (affine, affine.spacing_mm(), warnings.to_vec());
+        (info.affine, info.spacing_mm, info.notes) = (affine, affine.spacing_mm(), notes.to_vec());
         Box::new(Fake(info))
     }
 
@@ -202,7 +165,9 @@ mod tests {
 
     #[test]
     fn what_was_assumed_is_replaced_in_silence() {
-        let notes = [no_spacing("PNG"), no_directions("PNG"), "12 bits".into()];
+        let by = Carrier::Png;
+        let notes =
+            [Note::AssumedSpacing { by }, Note::AssumedDirections { by }, Note::BitsScaled { bits: 4 }];
         let source = with(Affine::from_spacing([1.0; 3]), &notes);
         let placed = place(source, spacing([0.5, 0.25, 2.0]), WHO).unwrap();
         let info = placed.info();
@@ -210,11 +175,11 @@ mod tests {
             (info.spacing_mm, info.affine),
             ([0.5, 0.25, 2.0], Affine::from_spacing([0.5, 0.25, 2.0]))
         );
-        assert_eq!(info.warnings, notes[1..]);
+        assert_eq!(info.notes, notes[1..]);
         let asked = Placement { spacing_mm: None, orientation: Orientation::parse("LPI") };
         let placed = place(placed, asked, WHO).unwrap();
         assert_eq!(placed.info().affine.orientation_letters(), "LPI");
-        assert_eq!(placed.info().warnings, notes[2..]);
+        assert_eq!(placed.info().notes, notes[2..]);
         assert_eq!(placed.info().description.name, "a.raw");
     }
 
@@ -232,8 +197,9 @@ mod tests {
                 assert!((from / old.spacing_mm()[axis] - to / want).abs() < 1e-12, "directions stay");
             }
         }
-        let [warning] = info.warnings.as_slice() else { panic!("{:?}", info.warnings) };
-        assert!(warning.contains("1 x 2 x 3 mm") && warning.contains("states 0.608"), "{warning}");
+        let [note] = info.notes.as_slice() else { panic!("{:?}", info.notes) };
+        let text = note.to_string();
+        assert!(text.contains("1 x 2 x 3 mm") && text.contains("states 0.608"), "{text}");
         assert!(info.description.name.ends_with("[spacing replaced]"));
         // The letters that the file states already change nothing, others lay the axes along the patient's.
         let asked = |letters: &str| Placement { spacing_mm: None, orientation: Orientation::parse(letters) };
@@ -241,36 +207,40 @@ mod tests {
         let placed = place(with(old, &[]), asked("RAS"), WHO).unwrap();
         let info = placed.info();
         assert_eq!((info.affine.orientation_letters(), info.affine.origin()), ("RAS".into(), old.origin()));
-        assert!(info.warnings[0].contains("RAS") && info.warnings[0].contains("LPS"), "{:?}", info.warnings);
+        let given = Orientation::parse("RAS").unwrap();
+        assert_eq!(info.notes, [Note::DirectionsReplaced { by: WHO, given, stated: "LPS".into() }]);
     }
 
     #[test]
     fn axes_that_run_backwards_are_not_told_of_where_others_were_asked_for() {
         let old = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 5.0], [0.0, 0.0, 1.0, 0.0]] };
-        let notes = [no_directions("TIFF"), placed_so("rows are stored from the bottom up")];
+        let notes = [Note::AssumedDirections { by: Carrier::Tiff }, Note::StoredBackwards { axis: 1 }];
         let asked = |letters: &str| Placement { spacing_mm: None, orientation: Orientation::parse(letters) };
         let letters = old.orientation_letters();
         let placed = place(with(old, &notes), asked(&letters), WHO).unwrap();
-        assert_eq!((placed.info().affine, &placed.info().warnings[..]), (old, &notes[1..]));
+        assert_eq!((placed.info().affine, &placed.info().notes[..]), (old, &notes[1..]));
         let placed = place(with(old, &notes), asked("LPS"), WHO).unwrap();
-        let [warning] = placed.info().warnings.as_slice() else { panic!("{:?}", placed.info().warnings) };
-        assert!(warning.contains("LPS") && warning.contains(&letters), "{warning}");
+        assert_eq!(
+            placed.info().notes,
+            [Note::DirectionsReplaced { by: WHO, given: Orientation::LPS, stated: letters }]
+        );
     }
 
     #[test]
     fn the_same_spacing_is_no_news_and_an_impossible_one_is_refused() {
         let stated = Affine::from_spacing([0.5, 0.5, 1.2]);
         let placed = place(with(stated, &[]), spacing([0.5, 0.5, 1.200_001]), WHO).unwrap();
-        assert!(placed.info().warnings.is_empty());
+        assert!(placed.info().notes.is_empty());
         // Assumed along x only.
         let partly = Affine::from_spacing([1.0, 0.5, 1.2]);
-        let notes = [no_spacing("the header")];
+        let notes = [Note::AssumedSpacing { by: Carrier::Header }];
         let placed = place(with(partly, &notes), spacing([0.5, 0.5, 1.2]), WHO).unwrap();
-        assert!(placed.info().warnings.is_empty());
+        assert!(placed.info().notes.is_empty());
         let placed = place(with(partly, &notes), spacing([0.5, 0.5, 2.0]), WHO).unwrap();
-        assert!(placed.info().warnings[0].contains("1.2 mm"), "{:?}", placed.info().warnings);
+        let text = placed.info().notes[0].to_string();
+        assert!(text.contains("1.2 mm"), "{text}");
         let refused = place(with(stated, &[]), spacing([1e-300, 1e-300, 1.0]), WHO).err().unwrap();
         assert!(matches!(refused, SourceError::Usage { .. }) && refused.to_string().contains("out of range"));
-        assert!(place(with(stated, &[]), Placement::default(), WHO).unwrap().info().warnings.is_empty());
+        assert!(place(with(stated, &[]), Placement::default(), WHO).unwrap().info().notes.is_empty());
     }
 }

@@ -71,10 +71,10 @@ impl<W: Wrapper> VolumeSource for W {
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
         let Some(inner) = self.inner_mut() else { return Ok(()) };
-        let known = inner.info().warnings.len();
+        let known = inner.info().notes.len();
         inner.prepare(workspace)?;
-        let found = inner.info().warnings.get(known..).unwrap_or_default().to_vec();
-        self.own_info_mut().warnings.extend(found);
+        let found = inner.info().notes.get(known..).unwrap_or_default().to_vec();
+        self.own_info_mut().notes.extend(found);
         Ok(())
     }
 
@@ -112,7 +112,7 @@ mod tests {
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
-    use crate::volume::{Endian, ScalarType};
+    use crate::volume::{Endian, Note, ScalarType};
 
     const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6 };
 
@@ -135,7 +135,7 @@ mod tests {
         fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
             let (needed_bytes, allowed_bytes) = (NEEDS.memory_bytes, workspace.memory_bytes);
             if needed_bytes <= allowed_bytes {
-                self.0.warnings.push("found while it was unrolled".into());
+                self.0.notes.push(Note::WhiteIsZero);
                 return Ok(());
             }
             Err(SourceError::Memory { path: "a".into(), needed_bytes, allowed_bytes })
@@ -184,8 +184,8 @@ mod tests {
             assert!(matches!(outer.prepare(&workspace), Err(SourceError::Memory { allowed_bytes: 1, .. })));
             let workspace = Workspace { memory_bytes: 6, ..workspace };
             outer.prepare(&workspace).unwrap();
-            let warnings = &outer.info().warnings;
-            assert!(warnings.ends_with(&["found while it was unrolled".into()]), "{warnings:?}");
+            let notes = &outer.info().notes;
+            assert!(notes.ends_with(&[Note::WhiteIsZero]), "{notes:?}");
             let mut out = [0; 4];
             for read in
                 [outer.read_rows(0, 0..1, 0..1, &mut out), outer.read_pitched(0, 0..1, 0..1, 4, &mut out)]

@@ -58,7 +58,7 @@ impl MemoryVolume {
             spacing_mm,
             affine: Orientation::LPS.affine(spacing_mm),
             description,
-            warnings: Vec::new(),
+            notes: Vec::new(),
         };
         Self { info, bytes }
     }

@@ -35,9 +35,10 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::build::{build_reshaped_source, without_repeats};
+use super::build::build_reshaped_source;
 use super::masked::{LeftOuts, Masked};
 use super::picture::thumbnail_file;
+use super::wording::sentences;
 use crate::atomic::sweep;
 use crate::budget::{HELD_SPREAD, MemoryCap, SizeArgument, peak_rss_bytes};
 use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
@@ -341,7 +342,7 @@ impl Run<'_> {
             item.reason = Some("another volume of this batch has the same name; convert it apart".into());
             return item;
         }
-        item.warnings = without_repeats(&source.info().warnings).into_iter().map(mask).collect();
+        item.warnings = sentences(&source.info().notes).into_iter().map(mask).collect();
         let inputs = format!("{:016x}", finding.files.fingerprint);
         if let Some(done) = Record::read(&self.request.out, &item.name)
             && done.version == env!("CARGO_PKG_VERSION")

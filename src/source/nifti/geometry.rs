@@ -1,5 +1,6 @@
 //! Where voxels are, by the three methods of the NIfTI standard.
 
+use crate::facts::{Form, Note};
 use crate::geom::Affine;
 
 /// The fields of a header that place its voxels, in the file's unit and RAS.
@@ -21,17 +22,17 @@ pub(super) struct Placement {
 
 impl Placement {
     /// Voxel index to LPS mm.
-    pub(super) fn affine(&self, warnings: &mut Vec<String>) -> Result<Affine, String> {
+    pub(super) fn affine(&self, notes: &mut Vec<Note>) -> Result<Affine, String> {
         let mm = match self.units & 7 {
             1 => 1000.0,
             3 => 1e-3,
             2 => 1.0,
             _ => {
-                warnings.push("the header states no unit of length; mm is assumed".into());
+                notes.push(Note::AssumedUnit);
                 1.0
             }
         };
-        let ras = self.ras(warnings);
+        let ras = self.ras(notes);
         let mut rows = ras.map(|row| row.map(|v| v * mm));
         for row in rows.iter_mut().take(2) {
             row.iter_mut().for_each(|v| *v = 0.0 - *v);
@@ -40,34 +41,28 @@ impl Placement {
     }
 
     /// Voxel index to RAS in the file's unit.
-    fn ras(&self, warnings: &mut Vec<String>) -> [[f64; 4]; 3] {
+    fn ras(&self, notes: &mut Vec<Note>) -> [[f64; 4]; 3] {
         if self.sform_code > 0 {
             if (Affine { rows: self.rows }).inverse().is_some() {
                 if self.qform_code > 0 && differ(&self.rows, &self.qform(self.spacing())) {
-                    warnings.push(
-                        "sform and qform of the header place the volume differently; the sform is used, and \
-                         other programs may use the qform"
-                            .into(),
-                    );
+                    notes.push(Note::FormsDiffer);
                 }
                 return self.rows;
             }
-            warnings.push("the sform of the header is singular and is not used".into());
+            notes.push(Note::SingularForm { form: Form::Sform });
         }
         let spacing = self.spacing();
         if self.pixdim.iter().skip(1).any(|step| *step == 0.0 || !step.is_finite()) {
-            warnings.push("the header states no spacing along some axis; 1 mm is assumed".into());
+            notes.push(Note::AssumedAxisSpacing);
         }
         if self.qform_code > 0 {
             let rows = self.qform(spacing);
             if (Affine { rows }).inverse().is_some() {
                 return rows;
             }
-            warnings.push("the qform of the header is singular and is not used".into());
+            notes.push(Note::SingularForm { form: Form::Qform });
         }
-        warnings.push(
-            "the header states no orientation; its axes are taken as right, anterior, superior, so left and right may be swapped".into(),
-        );
+        notes.push(Note::AssumedRas);
         let mut rows = [[0.0; 4]; 3];
         for (axis, (row, step)) in rows.iter_mut().zip(spacing).enumerate() {
             row[axis] = step;

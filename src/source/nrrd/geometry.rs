@@ -1,8 +1,8 @@
 //! Axes of an NRRD header, and where they run in space.
 
+use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::source::header::{normal_of, numbers, unit_mm};
-use crate::volume::{no_directions, no_spacing};
 
 /// Axis kinds that are directions in space; an unknown one is taken for one.
 const SPATIAL_KINDS: [&str; 4] = ["domain", "space", "???", "none"];
@@ -76,14 +76,14 @@ impl Geometry {
         &self,
         axes: &[Axis],
         space: &[usize],
-        warnings: &mut Vec<String>,
+        notes: &mut Vec<Note>,
     ) -> Result<Affine, String> {
         let mut affine = Affine::from_spacing([1.0; 3]);
         let directed = !self.directions.is_empty();
         if directed {
-            self.directed(space, &mut affine, warnings)?;
+            self.directed(space, &mut affine, notes)?;
         } else {
-            self.measured(axes, space, &mut affine, warnings);
+            self.measured(axes, space, &mut affine, notes);
         }
         if space.len() == 2 {
             // A picture has no thickness; its third axis is taken at right angles.
@@ -95,28 +95,17 @@ impl Geometry {
     }
 
     /// From `space directions` and `space origin`.
-    fn directed(
-        &self,
-        space: &[usize],
-        affine: &mut Affine,
-        warnings: &mut Vec<String>,
-    ) -> Result<(), String> {
+    fn directed(&self, space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) -> Result<(), String> {
         let (signs, known) = signs(&self.space);
         if !known {
-            warnings.push(if self.space.is_empty() {
-                "the header states no space; its directions are taken as LPS".into()
-            } else {
-                format!(
-                    "the space `{}` is no patient's; its directions are taken as LPS",
-                    self.space.escape_debug()
-                )
-            });
+            let space = Some(self.space.clone()).filter(|space| !space.is_empty());
+            notes.push(Note::AssumedSpace { space });
         }
         let mut scales = [1.0; 3];
         for (scale, name) in scales.iter_mut().zip(&self.space_units) {
             match unit_mm(name) {
                 Some(mm) => *scale = mm,
-                None => warnings.push(format!("the unit `{}` is taken for mm", name.escape_debug())),
+                None => notes.push(Note::UnknownUnit { unit: name.clone() }),
             }
         }
         let place = |vector: &[f64]| {
@@ -129,14 +118,14 @@ impl Geometry {
             affine.rows.iter_mut().zip(place(&vector)).for_each(|(row, c)| row[column] = c);
         }
         if self.origin.is_empty() {
-            warnings.push("the header states no origin; the first voxel is taken for it".into());
+            notes.push(Note::AssumedOrigin);
         }
         affine.rows.iter_mut().zip(place(&self.origin)).for_each(|(row, c)| row[3] = c);
         Ok(())
     }
 
     /// From `spacings`, or `axis mins` and `axis maxs`: axes along the patient's.
-    fn measured(&self, axes: &[Axis], space: &[usize], affine: &mut Affine, warnings: &mut Vec<String>) {
+    fn measured(&self, axes: &[Axis], space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) {
         let finite = |list: &[f64], at: usize| list.get(at).copied().filter(|v| v.is_finite());
         let mut missing = false;
         for (column, index) in space.iter().enumerate() {
@@ -157,9 +146,9 @@ impl Geometry {
             }
         }
         if missing {
-            warnings.push(no_spacing("the header"));
+            notes.push(Note::AssumedSpacing { by: Carrier::Header });
         }
-        warnings.push(no_directions("the header"));
+        notes.push(Note::AssumedDirections { by: Carrier::Header });
     }
 }
 

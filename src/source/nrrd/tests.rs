@@ -38,7 +38,7 @@ fn directions_of_every_space_become_lps() {
         for (row, sign) in [0, 1, 2].into_iter().zip(signs) {
             assert_eq!(info.affine.rows[row], expected[row].map(|v: f64| v * sign), "{space}");
         }
-        assert_eq!(info.warnings.is_empty(), space != "3D-right-handed", "{:?}", info.warnings);
+        assert_eq!(info.notes.is_empty(), space != "3D-right-handed", "{:?}", info.notes);
     }
     let microns = format!(
         "{BASE}space: LPS\nspace units: \"um\" \"um\" \"um\"\nspace directions: (500,0,0) (0,250,0) (0,0,2000)\nspace origin: (0,0,0)\n"
@@ -56,7 +56,7 @@ fn spacings_and_ends_of_axes_stand_in_for_directions() {
     assert_eq!((info.spacing_mm, info.affine.origin()), ([2.0, 1.0, 5.0], [1.0, 0.5, 0.0]));
     let info = one(BASE, &[0; 48]);
     assert_eq!(info.spacing_mm, [1.0; 3]);
-    assert!(info.warnings.iter().any(|w| w.contains("1 mm is assumed")), "{:?}", info.warnings);
+    assert!(info.notes.iter().any(Note::assumes_spacing), "{:?}", info.notes);
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn axes_that_are_not_space_are_volumes_or_refused() {
     };
     let four = opened(&header("4 3 2 5", "domain domain domain list"), &[0; 120]).unwrap();
     assert_eq!(four.len(), 5);
-    assert!(four[4].warnings.iter().any(|w| w.contains("volume 5 of 5")), "{:?}", four[4].warnings);
+    assert!(four[4].notes.contains(&Note::VolumeOf { number: 5, count: 5 }), "{:?}", four[4].notes);
     assert_eq!(opened(&header("4 3 2 5", "space space space space"), &[0; 120]).unwrap().len(), 5);
     assert_eq!(one(&header("1 4 3 2", "vector domain domain domain"), &[0; 24]).dims.to_array(), [4, 3, 2]);
     assert_eq!(one(&header("4 3", "domain domain"), &[0; 12]).dims.to_array(), [4, 3, 1]);

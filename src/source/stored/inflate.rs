@@ -7,6 +7,8 @@ use std::os::unix::fs::FileExt;
 use bzip2::{Decompress, Status};
 use flate2::bufread::GzDecoder;
 
+use crate::facts::Packing;
+
 /// Bytes of a file that are read at once.
 pub(super) const INPUT_BYTES: usize = 32 << 10;
 
@@ -47,7 +49,7 @@ pub(in crate::source) fn section(file: &File, offset: u64, length: u64) -> Secti
 /// What went wrong with a stream, in words: the system's reason, or that its bytes are damaged.
 ///
 /// Decoders speak of damage in errors of their own; only the system's have a number.
-pub(in crate::source) fn sentence_of(cause: &io::Error, stream: &str) -> String {
+pub(in crate::source) fn sentence_of(cause: &io::Error, stream: Packing) -> String {
     if cause.raw_os_error().is_some() {
         format!("cannot be read ({cause})")
     } else {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section, sentence_of};
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
+use crate::facts::{Note, Packing};
 use crate::source::files::{FileList, FileSet};
 use crate::volume::{Endian, SourceError, VolumeInfo};
 
@@ -49,15 +50,15 @@ impl Encoding {
         Self::Bzip2((0..files.len()).filter_map(level_of).max().unwrap_or(9))
     }
 
-    /// As in sentences.
-    pub(in crate::source) fn name(self) -> &'static str {
+    /// Without what only the decoder needs.
+    pub(in crate::source) fn packing(self) -> Packing {
         match self {
-            Self::Raw => "raw",
-            Self::Gzip => "gzip",
-            Self::Zlib => "zlib",
-            Self::Bzip2(_) => "bzip2",
-            Self::Text => "text",
-            Self::Hex => "hexadecimal",
+            Self::Raw => Packing::Raw,
+            Self::Gzip => Packing::Gzip,
+            Self::Zlib => Packing::Zlib,
+            Self::Bzip2(_) => Packing::Bzip2,
+            Self::Text => Packing::Text,
+            Self::Hex => Packing::Hex,
         }
     }
 
@@ -125,20 +126,20 @@ impl Linear {
         slice_bytes: u64,
         target: &Target<'_>,
         buffer: &mut [u8],
-    ) -> Result<Option<String>, SourceError> {
+    ) -> Result<Option<Note>, SourceError> {
         let mut stream = self.encoding.open(file, self.skip, self.samples);
-        let name = self.encoding.name();
+        let packing = self.encoding.packing();
         let before = within.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
         let promised = self.slices_per_file.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
         let short = |got: u64| {
             format!(
-                "the header promises {promised} bytes, the {name} stream ends after {got}; the file was cut short, copy it again"
+                "the header promises {promised} bytes, the {packing} stream ends after {got}; the file was cut short, copy it again"
             )
         };
         let failed = |cause: io::Error, got: u64| {
             let text = match cause.kind() {
                 io::ErrorKind::UnexpectedEof => short(got),
-                _ => sentence_of(&cause, name),
+                _ => sentence_of(&cause, packing),
             };
             self.fail(index, text)
         };
@@ -186,9 +187,7 @@ impl Linear {
         // Also makes the decoder check the checksum at the stream's end.
         let more = read_some(&mut *stream, buffer.get_mut(..1).unwrap_or_default())
             .map_err(|cause| failed(cause, got))?;
-        Ok((more > 0).then(|| {
-            format!("the {name} stream holds more than the {promised} bytes that the header promises; the rest is ignored")
-        }))
+        Ok((more > 0).then_some(Note::LongerStream { packing, promised }))
     }
 }
 
@@ -214,11 +213,11 @@ impl Unroll for Linear {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
         let dims = info.dims;
         let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.samples.bytes() as u64;
         let mut buffer = vec![0; PIECE_BYTES / self.samples.bytes() * self.samples.delivered().bytes()];
-        let mut warnings: Vec<String> = Vec::new();
+        let mut notes: Vec<Note> = Vec::new();
         let nz = u64::from(dims.nz());
         let mut z = 0;
         while z < nz {
@@ -234,9 +233,9 @@ impl Unroll for Linear {
                     Ok(())
                 })
                 .map_err(|cause| SourceError::Unreadable { path: self.files.list().path(index), cause })?;
-            warnings.extend(result?.filter(|w| warnings.last() != Some(w)));
+            notes.extend(result?.filter(|note| notes.last() != Some(note)));
             z += count;
         }
-        Ok(warnings)
+        Ok(notes)
     }
 }

@@ -28,6 +28,7 @@ pub(super) use placed::{Placed, Places};
 pub(super) use samples::Samples;
 
 use super::files::FileList;
+use crate::facts::Note;
 use crate::progress::Progress;
 use crate::volume::Spool;
 use crate::volume::check_request;
@@ -46,8 +47,8 @@ pub(super) trait Unroll: Send + Sync {
         self.files().path(0)
     }
 
-    /// Writes every sample of the volume into `target`; gives back sentences for the user.
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError>;
+    /// Writes every sample of the volume into `target`; gives back what came to light.
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError>;
 }
 
 /// Where a recipe writes to.
@@ -141,8 +142,8 @@ impl VolumeSource for StoredVolume {
         let made = Spool::create(workspace.scratch, self.info.dims, self.info.scalar)?;
         workspace.progress.stage("unroll", made.bytes());
         let target = Target { spool: &made, progress: workspace.progress };
-        let warnings = recipe.unroll(&self.info, &target)?;
-        self.info.warnings.extend(warnings);
+        let notes = recipe.unroll(&self.info, &target)?;
+        self.info.notes.extend(notes);
         *spool = Some(made);
         Ok(())
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{Encoding, Linear, Placed, Places, Samples, StoredVolume};
+use crate::facts::Note;
 use crate::geom::{Affine, Dims};
 use crate::source::files::base_name;
 use crate::source::files::{FileList, FileSet};
@@ -49,8 +50,8 @@ pub(in crate::source) struct Stored {
     pub(in crate::source) rescale: Rescale,
     /// Voxel index to LPS mm.
     pub(in crate::source) affine: Affine,
-    /// Sentences for the user.
-    pub(in crate::source) warnings: Vec<String>,
+    /// What is to be known of all volumes.
+    pub(in crate::source) notes: Vec<Note>,
 }
 
 impl Stored {
@@ -93,7 +94,7 @@ impl Stored {
         let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.samples.bytes() as u64;
         let share = slices_per_file * slice_bytes;
         let skip = self.check_files(share)?;
-        self.warnings.extend(self.samples.warning());
+        self.notes.extend(self.samples.note());
         let files = Arc::new(FileSet::new(std::mem::take(&mut self.files)));
         // Opened now, so that a missing permission shows before a long build and not in it.
         files
@@ -101,9 +102,9 @@ impl Stored {
             .map_err(|cause| SourceError::Unreadable { path: files.list().path(0), cause })?;
         let name = base_name(&self.header);
         let volume = |index: u64| -> Box<dyn VolumeSource> {
-            let mut warnings = self.warnings.clone();
+            let mut notes = self.notes.clone();
             if self.volumes > 1 {
-                warnings.push(format!("this is volume {} of {} in the file", index + 1, self.volumes));
+                notes.push(Note::VolumeOf { number: index + 1, count: self.volumes });
             }
             let info = VolumeInfo {
                 dims,
@@ -117,7 +118,7 @@ impl Stored {
                     files: count,
                     bytes: dims.voxels() * self.samples.bytes() as u64,
                 },
-                warnings,
+                notes,
             };
             let first_slice = index * u64::from(dims.nz());
             let (files, samples, endian) = (Arc::clone(&files), self.samples, self.endian);
@@ -172,14 +173,13 @@ impl Stored {
             if self.encoding.most(there, self.samples) < promised {
                 return wrong(format!(
                     "the header promises {promised} bytes of samples, more than {there} bytes of {} can hold; it was cut short or its header is wrong",
-                    self.encoding.name()
+                    self.encoding.packing()
                 ));
             }
         }
         if longer > 0 {
-            let whose =
-                if self.files.len() > 1 { format!("{longer} of the data files") } else { "the file".into() };
-            self.warnings.push(format!("{whose} held more than the header promises; the rest is ignored"));
+            let several = self.files.len() > 1;
+            self.notes.push(if several { Note::LongerFiles { count: longer } } else { Note::LongerFile });
         }
         Ok(common.unwrap_or(0))
     }

@@ -1,5 +1,6 @@
 //! How a sample is stored, and what it becomes.
 
+use crate::facts::Note;
 use crate::volume::{Endian, ScalarType};
 
 /// Type of a stored sample: one that is delivered as it is, or one that becomes a float.
@@ -34,10 +35,9 @@ impl Samples {
         }
     }
 
-    /// A sentence for the user where the delivered type is another.
-    pub(in crate::source) fn warning(self) -> Option<String> {
-        matches!(self, Self::I64 | Self::U64)
-            .then(|| "64-bit integers are read as double precision, which is exact up to 2^53".into())
+    /// What is to be known where the delivered type is another.
+    pub(in crate::source) fn note(self) -> Option<Note> {
+        matches!(self, Self::I64 | Self::U64).then_some(Note::LongIntegers)
     }
 
     /// Turns stored samples into delivered ones in place. The stored ones are at the end of `bytes`, which
@@ -49,12 +49,12 @@ impl Samples {
                 endian.to_native(8, bytes);
                 for sample in bytes.as_chunks_mut::<8>().0 {
                     let value = if self == Self::I64 {
-                        #[expect(clippy::cast_precision_loss, reason = "stated in a warning")]
+                        #[expect(clippy::cast_precision_loss, reason = "stated in a note")]
                         {
                             bytemuck::cast::<[u8; 8], i64>(*sample) as f64
                         }
                     } else {
-                        #[expect(clippy::cast_precision_loss, reason = "stated in a warning")]
+                        #[expect(clippy::cast_precision_loss, reason = "stated in a note")]
                         {
                             bytemuck::cast::<[u8; 8], u64>(*sample) as f64
                         }

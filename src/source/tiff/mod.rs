@@ -24,9 +24,9 @@ use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::stored::{Placed, Places, Samples, StoredVolume, Target, Unroll};
+use crate::facts::{Carrier, Note};
 use crate::geom::{Affine, Dims};
 use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
-use crate::volume::{no_directions, no_spacing, placed_so};
 use directory::{Directory, Tiff, damaged};
 use notes::Notes;
 use raster::Raster;
@@ -327,26 +327,26 @@ impl Stack {
             )));
         }
         let spacing_mm = self.spacing_mm.unwrap_or([1.0; 3]);
-        let mut warnings = Vec::new();
+        let mut notes = Vec::new();
+        let by = Carrier::Tiff;
         if self.spacing_mm.is_none() {
-            warnings.push(no_spacing("this TIFF"));
+            notes.push(Note::AssumedSpacing { by });
         }
-        warnings.push(no_directions("TIFF"));
+        notes.push(Note::AssumedDirections { by });
         if self.inverted {
-            warnings.push("0 is white in these pictures; the numbers are kept as they are".into());
+            notes.push(Note::WhiteIsZero);
         }
         let mut affine = Affine::from_spacing(spacing_mm);
         for (axis, _) in self.backwards.unwrap_or_default().iter().enumerate().filter(|(_, back)| **back) {
             let row = &mut affine.rows[axis];
             row[3] = row[axis] * f64::from(shape.size[axis] - 1);
             row[axis] = -row[axis];
-            let what = ["columns are stored from right to left", "rows are stored from the bottom up"][axis];
-            warnings.push(placed_so(what));
+            notes.push(Note::StoredBackwards { axis });
         }
         if self.thumbnails > 0 {
-            warnings.push(format!("{} pages of reduced size (thumbnails) are left out", self.thumbnails));
+            notes.push(Note::Thumbnails { count: self.thumbnails });
         }
-        warnings.extend(shape.samples.warning());
+        notes.extend(shape.samples.note());
         let info = VolumeInfo {
             dims,
             scalar: shape.samples.delivered(),
@@ -354,7 +354,7 @@ impl Stack {
             spacing_mm,
             affine,
             description: SourceDescription { format: "tiff".into(), name, files: list.len() as u64, bytes },
-            warnings,
+            notes,
         };
         let files = Arc::new(FileSet::new(list));
         let endian = self.pages.first().map_or(Endian::Little, |p| p.endian);
@@ -412,7 +412,7 @@ impl Unroll for Pages {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<String>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
         for (z, (file, offset)) in (0..).zip(&self.pages) {
             let index = *file as usize;
             let mut result = Ok(());

@@ -280,14 +280,14 @@ mod tests {
         let sound = write(true, &TAGS);
         let mut many = sound.clone();
         many[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(parse(&many).unwrap_err(), "it states 4294967295 tags");
+        assert_eq!(parse(&many).unwrap_err(), CsaFault::Count { of: CsaCount::Tags, stated: u32::MAX });
         let mut items = sound.clone();
         items[16 + 76..16 + 80].copy_from_slice(&1001_u32.to_le_bytes());
-        assert_eq!(parse(&items).unwrap_err(), "it states 1001 items");
+        assert_eq!(parse(&items).unwrap_err(), CsaFault::Count { of: CsaCount::Items, stated: 1001 });
         let mut long = sound.clone();
         long[100 + 4..100 + 8].copy_from_slice(&0x7fff_ffff_u32.to_le_bytes());
-        assert_eq!(parse(&long).unwrap_err(), "an item is longer than the rest of it");
-        assert_eq!(parse(&sound[..200]).unwrap_err(), "it ends 4 bytes too early");
+        assert_eq!(parse(&long).unwrap_err(), CsaFault::LongItem);
+        assert_eq!(parse(&sound[..200]).unwrap_err(), CsaFault::EndsEarly { lacking: Some(4) });
         assert!(parse(&[]).is_err());
     }
 
@@ -321,6 +321,6 @@ mod tests {
         // No more than the first MiB is looked at: after 65 tags and 188 items it has 8 bytes left.
         let items: Vec<&str> = vec![""; 1000];
         let tags: Vec<Tag<'_>> = vec![("X", &items); 100];
-        assert_eq!(parse(&write(true, &tags)).unwrap_err(), "it ends 4 bytes too early");
+        assert_eq!(parse(&write(true, &tags)).unwrap_err(), CsaFault::EndsEarly { lacking: Some(4) });
     }
 }

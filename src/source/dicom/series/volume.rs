@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use super::group::{Group, Series, Slice};
 use super::layer::{Layer, Stack};
+use crate::facts::Note;
 use crate::facts::dicom::{DicomFault, DicomNote, ImageFault, SeriesFault};
 use crate::geom::Dims;
 use crate::progress::Progress;
@@ -185,7 +186,7 @@ impl DicomVolume {
             spacing_mm: affine.spacing_mm(),
             affine,
             description,
-            warnings: notes.iter().map(DicomNote::to_string).collect(),
+            notes: notes.into_iter().map(Note::Dicom).collect(),
         };
         let files = FileSet::new(series.files.select(files.iter().map(|f| *f as usize)));
         Ok(Self {
