@@ -4,7 +4,10 @@ use std::io;
 
 use thiserror::Error;
 
-use super::{jpeg, jpeg2000, jpegls, rle};
+use super::jpeg::fault as jpeg;
+use super::jpeg2000::fault as jpeg2000;
+use super::jpegls::fault as jpegls;
+use super::rle::fault as rle;
 
 /// Why a frame cannot be decoded.
 #[non_exhaustive]

@@ -4,7 +4,7 @@
 //! one component come from its most significant byte down, component after component, so that the bytes of
 //! one sample lie far apart: all segments are read at once, each through a small buffer of its own.
 
-mod fault;
+pub(super) mod fault;
 
 use super::{CodecError, FrameBytes, FrameFormat, RowSink};
 pub use fault::{Damage, Feature};

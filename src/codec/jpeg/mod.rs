@@ -24,7 +24,7 @@ mod dct;
 #[cfg(test)]
 #[path = "../../../tests/support/codec/jpeg.rs"]
 mod encoder;
-mod fault;
+pub(super) mod fault;
 mod huffman;
 mod lossless;
 mod markers;

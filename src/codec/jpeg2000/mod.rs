@@ -28,7 +28,7 @@ use super::{CodecError, FrameFormat, RowSink};
 
 mod allowance;
 mod block;
-mod fault;
+pub(super) mod fault;
 mod geometry;
 mod header;
 mod ht;

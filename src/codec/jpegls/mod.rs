@@ -11,7 +11,7 @@
 #[cfg(test)]
 #[path = "../../../tests/support/codec/jpegls.rs"]
 mod encoder;
-mod fault;
+pub(super) mod fault;
 mod frame;
 mod parameters;
 mod scan;
