@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use infobyte::budget::{Bytes, MemoryCap};
-use infobyte::builder::{BuildOptions, Connectivity, Threshold};
+use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
@@ -103,8 +103,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
     let options = BuildOptions {
         threshold: args.selection.threshold(),
         connectivity: args.skin.connectivity,
-        normals: args.skin.channels.normal,
-        values: args.skin.channels.value,
+        channels: args.skin.channels,
         lod: args.lod == Switch::On,
         memory: MemoryCap::Process(args.memory),
         threads: args.threads.count(),
@@ -135,8 +134,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
         build: BuildOptions {
             threshold: args.selection.threshold(),
             connectivity: args.skin.connectivity,
-            normals: args.skin.channels.normal,
-            values: args.skin.channels.value,
+            channels: args.skin.channels,
             lod: true,
             memory: MemoryCap::Process(args.memory),
             threads: args.threads.count(),
@@ -306,13 +304,9 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
     let threads = args.threads.count();
     let options = BuildOptions {
         threshold: Threshold::Iso(args.iso),
-        connectivity: Connectivity::Thin26,
-        normals: true,
-        values: false,
-        lod: true,
         memory: MemoryCap::Process(args.memory),
         threads,
-        scratch: None,
+        ..BuildOptions::default()
     };
     let files = DemoFiles::beside(&args.output, args.picture.as_deref());
     let bars = Bars::new(args.quiet || args.json);

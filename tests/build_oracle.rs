@@ -7,7 +7,7 @@ use std::path::Path;
 
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build};
-use infobyte::format::{SectionKind, normal};
+use infobyte::format::{Channel, Channels, SectionKind, normal};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::load::{Model, verify};
 use infobyte::source::{RawOptions, RawVolume};
@@ -137,8 +137,8 @@ fn check(
     }
     assert_eq!((model.header().nodes, model.header().voxels), (first, want.len() as u64), "{name}");
 
-    let codes = model.section_bytes(SectionKind::Normal).map(|b| b.as_chunks::<2>().0);
-    assert_eq!(codes.is_some(), options.normals, "{name}");
+    let codes = model.section_bytes(SectionKind::Voxels(Channel::Normal)).map(|b| b.as_chunks::<2>().0);
+    assert_eq!(codes.is_some(), options.channels.contains(Channel::Normal), "{name}");
     let codes: Vec<u16> = codes.unwrap_or_default().iter().map(|c| u16::from_le_bytes(*c)).collect();
     for (code, (_, exposed)) in codes.iter().zip(truth.skin.values()) {
         let n = normal::decode(*code);
@@ -160,7 +160,11 @@ fn check_values(
 ) -> Vec<u16> {
     let count = truth.skin.len() as u64;
     let stored: Vec<u16> = (0..count).filter_map(|v| model.value(v)).collect();
-    assert_eq!(stored.len() as u64, if options.values { count } else { 0 }, "{name}");
+    assert_eq!(
+        stored.len() as u64,
+        if options.channels.contains(Channel::Value) { count } else { 0 },
+        "{name}"
+    );
     let [scale, offset] = model.metadata().value_scale;
     let rescale = info.rescale;
     let wide = info.scalar.bytes() > 2 || matches!(info.scalar, ScalarType::F32);
@@ -210,11 +214,15 @@ fn check_means(
         }
     }
     let section = |kind| model.section_bytes(kind).unwrap_or_default();
-    let got: Vec<u16> =
-        section(SectionKind::NormalLod).as_chunks::<2>().0.iter().map(|c| u16::from_le_bytes(*c)).collect();
+    let got: Vec<u16> = section(SectionKind::Means(Channel::Normal))
+        .as_chunks::<2>()
+        .0
+        .iter()
+        .map(|c| u16::from_le_bytes(*c))
+        .collect();
     assert_eq!(got, if lod { normals } else { Vec::new() }, "{name}: mean normals");
-    let wide = model.frame().section(SectionKind::Value).is_some_and(|e| e.item_bytes == 2);
-    let got: Vec<f64> = section(SectionKind::ValueLod)
+    let wide = model.frame().section(SectionKind::Voxels(Channel::Value)).is_some_and(|e| e.item_bytes == 2);
+    let got: Vec<f64> = section(SectionKind::Means(Channel::Value))
         .chunks_exact(if wide { 2 } else { 1 })
         .map(|c| f64::from(u16::from_le_bytes([c[0], c.get(1).copied().unwrap_or(0)])))
         .collect();
@@ -359,8 +367,11 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
     let options = BuildOptions {
         threshold,
         connectivity: random.pick(&[Connectivity::Thin26, Connectivity::Thick6]),
-        normals: random.below(4) > 0,
-        values: random.below(3) > 0,
+        channels: [(Channel::Normal, 4), (Channel::Value, 3)]
+            .into_iter()
+            .filter(|(_, one_in)| random.below(*one_in) > 0)
+            .map(|(channel, _)| channel)
+            .collect(),
         lod: random.below(4) > 0,
         memory: MemoryCap::Process(1 << 30),
         threads: 1 + random.below(3_usize),
@@ -512,8 +523,7 @@ fn bricks_of_several_fragments_are_joined_in_order() {
             let options = BuildOptions {
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity,
-                normals: true,
-                values: true,
+                channels: Channels::from([Channel::Normal, Channel::Value]),
                 lod: true,
                 memory: MemoryCap::Process(1 << 30),
                 threads,
@@ -534,8 +544,7 @@ fn the_skin_of_a_solid_is_its_six_faces() {
         let options = BuildOptions {
             threshold: Threshold::Iso(-5.0),
             connectivity: Connectivity::Thin26,
-            normals: true,
-            values: true,
+            channels: Channels::from([Channel::Normal, Channel::Value]),
             lod: true,
             memory: MemoryCap::Process(1 << 30),
             threads: 2,
@@ -574,8 +583,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
             let options = BuildOptions {
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity: Connectivity::Thin26,
-                normals: true,
-                values: false,
+                channels: Channels::default(),
                 lod: false,
                 memory: MemoryCap::Process(1 << 30),
                 threads: 2,
@@ -591,7 +599,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
                 .iter()
                 .map(|code| infobyte::geom::morton::decode(*code))
                 .map(|cell| std::array::from_fn(|a| cell[a] - u32::try_from(offset[a]).unwrap()))
-                .zip(model.section_bytes(SectionKind::Normal).unwrap().as_chunks::<2>().0)
+                .zip(model.section_bytes(SectionKind::Voxels(Channel::Normal)).unwrap().as_chunks::<2>().0)
                 .map(|(cell, code)| (cell, u16::from_le_bytes(*code)))
                 .collect();
             voxels.sort_unstable();

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::Path;
 
-use infobyte::format::SectionKind;
+use infobyte::format::{Channel, SectionKind};
 use infobyte::load::Model;
 use serde_json::Value;
 
@@ -94,7 +94,8 @@ fn the_table_is_removed_and_the_skin_of_the_body_is_unchanged() {
         // A normal looks two voxels around itself.
         if gap == 4 {
             assert!(
-                section(&at("one.oct"), SectionKind::Normal) == section(&at("body.oct"), SectionKind::Normal)
+                section(&at("one.oct"), SectionKind::Voxels(Channel::Normal))
+                    == section(&at("body.oct"), SectionKind::Voxels(Channel::Normal))
             );
         }
         let cleaning = &report["cleaning"];

@@ -7,6 +7,7 @@ use std::path::Path;
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildOptions, Connectivity, Silent, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, SizeLimit};
+use infobyte::format::Channels;
 use infobyte::geom::Affine;
 use infobyte::volume::{Rescale, ScalarType, VolumeSource};
 
@@ -190,8 +191,7 @@ fn build_options(threshold: Threshold, threads: usize) -> BuildOptions {
     BuildOptions {
         threshold,
         connectivity: Connectivity::Thin26,
-        normals: true,
-        values: false,
+        channels: Channels::default(),
         lod: true,
         memory: MemoryCap::Share(8 << 20),
         threads,

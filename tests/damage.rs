@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 
 use infobyte::ExitKind;
-use infobyte::format::{ENTRY_BYTES, FormatError, HEADER_BYTES, Header, SectionKind, table_bytes};
+use infobyte::format::{Channel, ENTRY_BYTES, FormatError, HEADER_BYTES, Header, SectionKind, table_bytes};
 use infobyte::jobs::{info, pack, verify as verify_job};
 use infobyte::load::{Frame, Model, NodeView, verify};
 use support::random::Random;
@@ -301,7 +301,7 @@ fn a_packed_file_that_promises_too_much_is_refused_at_once() {
     let (path, out) = (folder.path().join("a.oct"), folder.path().join("out.oct"));
     let file = packed(folder.path());
     let bad = forge(&file, |f| {
-        for e in f.sections.iter_mut().filter(|e| e.kind == Some(SectionKind::Value)) {
+        for e in f.sections.iter_mut().filter(|e| e.kind == Some(SectionKind::Voxels(Channel::Value))) {
             (e.items, e.content_bytes) = (1 << 40, 1 << 41);
         }
     });

@@ -6,6 +6,7 @@ use std::io::Write as _;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use infobyte::facts::Instead;
 use infobyte::source::dicom::{Access, FrameSink, Image, scan, unroll, visit};
 use infobyte::volume::SourceError;
 
@@ -340,7 +341,7 @@ impl FrameSink for Limited {
         self.left = self
             .left
             .checked_sub(samples.len())
-            .ok_or_else(|| SourceError::NoVolume { path: "x".into(), reason: "enough".into() })?;
+            .ok_or_else(|| SourceError::NoVolume { path: "x".into(), found: Instead::Nothing })?;
         Ok(())
     }
 }

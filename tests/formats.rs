@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use infobyte::catalogue::{Catalogue, open};
-use infobyte::format::SectionKind;
+use infobyte::format::{Channel, SectionKind};
 use infobyte::jobs::wording::sentences;
 use infobyte::load::Model;
 use infobyte::progress::Silent;
@@ -457,7 +457,11 @@ fn the_same_object_gives_the_same_model_from_every_format() {
         let described =
             ["--dims", "61x47x22", "--dtype", "u16", "--spacing", &spacing, "--orientation", orientation];
         let expected = sections(&raw, &described);
-        assert!(expected.iter().any(|(kind, bytes)| *kind == SectionKind::Normal && bytes.len() > 1000));
+        assert!(
+            expected
+                .iter()
+                .any(|(kind, bytes)| *kind == SectionKind::Voxels(Channel::Normal) && bytes.len() > 1000)
+        );
         let mut inputs = vec![
             file(at, "v.nrrd", &nrrd(&object, "gzip", true, "")),
             file(at, "v.nii.gz", &gzip(&[nifti(&object, 1, false, true, 1), object.bytes.clone()].concat())),

@@ -32,7 +32,7 @@ mod volume;
 
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
-use infobyte::format::normal;
+use infobyte::format::{Channels, normal};
 use infobyte::geom::{Affine, morton};
 use infobyte::load::{Model, NodeView};
 use infobyte::volume::ScalarType;
@@ -67,8 +67,7 @@ fn stored_codes(
     let options = BuildOptions {
         threshold: Threshold::Iso(iso),
         connectivity: Connectivity::Thin26,
-        normals: true,
-        values: false,
+        channels: Channels::default(),
         lod: false,
         memory,
         threads,

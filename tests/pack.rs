@@ -7,7 +7,7 @@ use std::fs;
 
 use infobyte::ExitKind;
 use infobyte::format::Encoding;
-use infobyte::format::assemble::Channels;
+use infobyte::format::assemble::OptionalSections;
 use infobyte::jobs::{info, pack, verify};
 use support::{FULL, NORMALS, shell};
 
@@ -17,7 +17,7 @@ fn unpacking_gives_the_file_and_packing_again_gives_the_archive() {
     let at = |name: &str| folder.path().join(name);
     for (i, dims) in [[1, 1, 1], [3, 2, 1], [40, 40, 40], [70, 66, 90], [130, 20, 24]].into_iter().enumerate()
     {
-        for channels in [NORMALS, FULL, Channels { normal: false, value_bytes: 1, lod: true }] {
+        for channels in [NORMALS, FULL, OptionalSections { normal: false, value_bytes: 1, lod: true }] {
             let name = |what: &str| at(&format!("{i}-{what}.oct"));
             let seed = 7 + i as u64;
             let file =

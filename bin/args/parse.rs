@@ -5,6 +5,7 @@ use std::ops::Range;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use infobyte::builder::Connectivity;
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
+use infobyte::format::{Channel, Channels};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::render::{NamedView, Projection};
 use infobyte::volume::{Endian, ScalarType};
@@ -57,31 +58,22 @@ pub(super) fn component_connectivity(text: &str) -> Result<ComponentConnectivity
     either(text, ComponentConnectivity::Corners26, ComponentConnectivity::Faces6)
 }
 
-/// Channels to store per skin voxel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct ChannelChoice {
-    pub(crate) normal: bool,
-    pub(crate) value: bool,
-}
+/// Channels that this version can build of a volume.
+const BUILT: Channels = Channels::NONE.with(Channel::Normal).with(Channel::Value);
 
-pub(super) fn channels(text: &str) -> Result<ChannelChoice, String> {
-    let mut choice = ChannelChoice::default();
+pub(super) fn channels(text: &str) -> Result<Channels, String> {
     if text == "none" {
-        return Ok(choice);
+        return Ok(Channels::NONE);
     }
-    for name in text.split(',').map(str::trim) {
-        match name {
-            "normal" => choice.normal = true,
-            "value" => choice.value = true,
-            "offset" | "color" | "material" => {
-                return Err(format!(
-                    "the channel '{name}' cannot be built by this version; choose from normal, value"
-                ));
-            }
-            _ => return Err(format!("'{name}' is not a channel; choose from normal, value, or none")),
+    let choices = || BUILT.iter().map(Channel::name).collect::<Vec<_>>().join(", ");
+    let channel = |name: &str| match Channel::by_name(name) {
+        Some(channel) if BUILT.contains(channel) => Ok(channel),
+        Some(_) => {
+            Err(format!("the channel '{name}' cannot be built by this version; choose from {}", choices()))
         }
-    }
-    Ok(choice)
+        None => Err(format!("'{name}' is not a channel; choose from {}, or none", choices())),
+    };
+    text.split(',').map(str::trim).map(channel).collect()
 }
 
 /// A box of voxels.

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::builder::{Connectivity, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
+use infobyte::format::Channels;
 use infobyte::geom::{Dims, Orientation};
 use infobyte::source::GapPolicy;
 use infobyte::volume::{Endian, ScalarType};
@@ -172,7 +173,7 @@ impl SelectionArgs {
 pub(crate) struct SkinArgs {
     /// Attributes per skin voxel: normal, value, or none
     #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
-    pub(crate) channels: parse::ChannelChoice,
+    pub(crate) channels: Channels,
     /// Connectivity of the skin: 26 (thin) or 6 (thick)
     #[arg(long, default_value = "26", value_parser = parse::connectivity)]
     pub(crate) connectivity: Connectivity,

@@ -1,8 +1,8 @@
 //! Counts of a brick: its skin voxels, and its non-empty boxes of every edge.
 #![expect(clippy::cast_possible_truncation, reason = "a brick has at most 4096 boxes of one edge")]
 
-use super::plan::BRICK;
 use super::simd::{Isa, Kernel, dispatch};
+use super::solid::BRICK;
 
 const BRICK_ROWS: usize = BRICK as usize;
 
@@ -54,7 +54,7 @@ fn count_boxes(rows: &[u32; BRICK_ROWS * BRICK_ROWS]) -> (u32, [u16; 4]) {
                 let row = at(0, 0) | at(0, 1) | at(1, 0) | at(1, 1);
                 let folded = (row | row >> (1 << step)) & keep[step];
                 sum += folded.count_ones();
-                // Rows move to the front; the place written lies before every place still to be read.
+                // Rows move to the front; the row written lies before every row still to be read.
                 level[z * half + y] = folded;
             }
         }

@@ -1,110 +1,126 @@
 //! One brick of 32^3 voxels: from its fragments in scan order to infobytes and channels in Morton order.
-#![expect(clippy::cast_possible_truncation, reason = "places within a brick are below 2^15")]
+#![expect(clippy::cast_possible_truncation, reason = "codes within a brick are below 2^15")]
 
 use super::error::BuildError;
-use super::layout::BRICK_LEVELS;
+use super::item::{ChannelForm, ItemForm};
+use super::layout::{BRICK_LEVELS, StoredChannels};
 use super::simd::{Isa, Kernel, dispatch};
 use super::swap::{BrickEntry, Scratch, read_fragment};
-use super::value::ValueScale;
-use crate::format::normal;
+use crate::format::{MeanBytes, MeanRule, Sum};
 use crate::geom::morton;
 
 const EDGE: usize = 32;
-const _: () = assert!(EDGE == super::plan::BRICK as usize, "rows of a brick are words of 32 bits");
+const _: () = assert!(EDGE == super::solid::BRICK as usize, "rows of a brick are words of 32 bits");
 const VOXELS: usize = EDGE * EDGE * EDGE;
 /// Boxes of 4^3 voxels: one word of 64 voxels each.
 const WORDS: usize = VOXELS / 64;
 
-/// Attributes of the voxels below a box, to be averaged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Sums {
-    /// Sum of the L1-127 normals.
-    pub(super) normal: [i64; 3],
-    /// Sum of the stored values.
-    pub(super) value: u64,
-    /// Voxels.
-    pub(super) count: u64,
-    /// Normal code of the first voxel.
-    pub(super) first: u16,
+/// One channel of the brick at hand.
+pub(super) struct BrickChannel {
+    form: ItemForm,
+    /// How its means come about, if they are wanted.
+    rule: Option<MeanRule>,
+    /// Stored items in the order of the scan.
+    scan: Vec<u8>,
+    /// Stored items in Morton order.
+    pub(super) items: Vec<u8>,
+    /// Sums of the boxes of 4^3 voxels, then (folded) of larger ones; none without a rule.
+    pub(super) sums: Vec<Sum>,
 }
 
-impl Sums {
-    /// Adds a box that follows in Morton order.
-    #[inline]
-    pub(super) fn add(&mut self, next: &Self) {
-        if self.count == 0 {
-            self.first = next.first;
+/// Bytes of a channel's items at their fullest, in both orders, and of its sums.
+pub(super) fn channel_bytes(channel: &ChannelForm) -> u64 {
+    (2 * VOXELS * channel.form.stored_bytes() + Sum::BYTES * WORDS) as u64
+}
+
+impl BrickChannel {
+    fn new(channel: &ChannelForm, rule: Option<MeanRule>) -> Self {
+        Self {
+            form: channel.form,
+            rule,
+            scan: Vec::new(),
+            items: Vec::new(),
+            sums: vec![Sum::default(); if rule.is_some() { WORDS } else { 0 }],
         }
-        for (sum, more) in self.normal.iter_mut().zip(next.normal) {
-            *sum += more;
-        }
-        self.value += next.value;
-        self.count += next.count;
     }
 
-    /// Mean normal (SPEC 4.6).
-    #[inline]
-    pub(super) fn mean_normal(&self) -> u16 {
-        normal::mean(self.normal, self.first)
+    /// Bytes of a stored item.
+    pub(super) fn item_bytes(&self) -> usize {
+        self.form.stored_bytes()
     }
 
-    /// Mean value (SPEC 4.7).
-    #[inline]
-    pub(super) fn mean_value(&self) -> u16 {
-        ((2 * self.value + self.count) / (2 * self.count.max(1))) as u16
+    /// Sums of the 4^3 boxes, in Morton order with empty boxes between.
+    fn sum_words(&mut self, words: &[u64; WORDS], before: &[u32; WORDS]) {
+        let (Some(rule), item) = (self.rule, self.item_bytes()) else { return };
+        for ((sum, word), first) in self.sums.iter_mut().zip(words).zip(before) {
+            *sum = Sum::default();
+            let (first, count) = (*first as usize, word.count_ones() as usize);
+            if count > 0 {
+                rule.add_items(sum, &self.items[first * item..(first + count) * item], item);
+            }
+        }
+    }
+
+    /// Folds the sums of `boxes` boxes into those of their parents.
+    pub(super) fn fold_sums(&mut self, boxes: usize) {
+        if self.rule.is_none() {
+            return;
+        }
+        for parent in 0..boxes / 8 {
+            let mut sum = Sum::default();
+            for child in &self.sums[8 * parent..8 * parent + 8] {
+                if child.count() > 0 {
+                    sum.join(child);
+                }
+            }
+            self.sums[parent] = sum;
+        }
+    }
+
+    /// Means of the first `boxes` boxes, of those with skin.
+    pub(super) fn means(&self, boxes: usize) -> impl Iterator<Item = MeanBytes> {
+        let sums = self.sums.get(..boxes).unwrap_or_default().iter();
+        self.rule
+            .into_iter()
+            .flat_map(move |rule| sums.clone().filter(|sum| sum.count() > 0).map(move |sum| rule.mean(sum)))
     }
 }
 
-/// Buffers for one brick at a time. Memory: [`BrickReader::BYTES`].
+/// Buffers for one brick at a time. Memory: [`BrickReader::BYTES`] and [`channel_bytes`] of each channel.
 pub(super) struct BrickReader {
     stored: Vec<u8>,
     payload: Vec<u8>,
     chain: Vec<u64>,
     rows: Box<[u32; EDGE * EDGE]>,
-    scan_normals: Vec<u16>,
-    scan_values: Vec<u16>,
     /// Skin bits in Morton order, 4^3 voxels a word.
     pub(super) words: Box<[u64; WORDS]>,
+    /// Voxels before each word.
     before: Box<[u32; WORDS]>,
-    /// Channels in Morton order.
-    pub(super) normals: Vec<u16>,
-    pub(super) values: Vec<u16>,
-    /// Sums of the boxes of 4^3 voxels, then (folded) of larger ones.
-    pub(super) sums: Vec<Sums>,
+    pub(super) channels: Vec<BrickChannel>,
 }
 
 impl BrickReader {
-    /// All buffers at their fullest: fragments, scan and Morton order of two channels, bits and sums.
-    pub(super) const BYTES: u64 =
-        2 * (140 << 10) + 8 * VOXELS as u64 + 16 * WORDS as u64 + 4096 + 64 * WORDS as u64;
+    /// Fragments and bits at their fullest.
+    pub(super) const BYTES: u64 = 2 * (140 << 10) + 16 * WORDS as u64 + 4096;
 
-    pub(super) fn new() -> Self {
+    pub(super) fn new(channels: &StoredChannels) -> Self {
         Self {
             stored: Vec::new(),
             payload: Vec::new(),
             chain: Vec::new(),
             rows: Box::new([0; EDGE * EDGE]),
-            scan_normals: Vec::new(),
-            scan_values: Vec::new(),
             words: Box::new([0; WORDS]),
             before: Box::new([0; WORDS]),
-            normals: Vec::new(),
-            values: Vec::new(),
-            sums: vec![Sums::default(); WORDS],
+            channels: channels.with_means().map(|(c, rule)| BrickChannel::new(c, rule)).collect(),
         }
     }
 
     /// Loads a brick and puts it into Morton order.
-    pub(super) fn load(
-        &mut self,
-        scratch: &Scratch,
-        entry: &BrickEntry,
-        normals: bool,
-        values: Option<&ValueScale>,
-    ) -> Result<(), BuildError> {
+    pub(super) fn load(&mut self, scratch: &Scratch, entry: &BrickEntry) -> Result<(), BuildError> {
         self.rows.fill(0);
-        self.scan_normals.clear();
-        self.scan_values.clear();
+        for channel in &mut self.channels {
+            channel.scan.clear();
+        }
         // Fragments are linked from the last to the first, and the first slices must come first.
         self.chain.clear();
         let mut at = entry.last_fragment;
@@ -117,16 +133,26 @@ impl BrickReader {
             if !single {
                 read_fragment(scratch, at, &mut self.stored, &mut self.payload)?;
             }
-            if self.unpack(normals, values).is_none() {
+            if self.unpack().is_none() {
                 return Err(scratch.error(std::io::Error::other("its contents were changed by someone else")));
             }
         }
-        dispatch(SortKernel { reader: self, normals, values: values.is_some() });
+        dispatch(WordsKernel { reader: self });
+        for BrickChannel { form, scan, items, .. } in &mut self.channels {
+            let order = MortonOrder { rows: &self.rows, words: &self.words, before: &self.before };
+            match form.stored_bytes() {
+                1 => dispatch(SortKernel::<1> { order, scan, items }),
+                2 => dispatch(SortKernel::<2> { order, scan, items }),
+                3 => dispatch(SortKernel::<3> { order, scan, items }),
+                4 => dispatch(SortKernel::<4> { order, scan, items }),
+                wide => order.sort(scan, items, wide),
+            }
+        }
         Ok(())
     }
 
     /// Appends the fragment in `payload` to the scan-order buffers; `None` if it is not one.
-    fn unpack(&mut self, normals: bool, values: Option<&ValueScale>) -> Option<()> {
+    fn unpack(&mut self) -> Option<()> {
         let (head, mut rest) = self.payload.split_first_chunk::<2>()?;
         let slices = usize::from(head[0])..usize::from(head[1]).min(EDGE);
         let mut count = 0;
@@ -144,22 +170,17 @@ impl BrickReader {
                 count += row.count_ones() as usize;
             }
         }
-        if normals {
-            let (codes, more) = rest.split_at_checked(2 * count)?;
+        for channel in &mut self.channels {
+            let (swapped, more) = rest.split_at_checked(channel.form.swapped_bytes() * count)?;
             rest = more;
-            self.scan_normals.extend(codes.as_chunks::<2>().0.iter().map(|c| u16::from_le_bytes(*c)));
-        }
-        if let Some(scale) = values {
-            let wide = scale.swapped_bytes();
-            let swapped = rest.get(..wide * count)?;
-            self.scan_values.extend(swapped.chunks_exact(wide).map(|v| scale.stored(v)));
+            channel.form.store(swapped, &mut channel.scan);
         }
         Some(())
     }
 
-    /// Skin bits row by row to Morton words, then every record to its voxel's rank.
+    /// Skin bits row by row to Morton words.
     #[inline(always)]
-    fn sort_to_morton(&mut self, normals: bool, values: bool) {
+    fn words_of_rows(&mut self) {
         for (block, word) in self.words.iter_mut().enumerate() {
             let [bx, by, bz] = morton::decode(block as u64).map(|c| 4 * c as usize);
             *word = 0;
@@ -169,8 +190,8 @@ impl BrickReader {
                     continue;
                 }
                 for (y, row) in rows.iter().enumerate() {
-                    let place = 2 * (y & 1) + 16 * (y >> 1) + 4 * (z & 1) + 32 * (z >> 1);
-                    *word |= SPREAD_X[(row >> bx & 0xf) as usize] << place;
+                    let bit = 2 * (y & 1) + 16 * (y >> 1) + 4 * (z & 1) + 32 * (z >> 1);
+                    *word |= SPREAD_X[(row >> bx & 0xf) as usize] << bit;
                 }
             }
         }
@@ -179,13 +200,47 @@ impl BrickReader {
             *before = total;
             total += word.count_ones();
         }
-        if normals {
-            self.normals.resize(total as usize, 0);
+    }
+
+    /// Sums of every channel that is averaged, of the 4^3 boxes.
+    pub(super) fn sum_words(&mut self) {
+        for channel in &mut self.channels {
+            channel.sum_words(&self.words, &self.before);
         }
-        if values {
-            self.values.resize(total as usize, 0);
-        }
-        let mut scan = 0;
+    }
+}
+
+struct WordsKernel<'a> {
+    reader: &'a mut BrickReader,
+}
+
+impl Kernel for WordsKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        self.reader.words_of_rows();
+    }
+}
+
+/// Which voxel of the scan has which rank in Morton order.
+#[derive(Clone, Copy)]
+struct MortonOrder<'a> {
+    rows: &'a [u32; EDGE * EDGE],
+    words: &'a [u64; WORDS],
+    before: &'a [u32; WORDS],
+}
+
+impl MortonOrder<'_> {
+    /// Voxels of the brick.
+    #[inline(always)]
+    fn voxels(&self) -> usize {
+        self.before[WORDS - 1] as usize + self.words[WORDS - 1].count_ones() as usize
+    }
+
+    /// Calls `put` with the rank of every voxel, in the order of the scan.
+    #[inline(always)]
+    fn for_each_rank(&self, mut put: impl FnMut(usize)) {
         for (at, row) in self.rows.iter().enumerate() {
             let mut bits = *row;
             if bits == 0 {
@@ -197,69 +252,42 @@ impl BrickReader {
                 bits &= bits - 1;
                 let code = usize::from(yz | MORTON_X[x]);
                 let below = self.words[code / 64] & ((1 << (code % 64)) - 1);
-                let place = (self.before[code / 64] + below.count_ones()) as usize;
-                if normals {
-                    self.normals[place] = self.scan_normals[scan];
-                }
-                if values {
-                    self.values[place] = self.scan_values[scan];
-                }
-                scan += 1;
+                put((self.before[code / 64] + below.count_ones()) as usize);
             }
         }
     }
 
-    /// Sums of the 4^3 boxes, in Morton order with empty boxes between.
-    pub(super) fn sum_words(&mut self) {
-        for ((sums, word), first) in self.sums.iter_mut().zip(self.words.iter()).zip(self.before.iter()) {
-            *sums = Sums::default();
-            let count = word.count_ones() as usize;
-            if count == 0 {
-                continue;
+    /// Puts items of any width into Morton order.
+    fn sort(&self, scan: &[u8], items: &mut Vec<u8>, width: usize) {
+        items.resize(self.voxels() * width, 0);
+        let mut from = scan.chunks_exact(width);
+        self.for_each_rank(|rank| {
+            if let Some(item) = from.next() {
+                items[rank * width..][..width].copy_from_slice(item);
             }
-            let voxels = *first as usize..*first as usize + count;
-            sums.count = count as u64;
-            if let Some(codes) = self.normals.get(voxels.clone()) {
-                sums.first = codes[0];
-                let mut sum = [0_i32; 3];
-                for code in codes {
-                    let v = normal::decode_l1(*code);
-                    (sum[0], sum[1], sum[2]) = (sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]);
-                }
-                sums.normal = sum.map(i64::from);
-            }
-            if let Some(values) = self.values.get(voxels) {
-                sums.value = values.iter().map(|v| u64::from(*v)).sum();
-            }
-        }
-    }
-
-    /// Folds the sums of `boxes` boxes into those of their parents.
-    pub(super) fn fold_sums(&mut self, boxes: usize) {
-        for parent in 0..boxes / 8 {
-            let mut sum = Sums::default();
-            for child in &self.sums[8 * parent..8 * parent + 8] {
-                if child.count > 0 {
-                    sum.add(child);
-                }
-            }
-            self.sums[parent] = sum;
-        }
+        });
     }
 }
 
-struct SortKernel<'a> {
-    reader: &'a mut BrickReader,
-    normals: bool,
-    values: bool,
+/// Puts items of `W` bytes into Morton order.
+struct SortKernel<'a, const W: usize> {
+    order: MortonOrder<'a>,
+    scan: &'a [u8],
+    items: &'a mut Vec<u8>,
 }
 
-impl Kernel for SortKernel<'_> {
+impl<const W: usize> Kernel for SortKernel<'_, W> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, _: impl Isa) {
-        self.reader.sort_to_morton(self.normals, self.values);
+        self.items.resize(self.order.voxels() * W, 0);
+        let (from, to) = (self.scan.as_chunks::<W>().0, self.items.as_chunks_mut::<W>().0);
+        let mut at = 0;
+        self.order.for_each_rank(|rank| {
+            to[rank] = from[at];
+            at += 1;
+        });
     }
 }
 
@@ -285,7 +313,7 @@ pub(super) fn infobytes(words: &[u64; WORDS], out: &mut [Vec<u8>; BRICK_LEVELS a
     }
 }
 
-/// Four bits of a row to their places in a word of 4^3 voxels in Morton order.
+/// Four bits of a row to their bits in a word of 4^3 voxels in Morton order.
 const SPREAD_X: [u64; 16] = {
     let mut table = [0; 16];
     let mut bits = 0_u64;
@@ -343,12 +371,5 @@ mod tests {
         assert_eq!((out[1][0], out[1][9], out[1][511]), (1, 2, 0x80));
         assert_eq!((out[2][0], out[2][1], out[2][63]), (1, 2, 0x80));
         assert_eq!((out[3][0], out[3][7], out[4][0]), (3, 0x80, 0x81));
-    }
-
-    #[test]
-    fn means_round_half_up_and_fall_back_to_the_first() {
-        let mut sums = Sums { normal: [5, 0, 0], value: 1, count: 1, first: 7 };
-        sums.add(&Sums { normal: [-5, 0, 0], value: 2, count: 1, first: 9 });
-        assert_eq!((sums.mean_normal(), sums.mean_value(), sums.count), (7, 2, 2));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::error::BuildError;
 use super::range::{Ordered, SampleRange, highest_below};
-use super::{Progress, Threshold, histogram, merge, plan};
+use super::{Progress, Threshold, histogram, plan};
 use crate::budget::MemoryCap;
 use crate::format::{Selection, SelectionKind};
 use crate::volume::{ScalarType, VolumeSource};
@@ -34,7 +34,11 @@ pub fn choose_selection(
     })
 }
 
+/// Room that is kept for one worker of the scan: what a model with normals and values takes to be merged.
+const SCAN_BYTES: u64 = 1124 << 10;
+
 /// What a choice needs to know.
+#[derive(Clone, Copy)]
 pub(super) struct Chooser<'a> {
     pub(super) source: &'a dyn VolumeSource,
     pub(super) memory: MemoryCap,
@@ -78,7 +82,7 @@ impl Chooser<'_> {
     /// As many threads as their histograms fit the budget, at least one. Room for one worker of the scan is
     /// kept, as the allocator may not give back what the histograms held.
     fn histogram_threads(&self) -> usize {
-        let scan = merge::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
+        let scan = SCAN_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
         let fixed = histogram::SHARED_BYTES + scan;
         let each = histogram::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
         let fit = self.memory.left().saturating_sub(fixed) / each;

@@ -1,86 +1,58 @@
-//! One column of the volume: a tile of 32 rows walked along z, from samples to swapped skin records.
+//! One column of voxels: a tile of 32 rows walked along z, from occupancy to swapped skin records.
 //!
 //! ```text
-//!   slice z+2  --read-->  ring of 5 slices  --classify-->  ring of inside bits
-//!   slice z               skin = bit logic on z-1, z, z+1; gradient on z-2 ..= z+2 at skin voxels
-//!                         records of bricks of 32^3  --every 32 slices-->  scratch file
+//!   slice z+2   --solid-->  ring of inside bits, where the cover of its slab is mixed
+//!   slice z     skin = bit logic on z-1, z, z+1; the solid describes the skin voxels
+//!               records of bricks of 32^3  --every 32 slices-->  scratch file
 //! ```
 //!
-//! A column reads 2 rows and 2 columns beyond its tile on every side. Memory is that of
-//! [`ColumnPlan::worker_bytes`], whatever the volume holds.
+//! Memory is that of [`ColumnPlan::worker_bytes`] and of the solid's worker, whatever the solid is.
 #![expect(
     clippy::cast_possible_truncation,
-    reason = "coordinates are below 2^16, places within a brick below 2^15"
+    reason = "coordinates are below 2^16, numbers of voxels within a brick below 2^15"
 )]
 
 use std::ops::Range;
-use std::time::{Duration, Instant};
 
 use super::boxes::{count_brick, count_slice};
-use super::classify::classify;
 use super::error::BuildError;
-use super::flavour::{Flavour, border_unit, convert};
-use super::gradient::{
-    Gradients, NormalRule, OVERREAD, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths, gradients,
-};
-use super::plan::{BRICK, ColumnPlan};
-use super::pool::{Chain, ChunkPool};
-use super::range::{Ordered, SampleRange};
-use super::skin::{BIT_RING, BIT_ROWS, BitRows, Connectivity, Exposed, brick_rows, exposed, find_skin};
+use super::item::ChannelForm;
+use super::plan::ColumnPlan;
+use super::pool::{CHUNK_BYTES, Chain, ChunkPool};
+use super::skin::{BIT_RING, BIT_ROWS, BitRows, Connectivity, brick_rows, find_skin};
+use super::solid::{BRICK, Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, VoxelBox};
 use super::swap::{BrickEntry, FragmentWriter, Scratch};
-use crate::volume::{SourceError, VolumeSource};
 
 const BRICK_ROWS: usize = BRICK as usize;
-const RING: usize = 2 * REACH as usize + 1;
-
-/// Part of the volume that one worker takes at a time.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Column {
-    pub(super) x: Range<u32>,
-    pub(super) y: Range<u32>,
-    pub(super) z: Range<u32>,
-}
 
 /// What all workers share.
-pub(super) struct ScanContext<'a, F> {
-    pub(super) source: &'a dyn VolumeSource,
-    pub(super) flavour: F,
+pub(super) struct ScanContext<'a, S> {
+    pub(super) solid: &'a S,
+    /// The channels to be stored.
+    pub(super) channels: &'a [ChannelForm],
     pub(super) connectivity: Connectivity,
-    pub(super) rule: &'a NormalRule,
     pub(super) plan: &'a ColumnPlan,
     pub(super) scratch: &'a Scratch,
 }
 
 /// Figures that a worker brings home.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ScanTotals {
     pub(super) skin: u64,
-    /// Smallest and largest value of a skin voxel, for the scale of wide values.
-    pub(super) values: (f32, f32),
-    /// Time spent waiting for the source.
-    pub(super) reading: Duration,
+    pub(super) found: Found,
 }
 
 impl ScanTotals {
-    pub(super) const NONE: Self =
-        Self { skin: 0, values: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO };
-
     pub(super) fn join(self, other: Self) -> Self {
-        Self {
-            skin: self.skin + other.skin,
-            values: (self.values.0.min(other.values.0), self.values.1.max(other.values.1)),
-            reading: self.reading + other.reading,
-        }
+        Self { skin: self.skin + other.skin, found: self.found.join(other.found) }
     }
 }
 
-/// Skin records of one brick that wait for the scratch file.
+/// Skin bits of one brick that wait for the scratch file.
 #[derive(Clone, Debug)]
 struct Brick {
     /// Skin bits, `rows[32 z + y]`.
     rows: Box<[u32; BRICK_ROWS * BRICK_ROWS]>,
-    normals: Chain,
-    values: Chain,
     /// Slices swapped out already, and slices done.
     swapped: u8,
     done: u8,
@@ -89,94 +61,130 @@ struct Brick {
 
 impl Brick {
     fn new() -> Self {
+        Self { rows: Box::new([0; BRICK_ROWS * BRICK_ROWS]), swapped: 0, done: 0, last_fragment: 0 }
+    }
+}
+
+/// What the solid says of a slab of 32 slices, 64 columns at a time.
+#[derive(Clone, Debug)]
+struct SlabCover {
+    /// The slab; a number beyond any for none.
+    slab: u32,
+    /// Cover of each word of the tile, with all neighbours.
+    words: Vec<Cover>,
+    /// Runs of words that are mixed.
+    mixed: Vec<Range<usize>>,
+    /// Slices of the ring in which the bits of the other words must still be written: they stay the same.
+    stale: usize,
+}
+
+impl SlabCover {
+    const NONE: u32 = u32::MAX;
+
+    fn new(words: usize) -> Self {
         Self {
-            rows: Box::new([0; BRICK_ROWS * BRICK_ROWS]),
-            normals: Chain::EMPTY,
-            values: Chain::EMPTY,
-            swapped: 0,
-            done: 0,
-            last_fragment: 0,
+            slab: Self::NONE,
+            words: Vec::with_capacity(words),
+            mixed: Vec::with_capacity(words.div_ceil(2)),
+            stale: 0,
+        }
+    }
+
+    /// Gathers the runs once all words are known.
+    fn finish(&mut self) {
+        self.mixed.clear();
+        for (word, cover) in self.words.iter().enumerate() {
+            match self.mixed.last_mut() {
+                _ if *cover != Cover::Mixed => {}
+                Some(run) if run.end == word => run.end += 1,
+                _ => self.mixed.push(word..word + 1),
+            }
+        }
+        self.stale = BIT_RING;
+    }
+
+    /// Writes the bits of the words that are not mixed into every row of a slice.
+    fn write_uniform(&mut self, slice: &mut [u64], row_words: usize) {
+        if self.stale == 0 {
+            return;
+        }
+        self.stale -= 1;
+        for row in slice.chunks_exact_mut(row_words) {
+            for (bits, cover) in row[1..].iter_mut().zip(&self.words) {
+                match cover {
+                    Cover::Outside => *bits = 0,
+                    Cover::Inside => *bits = u64::MAX,
+                    Cover::Mixed => {}
+                }
+            }
         }
     }
 }
 
 /// One worker: buffers for one column at a time, reused for the next.
-pub(super) struct ColumnWorker<'a, F: Flavour> {
-    shared: &'a ScanContext<'a, F>,
+pub(super) struct ColumnWorker<'a, S: Solid + 'a> {
+    shared: &'a ScanContext<'a, S>,
     dims: [u32; 3],
-    ring: Vec<F::Ring>,
-    plane_len: usize,
-    staging: Vec<F::File>,
+    solid: S::Worker<'a>,
+    /// Of the slab at hand and the one that is being read.
+    covers: [SlabCover; 2],
     bits: Vec<u64>,
     no_bits: Vec<u64>,
     skin: Vec<u64>,
     bricks: Vec<Brick>,
+    /// Items that wait for the scratch file: a chain for each channel of each brick.
+    chains: Vec<Chain>,
     pool: ChunkPool,
-    gradients: Box<Gradients>,
-    codes: Box<[u16; SLICE_VOXELS]>,
-    values: Vec<u8>,
     payload: Vec<u8>,
     entries: Vec<BrickEntry>,
     entry_bytes: Vec<u8>,
     writer: FragmentWriter<'a>,
-    totals: ScanTotals,
+    skin_voxels: u64,
 }
 
-/// The column at hand: its place and the layout of its buffers.
-#[derive(Clone, Debug)]
-struct Frame {
-    column: Column,
-    /// Rows and columns read: the tile and its halo, within the volume.
-    rows: Range<u32>,
-    cols: Range<u32>,
-    /// Samples of a row, from one row of the ring to the next, and of a slice in the ring.
-    width: usize,
-    stride: usize,
-    samples: usize,
-    /// Words per row of skin bits.
-    words: usize,
+/// Words of skin bits across a column.
+fn words_across(column: &VoxelBox) -> usize {
+    column.x.len().div_ceil(64)
 }
 
-impl<'a, F: Flavour> ColumnWorker<'a, F> {
-    pub(super) fn new(shared: &'a ScanContext<'a, F>) -> Self {
+impl<'a, S: Solid> ColumnWorker<'a, S> {
+    pub(super) fn new(shared: &'a ScanContext<'a, S>) -> Self {
         let plan = shared.plan;
-        let plane_len = plan.plane_samples();
         let words = plan.tile_words();
-        let staging = plan.staging_slices(F::DIRECT) * plan.block_samples();
         Self {
             shared,
-            dims: shared.source.info().dims.to_array(),
-            ring: vec![bytemuck::Zeroable::zeroed(); RING * plane_len + OVERREAD],
-            plane_len,
-            staging: vec![bytemuck::Zeroable::zeroed(); staging],
+            dims: shared.solid.dims().to_array(),
+            solid: shared.solid.worker(&plan.tile()),
+            covers: [SlabCover::new(words), SlabCover::new(words)],
             bits: vec![0; BIT_RING * BIT_ROWS * (words + 2)],
             no_bits: vec![0; words + 2],
             skin: vec![0; BRICK_ROWS * words],
             bricks: vec![Brick::new(); plan.tile_bricks()],
+            chains: vec![Chain::EMPTY; plan.tile_bricks() * shared.channels.len()],
             pool: ChunkPool::new(plan.pool_bytes),
-            gradients: Gradients::new(),
-            codes: Box::new([0; SLICE_VOXELS]),
-            values: Vec::with_capacity(SLICE_VOXELS * plan.swapped_value_bytes),
             payload: Vec::with_capacity(plan.payload_bytes()),
             entries: Vec::with_capacity(plan.tile_bricks()),
             entry_bytes: Vec::with_capacity(plan.tile_bricks() * super::swap::ENTRY_BYTES),
             writer: FragmentWriter::new(shared.scratch),
-            totals: ScanTotals::NONE,
+            skin_voxels: 0,
         }
     }
 
     /// Scans one column and swaps its skin records out.
-    pub(super) fn scan(&mut self, column: &Column) -> Result<(), BuildError> {
-        let frame = self.frame(column);
-        let reach = i64::from(REACH);
+    pub(super) fn scan(&mut self, column: &VoxelBox) -> Result<(), BuildError> {
+        self.solid.start(column)?;
+        for cover in &mut self.covers {
+            cover.slab = SlabCover::NONE;
+        }
+        let ahead_by = i64::from(LOOKAHEAD);
         let (z0, z1) = (i64::from(column.z.start), i64::from(column.z.end));
-        for ahead in z0 - reach..z1 + reach {
-            if let Some(slice) = self.slice_in_volume(ahead) {
-                self.load(&frame, slice)?;
+        for ahead in z0 - ahead_by..z1 + ahead_by {
+            if let Some(slice) = u32::try_from(ahead).ok().filter(|z| *z < self.dims[2]) {
+                self.load(column, slice)?;
             }
-            let z = ahead - reach;
+            let z = ahead - ahead_by;
             if z >= z0 {
-                self.scan_slice(&frame, z as u32)?;
+                self.scan_slice(column, z as u32)?;
             }
         }
         Ok(())
@@ -185,193 +193,162 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
     /// Writes what is still gathered and returns the worker's figures.
     pub(super) fn finish(mut self) -> Result<ScanTotals, BuildError> {
         self.writer.flush()?;
-        Ok(self.totals)
+        Ok(ScanTotals { skin: self.skin_voxels, found: self.solid.found() })
     }
 
-    fn slice_in_volume(&self, z: i64) -> Option<u32> {
-        u32::try_from(z).ok().filter(|z| *z < self.dims[2])
-    }
-
-    fn frame(&self, column: &Column) -> Frame {
-        let widen = |r: &Range<u32>, n: u32| r.start.saturating_sub(REACH)..(r.end + REACH).min(n);
-        let (rows, cols) = (widen(&column.y, self.dims[1]), widen(&column.x, self.dims[0]));
-        let stride = self.shared.plan.ring_stride();
-        Frame {
-            column: column.clone(),
-            samples: stride * (rows.len() - 1) + cols.len(),
-            width: cols.len(),
-            stride,
-            words: column.x.len().div_ceil(64),
-            rows,
-            cols,
+    /// Asks for the cover of a slab, box by box: the whole tile first, halves where it is mixed.
+    fn cover_slab(&mut self, column: &VoxelBox, slab: u32) {
+        let [nx, ny, nz] = self.dims;
+        let grown = |from: u32, to: u32, n: u32| from.saturating_sub(1)..(to + 1).min(n);
+        let (y, z) = (grown(column.y.start, column.y.end, ny), grown(slab * BRICK, (slab + 1) * BRICK, nz));
+        // Beside the border a box that is all inside has skin.
+        let inner = column.y.start > 0 && column.y.end < ny && slab > 0 && (slab + 1) * BRICK < nz;
+        let cover = &mut self.covers[slab as usize % 2];
+        cover.slab = slab;
+        cover.words.clear();
+        let words = words_across(column) as u32;
+        let mut level = words.next_power_of_two();
+        while cover.words.len() < words as usize {
+            let first = cover.words.len() as u32;
+            let end = (first + level).min(words);
+            let (from, to) = (column.x.start + 64 * first, (column.x.start + 64 * end).min(column.x.end));
+            let told = self.solid.cover(&VoxelBox { x: grown(from, to, nx), y: y.clone(), z: z.clone() });
+            let told = match told {
+                Cover::Inside if !inner || from == 0 || to == nx => Cover::Mixed,
+                told => told,
+            };
+            if told == Cover::Mixed && level > 1 {
+                level /= 2;
+                continue;
+            }
+            cover.words.resize(end as usize, told);
+            // The largest aligned box that begins here.
+            level = 1 << end.trailing_zeros().min(words.next_power_of_two().trailing_zeros());
         }
+        cover.finish();
     }
 
-    /// Reads a slice of the column into its place in the ring and classifies it.
-    fn load(&mut self, f: &Frame, z: u32) -> Result<(), SourceError> {
-        let shared = self.shared;
-        let plane = &mut self.ring[z as usize % RING * self.plane_len..][..f.samples];
-        let words = self.no_bits.len();
-        let bits = &mut self.bits[z as usize % BIT_RING * BIT_ROWS * words..][..BIT_ROWS * words];
-        let (rows, cols) = (f.rows.clone(), f.cols.clone());
-        let started = Instant::now();
-        if F::DIRECT {
-            let pitch = f.stride * size_of::<F::Ring>();
-            shared.source.read_pitched(z, rows, cols, pitch, bytemuck::cast_slice_mut(plane))?;
-            self.totals.reading += started.elapsed();
-            classify_rows(
-                f,
-                self.dims,
-                bytemuck::cast_slice(plane),
-                f.stride,
-                shared.flavour.range(),
-                bits,
-                words,
-            );
-        } else {
-            let slots = shared.plan.staging_slices(false);
-            let len = self.staging.len() / slots;
-            let staged = &mut self.staging[z as usize % slots * len..][..f.width * f.rows.len()];
-            shared.source.read_rows(z, rows, cols, bytemuck::cast_slice_mut(staged))?;
-            self.totals.reading += started.elapsed();
-            classify_rows(f, self.dims, staged, f.width, shared.flavour.range(), bits, words);
-            for (from, to) in staged.chunks_exact(f.width).zip(plane.chunks_mut(f.stride)) {
-                convert(&shared.flavour, from, &mut to[..f.width]);
+    /// Asks for the occupancy of a slice of the column: its rows and one more on either side, each with the
+    /// voxels at x0 - 1 and x1 in the words before and after. Rows outside the grid are cleared.
+    fn load(&mut self, column: &VoxelBox, z: u32) -> Result<(), BuildError> {
+        let slab = z / BRICK;
+        if self.covers[slab as usize % 2].slab != slab {
+            self.cover_slab(column, slab);
+        }
+        let cover = &mut self.covers[slab as usize % 2];
+        let row_words = self.no_bits.len();
+        let slice = &mut self.bits[z as usize % BIT_RING * BIT_ROWS * row_words..][..BIT_ROWS * row_words];
+        cover.write_uniform(slice, row_words);
+        if cover.mixed.is_empty() {
+            return Ok(());
+        }
+        let [nx, ny, _] = self.dims;
+        let y = column.y.start.saturating_sub(1)..(column.y.end + 1).min(ny);
+        // Bits of row y stand in row y + 1 - y0.
+        let first_row = (y.start + 1 - column.y.start) as usize;
+        let words = words_across(column);
+        if column.y.start == 0 {
+            slice[..row_words].fill(0);
+        }
+        if column.y.end == ny {
+            slice[(column.y.len() + 1) * row_words..][..row_words].fill(0);
+        }
+        for run in &cover.mixed {
+            // The words before and after the tile belong to its outermost words.
+            let (first, end) = (run.start == 0, run.end == words);
+            let from = if first { 0 } else { run.start + 1 };
+            let to = if end { words + 2 } else { run.end + 1 };
+            let x0 = column.x.start;
+            let x_start = (x0 + 64 * run.start as u32).saturating_sub(first.into());
+            let x_end = if end { (column.x.end + 1).min(nx) } else { x0 + 64 * run.end as u32 };
+            let mut asked = OccupancyRows {
+                x: x_start..x_end,
+                y: y.clone(),
+                z,
+                origin: i64::from(x0) + 64 * (from as i64 - 1),
+                width: to - from,
+                pitch: row_words,
+                words: &mut slice[first_row * row_words + from..],
+            };
+            self.solid.occupancy(&mut asked)?;
+            // Beyond the grid everything is outside, whatever the solid wrote there.
+            if first && x0 == 0 || end && column.x.end == nx {
+                let last = u64::MAX >> ((64 * words - column.x.len()) % 64);
+                for row in slice.chunks_exact_mut(row_words) {
+                    if first && x0 == 0 {
+                        row[0] = 0;
+                    }
+                    if end && column.x.end == nx {
+                        row[words] &= last;
+                        row[words + 1] = 0;
+                    }
+                }
             }
         }
         Ok(())
     }
 
-    /// Finds the skin of slice `z`, computes its records, and swaps a full slab out.
-    fn scan_slice(&mut self, f: &Frame, z: u32) -> Result<(), BuildError> {
-        self.find_skin(f, z);
-        for brick in 0..f.column.x.len().div_ceil(BRICK_ROWS) {
-            self.scan_brick_slice(f, z, brick)?;
+    /// Finds the skin of slice `z`, gathers its records, and swaps a full slab out.
+    fn scan_slice(&mut self, column: &VoxelBox, z: u32) -> Result<(), BuildError> {
+        let slab = z / BRICK;
+        let words = words_across(column);
+        let bricks = column.x.len().div_ceil(BRICK_ROWS);
+        for at in 0..self.covers[slab as usize % 2].mixed.len() {
+            let run = self.covers[slab as usize % 2].mixed[at].clone();
+            let bits = BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] };
+            let skin = &mut self.skin[..words * BRICK_ROWS];
+            find_skin(&bits, run.clone(), column.y.len(), self.shared.connectivity, skin);
+            for brick in 2 * run.start..(2 * run.end).min(bricks) {
+                self.scan_brick_slice(column, z, brick)?;
+            }
         }
-        if (z + 1).is_multiple_of(BRICK) || z + 1 == f.column.z.end {
-            self.end_slab(f, z / BRICK)?;
+        if (z + 1).is_multiple_of(BRICK) || z + 1 == column.z.end {
+            self.end_slab(column, slab)?;
         }
         Ok(())
     }
 
-    fn find_skin(&mut self, f: &Frame, z: u32) {
-        let bits = BitRows { bits: &self.bits, none: &self.no_bits, words: f.words, z, nz: self.dims[2] };
-        let skin = &mut self.skin[..f.words * BRICK_ROWS];
-        find_skin(&bits, f.column.y.len(), self.shared.connectivity, skin);
-    }
-
-    fn scan_brick_slice(&mut self, f: &Frame, z: u32, brick: usize) -> Result<(), BuildError> {
-        let skin = brick_rows(&self.skin, f.words, brick);
+    fn scan_brick_slice(&mut self, column: &VoxelBox, z: u32, brick: usize) -> Result<(), BuildError> {
+        let words = words_across(column);
+        let skin = brick_rows(&self.skin, words, brick);
         if skin.iter().fold(0, |any, row| any | row) == 0 {
             return Ok(());
         }
         let count = count_slice(&skin);
         let slice = (z % BRICK) as usize;
-        let value_bytes = self.shared.plan.swapped_value_bytes;
-        let normal_bytes = if self.shared.plan.normals { 2 } else { 0 };
-        // One more chunk each: the last chunk of a chain may be full or shared with none.
-        if !self.pool.has_room(count * (value_bytes + normal_bytes) + 2 * super::pool::CHUNK_BYTES) {
+        let channels = self.shared.channels;
+        // One more chunk each: the last chunk of a chain may be full.
+        let most = count * self.shared.plan.swapped_bytes + channels.len() * CHUNK_BYTES;
+        if !self.pool.has_room(most) {
             self.swap_out()?;
         }
-        if normal_bytes > 0 {
-            self.normals(f, z, brick, &skin);
-            let codes = bytemuck::cast_slice(&self.codes[..count]);
-            self.pool.append(&mut self.bricks[brick].normals, codes);
-        }
-        if value_bytes > 0 {
-            self.gather_values(f, z, brick, &skin);
-            self.pool.append(&mut self.bricks[brick].values, &self.values);
+        if !channels.is_empty() {
+            self.solid.describe(&SkinSlice {
+                corner: [column.x.start + brick as u32 * BRICK, column.y.start, z],
+                rows: &skin,
+                count,
+                bits: BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] },
+                brick,
+            })?;
+            let chains = &mut self.chains[brick * channels.len()..][..channels.len()];
+            for (chain, ChannelForm { channel, form }) in chains.iter_mut().zip(channels) {
+                let items = self.solid.items(*channel);
+                assert_eq!(items.len(), count * form.swapped_bytes(), "one {channel} for every skin voxel");
+                self.pool.append(chain, items);
+            }
         }
         let b = &mut self.bricks[brick];
         b.rows[slice * BRICK_ROWS..][..BRICK_ROWS].copy_from_slice(&skin);
         b.done = slice as u8 + 1;
-        self.totals.skin += count as u64;
+        self.skin_voxels += count as u64;
         Ok(())
-    }
-
-    /// Fills `codes` with the normals of a brick's skin voxels in slice `z`.
-    fn normals(&mut self, f: &Frame, z: u32, brick: usize, skin: &[u32; BRICK_ROWS]) {
-        let x0 = f.column.x.start + brick as u32 * BRICK;
-        let interior = self.interior(f, z, x0, skin);
-        let row0 = (f.column.y.start - f.rows.start) as usize;
-        let planes: [&[F::Ring]; RING] = std::array::from_fn(|k| {
-            let slice = (z as usize + k + RING - REACH as usize) % RING;
-            &self.ring[slice * self.plane_len..][..self.plane_len + OVERREAD]
-        });
-        let origin = row0 * f.stride + (x0 - f.cols.start) as usize;
-        let window = SliceWindow { planes, stride: f.stride, origin, skin, interior: &interior };
-        gradients(&window, self.shared.rule.taps, &mut self.gradients);
-        let bits = BitRows { bits: &self.bits, none: &self.no_bits, words: f.words, z, nz: self.dims[2] };
-        let faces: [Exposed; BRICK_ROWS] = std::array::from_fn(|y| {
-            if skin[y] == 0 { Exposed::default() } else { exposed(&bits.around(y), brick) }
-        });
-        let (dims, flavour) = (self.dims, self.shared.flavour);
-        let (unit, taps) = (border_unit::<F>(), self.shared.rule.taps);
-        self.shared.rule.codes(&window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
-            let (cx, cy) = (i64::from(x0 + x), i64::from(f.column.y.start) + y as i64);
-            let depths = std::array::from_fn(|k| {
-                std::array::from_fn(|j| {
-                    std::array::from_fn(|i| {
-                        let (px, py) = (cx + i as i64 - 2, cy + j as i64 - 2);
-                        let pz = i64::from(z) + k as i64 - 2;
-                        let (qx, qy) =
-                            (px.clamp(0, i64::from(dims[0]) - 1), py.clamp(0, i64::from(dims[1]) - 1));
-                        let qz = pz.clamp(0, i64::from(dims[2]) - 1);
-                        let at = (qy as usize - f.rows.start as usize) * f.stride
-                            + (qx as usize - f.cols.start as usize);
-                        let depth = flavour.depth(window.planes[(qz - i64::from(z) + 2) as usize][at]);
-                        // Beyond the border the volume is as far outside as it is inside before it.
-                        if (px, py, pz) == (qx, qy, qz) { depth } else { -depth.abs() - unit }
-                    })
-                })
-            });
-            gradient_of_depths(taps, &depths)
-        });
-    }
-
-    /// Skin voxels whose 5x5x5 neighbourhood lies in the volume.
-    fn interior(&self, f: &Frame, z: u32, x0: u32, skin: &[u32; BRICK_ROWS]) -> [u32; BRICK_ROWS] {
-        let inside = |p: u32, n: u32| p >= REACH && p + REACH < n;
-        if !inside(z, self.dims[2]) {
-            return [0; BRICK_ROWS];
-        }
-        let mut columns = u32::MAX;
-        if x0 < REACH || x0 + BRICK + REACH > self.dims[0] {
-            columns = (0..BRICK).filter(|x| inside(x0 + x, self.dims[0])).fold(0, |m, x| m | 1 << x);
-        }
-        std::array::from_fn(|y| {
-            let here = f.column.y.start + y as u32;
-            if inside(here, self.dims[1]) { skin[y] & columns } else { 0 }
-        })
-    }
-
-    /// Fills `values` with the swapped values of a brick's skin voxels in slice `z`.
-    fn gather_values(&mut self, f: &Frame, z: u32, brick: usize, skin: &[u32; BRICK_ROWS]) {
-        let (plane, stride): (&[F::File], usize) = if F::DIRECT {
-            let plane = &self.ring[z as usize % RING * self.plane_len..][..self.plane_len];
-            (bytemuck::cast_slice(plane), f.stride)
-        } else {
-            let slots = self.shared.plan.staging_slices(false);
-            let len = self.staging.len() / slots;
-            (&self.staging[z as usize % slots * len..][..len], f.width)
-        };
-        let x0 = (f.column.x.start - f.cols.start) as usize + brick * BRICK_ROWS;
-        let y0 = (f.column.y.start - f.rows.start) as usize;
-        self.values.clear();
-        for (y, row) in skin.iter().enumerate() {
-            let mut bits = *row;
-            while bits != 0 {
-                let x = bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                let value = plane[(y0 + y) * stride + x0 + x];
-                super::value::push_swapped(value, &mut self.values, &mut self.totals.values);
-            }
-        }
     }
 
     /// Swaps out what every brick of the tile has gathered.
     fn swap_out(&mut self) -> Result<(), BuildError> {
-        for brick in &mut self.bricks {
+        let channels = self.shared.channels.len();
+        for (at, brick) in self.bricks.iter_mut().enumerate() {
+            let chains = &mut self.chains[at * channels..][..channels];
             if brick.swapped < brick.done {
                 self.payload.clear();
                 let slices = usize::from(brick.swapped)..usize::from(brick.done);
@@ -383,22 +360,23 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
                         self.payload.extend(row.to_le_bytes());
                     }
                 }
-                self.pool.copy_to(&brick.normals, &mut self.payload);
-                self.pool.copy_to(&brick.values, &mut self.payload);
+                for chain in chains.iter() {
+                    self.pool.copy_to(chain, &mut self.payload);
+                }
                 brick.last_fragment = self.writer.append(brick.last_fragment, &self.payload)?;
                 brick.swapped = brick.done;
             }
-            (brick.normals, brick.values) = (Chain::EMPTY, Chain::EMPTY);
+            chains.fill(Chain::EMPTY);
         }
         self.pool.clear();
         Ok(())
     }
 
     /// Swaps out a finished row of bricks and writes its index entries.
-    fn end_slab(&mut self, f: &Frame, slab: u32) -> Result<(), BuildError> {
+    fn end_slab(&mut self, column: &VoxelBox, slab: u32) -> Result<(), BuildError> {
         self.swap_out()?;
         self.entries.clear();
-        for brick in &mut self.bricks[..f.column.x.len().div_ceil(BRICK_ROWS)] {
+        for brick in &mut self.bricks[..column.x.len().div_ceil(BRICK_ROWS)] {
             let mut entry = BrickEntry::default();
             if brick.last_fragment != 0 {
                 (entry.skin, entry.boxes) = count_brick(&brick.rows);
@@ -409,33 +387,7 @@ impl<'a, F: Flavour> ColumnWorker<'a, F> {
             (brick.swapped, brick.done) = (0, 0);
             self.entries.push(entry);
         }
-        let first = [f.column.x.start / BRICK, f.column.y.start / BRICK, slab].map(u64::from);
+        let first = [column.x.start / BRICK, column.y.start / BRICK, slab].map(u64::from);
         self.shared.scratch.put_entries(first, &self.entries, &mut self.entry_bytes)
-    }
-}
-
-/// Inside bits of one slice of the column: the tile's rows and one more on either side, each with the
-/// neighbours at x0 - 1 and x1 in the words before and after. Rows outside the volume are cleared.
-fn classify_rows<T: Ordered>(
-    f: &Frame,
-    dims: [u32; 3],
-    plane: &[T],
-    stride: usize,
-    range: SampleRange<T>,
-    bits: &mut [u64],
-    row_words: usize,
-) {
-    let x0 = (f.column.x.start - f.cols.start) as usize;
-    let width = f.column.x.len();
-    for (at, row) in bits.chunks_exact_mut(row_words).enumerate() {
-        let y = f.column.y.start.wrapping_add(at as u32).wrapping_sub(1);
-        if y >= dims[1] || !f.rows.contains(&y) {
-            row.fill(0);
-            continue;
-        }
-        let samples = &plane[(y - f.rows.start) as usize * stride..][..f.width];
-        classify(&samples[x0..x0 + width], range, &mut row[1..=f.words]);
-        row[0] = if x0 > 0 { u64::from(range.contains(samples[x0 - 1])) << 63 } else { 0 };
-        row[f.words + 1] = samples.get(x0 + width).map_or(0, |v| u64::from(range.contains(*v)));
     }
 }

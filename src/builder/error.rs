@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::budget::SizeArgument;
 use crate::error::ExitKind;
-use crate::format::FormatError;
+use crate::format::{Channel, FormatError};
 use crate::volume::SourceError;
 
 /// A build that cannot be finished; the old target, if any, is untouched.
@@ -40,6 +40,20 @@ pub enum BuildError {
         min: f64,
         /// Largest value.
         max: f64,
+    },
+    /// No voxel of the solid is inside.
+    #[error("{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it")]
+    NothingInside {
+        /// The solid.
+        name: String,
+    },
+    /// The solid does not have a channel that was asked for.
+    #[error("{name}: does not have the channel '{channel}'; leave it out")]
+    NoChannel {
+        /// The solid.
+        name: String,
+        /// The channel.
+        channel: Channel,
     },
     /// Cleaning removes every voxel.
     #[error("{name}: no component is left; the largest has {largest} voxels: choose --drop-below below that")]
@@ -90,8 +104,11 @@ impl BuildError {
         match self {
             Self::Source(e) => e.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
-            Self::EmptyResult { .. } | Self::NothingKept { .. } | Self::NoNumbers { .. } => ExitKind::Input,
-            Self::Usage(_) => ExitKind::Usage,
+            Self::EmptyResult { .. }
+            | Self::NothingInside { .. }
+            | Self::NothingKept { .. }
+            | Self::NoNumbers { .. } => ExitKind::Input,
+            Self::Usage(_) | Self::NoChannel { .. } => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads(_) => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,
         }

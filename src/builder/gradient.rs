@@ -202,7 +202,7 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
     out
 }
 
-/// Copies the lanes that are wanted to their voxels' places and says which voxels are done.
+/// Copies the lanes that are wanted to their voxels' slots and says which voxels are done.
 #[inline(always)]
 fn store<const N: usize>(
     out: &mut Gradients,
@@ -219,10 +219,10 @@ fn store<const N: usize>(
     while now != 0 {
         let x = now.trailing_zeros();
         now &= now - 1;
-        let place = base + (skin & ((1_u32 << x) - 1)).count_ones() as usize;
+        let slot = base + (skin & ((1_u32 << x) - 1)).count_ones() as usize;
         let lane = (x - first) as usize;
         for (axis, lanes) in out.axes.iter_mut().zip(lanes) {
-            axis[place & (SLICE_VOXELS - 1)] = lanes[lane & (N - 1)];
+            axis[slot & (SLICE_VOXELS - 1)] = lanes[lane & (N - 1)];
         }
     }
     done

@@ -1,9 +1,10 @@
 //! Where everything stands in the output: counted from the index before a byte is written.
 
 use super::error::BuildError;
+use super::item::ChannelForm;
 use super::swap::{BrickEntry, Scratch};
 use super::walk::BrickWalk;
-use crate::format::{ENTRY_BYTES, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank};
+use crate::format::{ENTRY_BYTES, HEADER_BYTES, MeanRule, SectionEntry, SectionKind, align_up, rank};
 use crate::geom::Dims;
 
 /// Levels inside a brick: edges 2, 4, 8, 16, 32.
@@ -72,13 +73,19 @@ impl Census {
     }
 }
 
-/// Which optional sections are written, and how wide a stored value is.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SectionChoice {
-    pub(super) normals: bool,
+/// The channels that are written, and whether with the means of coarse nodes.
+#[derive(Clone, Debug)]
+pub(super) struct StoredChannels {
+    pub(super) forms: Vec<ChannelForm>,
     pub(super) lod: bool,
-    /// 0 without the channel.
-    pub(super) value_bytes: u8,
+}
+
+impl StoredChannels {
+    /// Each with the rule of its means, if it has any.
+    pub(super) fn with_means(&self) -> impl Iterator<Item = (&ChannelForm, Option<MeanRule>)> {
+        let rule = |c: &ChannelForm| c.channel.row().means.as_ref().filter(|_| self.lod).map(|m| m.rule);
+        self.forms.iter().map(move |c| (c, rule(c)))
+    }
 }
 
 /// The section table of the output, with offsets, before any CRC.
@@ -88,26 +95,27 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub(super) fn new(census: &Census, metadata_bytes: u64, choice: SectionChoice) -> Self {
-        let (nodes, voxels) = (census.nodes(), census.voxels);
-        let lod = if choice.lod { census.lod_nodes() } else { 0 };
-        let values = u64::from(choice.value_bytes.min(1));
-        let normals = u64::from(choice.normals);
-        // Kind, bytes per item, items, present.
-        let wanted = [
-            (SectionKind::Meta, 1, metadata_bytes, true),
-            (SectionKind::Levels, 8, u64::from(census.depth) + 1, true),
-            (SectionKind::Nodes, 1, nodes, true),
-            (SectionKind::Rank, 1, rank::directory_bytes(nodes).1, true),
-            (SectionKind::NormalLod, 2, lod * normals, lod * normals > 0),
-            (SectionKind::ValueLod, choice.value_bytes, lod * values, lod * values > 0),
-            (SectionKind::Normal, 2, voxels, choice.normals),
-            (SectionKind::Value, choice.value_bytes, voxels, values > 0),
+    pub(super) fn new(census: &Census, metadata_bytes: u64, channels: &StoredChannels) -> Self {
+        let nodes = census.nodes();
+        let fixed = [
+            (SectionKind::Meta, 1, metadata_bytes),
+            (SectionKind::Levels, 8, u64::from(census.depth) + 1),
+            (SectionKind::Nodes, 1, nodes),
+            (SectionKind::Rank, 1, rank::directory_bytes(nodes).1),
         ];
-        let count = wanted.iter().filter(|w| w.3).count();
-        let mut end = (HEADER_BYTES + count * ENTRY_BYTES) as u64;
-        let mut entries = Vec::with_capacity(count);
-        for (kind, item_bytes, items, _) in wanted.into_iter().filter(|w| w.3) {
+        #[expect(clippy::cast_possible_truncation, reason = "an item has at most 8 bytes")]
+        let item_bytes = |c: &ChannelForm| c.form.stored_bytes() as u8;
+        let means = channels
+            .with_means()
+            .filter(|(_, rule)| rule.is_some() && census.lod_nodes() > 0)
+            .map(|(c, _)| (SectionKind::Means(c.channel), item_bytes(c), census.lod_nodes()));
+        let voxels =
+            channels.forms.iter().map(|c| (SectionKind::Voxels(c.channel), item_bytes(c), census.voxels));
+        // Kind, bytes per item, items.
+        let wanted: Vec<_> = fixed.into_iter().chain(means).chain(voxels).collect();
+        let mut end = (HEADER_BYTES + wanted.len() * ENTRY_BYTES) as u64;
+        let mut entries = Vec::with_capacity(wanted.len());
+        for (kind, item_bytes, items) in wanted {
             let entry = SectionEntry::plain(kind, item_bytes, items, align_up(end));
             end = entry.end();
             entries.push(entry);

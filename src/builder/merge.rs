@@ -1,5 +1,5 @@
 //! Bottom-up merge: bricks in Morton order become levels of infobytes and channels (the paper,
-//! section 4), at places that the census has fixed before.
+//! section 4), at offsets that the census has fixed before.
 //!
 //! Workers take groups of bricks in Morton order; a short critical section reads the group's index
 //! entries and moves the cursors, so each worker knows where its bricks' bytes belong and writes them
@@ -11,29 +11,30 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::Mutex;
 
-use super::brick::{BrickReader, Sums, infobytes};
+use super::brick::{BrickReader, channel_bytes, infobytes};
 use super::error::BuildError;
-use super::layout::{BRICK_LEVELS, Census, Layout, SectionChoice, boxes_in_brick};
+use super::item::ChannelForm;
+use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
 use super::swap::{BrickEntry, Scratch};
-use super::value::ValueScale;
-use super::walk::{BrickWalk, Found};
-use crate::format::SectionKind;
+use super::walk::{BrickWalk, WalkedBrick};
+use crate::format::{Channel, MeanRule, SectionKind, Sum};
 
 /// Bytes that a run gathers before they are written.
 const RUN_BYTES: usize = 32 << 10;
-/// Runs of one worker at most: five levels of infobytes, four of means twice, two channels.
-const RUNS: u64 = 15;
-/// Memory of one worker.
-pub(super) const WORKER_BYTES: u64 = BrickReader::BYTES + RUNS * RUN_BYTES as u64 + (64 << 10);
-/// Bytes of a brick's summary in the scratch file.
-const SUMMARY_BYTES: usize = 56;
+/// Memory of one worker: a brick, runs for five levels of infobytes, and for each channel one of items and four
+/// of means.
+pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
+    let runs = |count: u64| count * RUN_BYTES as u64;
+    let own: u64 = channels.iter().map(|c| channel_bytes(c) + runs(5)).sum();
+    BrickReader::BYTES + runs(5) + own + (64 << 10)
+}
 
-/// The output file with the place of every section.
+/// The output file with the offset of every section.
 pub(super) struct Target<'a> {
     pub(super) file: &'a File,
     pub(super) path: &'a Path,
     pub(super) layout: &'a Layout,
-    pub(super) choice: SectionChoice,
+    pub(super) channels: &'a StoredChannels,
 }
 
 impl Target<'_> {
@@ -41,8 +42,9 @@ impl Target<'_> {
         BuildError::Output { path: self.path.to_path_buf(), cause }
     }
 
-    fn place(&self, kind: SectionKind, item: u64, item_bytes: u64) -> Option<u64> {
-        self.layout.offset(kind).map(|offset| offset + item * item_bytes)
+    /// Offset of an item of a section, if that is written.
+    fn offset(&self, kind: SectionKind, item: u64, item_bytes: usize) -> Option<u64> {
+        self.layout.offset(kind).map(|offset| offset + item * item_bytes as u64)
     }
 }
 
@@ -90,7 +92,7 @@ impl Run {
     }
 }
 
-/// Where the next group's bytes belong; advanced under a lock.
+/// What the next group begins with; advanced under a lock.
 struct Cursors {
     walk: BrickWalk,
     /// Next node with an edge of 2^e, by e.
@@ -104,16 +106,22 @@ pub(super) struct Merge<'a> {
     scratch: &'a Scratch,
     target: &'a Target<'a>,
     census: &'a Census,
-    scale: Option<ValueScale>,
     cursors: Mutex<Cursors>,
+    /// Where the summaries of bricks stand in the scratch file, and how long one is.
     summaries: u64,
+    summary_bytes: usize,
 }
 
-/// A group of bricks with the places of its first boxes.
+/// A group of bricks with the numbers of its first boxes.
 struct Group {
     node: [u64; BRICK_LEVELS as usize + 1],
     voxel: u64,
     brick: u64,
+}
+
+/// The channels that are averaged.
+fn averaged(channels: &StoredChannels) -> impl Iterator<Item = (Channel, usize, MeanRule)> {
+    channels.with_means().filter_map(|(c, rule)| Some((c.channel, c.form.stored_bytes(), rule?)))
 }
 
 impl<'a> Merge<'a> {
@@ -122,9 +130,10 @@ impl<'a> Merge<'a> {
         scratch: &'a Scratch,
         target: &'a Target<'a>,
         census: &'a Census,
-        scale: Option<ValueScale>,
     ) -> Result<Self, BuildError> {
-        let summaries_len = usize::try_from(census.bricks * SUMMARY_BYTES as u64).map_err(|_| {
+        // A brick's code and a sum for each channel.
+        let summary_bytes = size_of::<u64>() + averaged(target.channels).count() * Sum::BYTES;
+        let summaries_len = usize::try_from(census.bricks * summary_bytes as u64).map_err(|_| {
             scratch.error(std::io::Error::other("the model has too many bricks for this machine"))
         })?;
         let mut node = [0; BRICK_LEVELS as usize + 1];
@@ -135,9 +144,9 @@ impl<'a> Merge<'a> {
             scratch,
             target,
             census,
-            scale,
             cursors: Mutex::new(Cursors { walk: BrickWalk::new(dims), node, voxel: 0, brick: 0 }),
             summaries: scratch.take(summaries_len),
+            summary_bytes,
         })
     }
 
@@ -146,7 +155,7 @@ impl<'a> Merge<'a> {
     }
 
     /// Takes the next group, or `None` at the end.
-    fn next(&self, found: &mut Vec<Found>) -> Result<Option<Group>, BuildError> {
+    fn next(&self, found: &mut Vec<WalkedBrick>) -> Result<Option<Group>, BuildError> {
         let mut cursors = self.cursors.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         if !cursors.walk.next_group(self.scratch, found)? {
             return Ok(None);
@@ -164,7 +173,7 @@ impl<'a> Merge<'a> {
 
     /// One worker: groups until there are none. Calls `progress` with the bricks done.
     pub(super) fn work(&self, stop: &dyn Fn() -> bool, progress: &dyn Fn(u64)) -> Result<(), BuildError> {
-        let mut worker = MergeWorker::new();
+        let mut worker = MergeWorker::new(self.target.channels);
         let mut found = Vec::new();
         while let (false, Some(group)) = (stop(), self.next(&mut found)?) {
             if !found.is_empty() {
@@ -175,18 +184,22 @@ impl<'a> Merge<'a> {
         Ok(())
     }
 
-    /// What lies above the bricks, after all workers are done.
-    pub(super) fn crown(&self) -> Result<(), BuildError> {
+    /// The levels above the bricks, after all workers are done.
+    pub(super) fn finish_upper_levels(&self) -> Result<(), BuildError> {
         let mut queue = MergeQueue::new(self.target, self.census);
-        let mut bytes = vec![0; SUMMARY_BYTES * 512];
+        let mut bytes = vec![0; self.summary_bytes * 512];
+        let mut sums = Vec::new();
         let mut done = 0;
         while done < self.census.bricks {
             let now = (self.census.bricks - done).min(512) as usize;
-            let part = &mut bytes[..now * SUMMARY_BYTES];
-            self.scratch.read(part, self.summaries + done * SUMMARY_BYTES as u64)?;
-            for raw in part.as_chunks::<SUMMARY_BYTES>().0 {
-                let (code, sums) = parse_summary(raw);
-                queue.push(code, &sums)?;
+            let part = &mut bytes[..now * self.summary_bytes];
+            self.scratch.read(part, self.summaries + done * self.summary_bytes as u64)?;
+            for summary in part.chunks_exact(self.summary_bytes) {
+                if let Some((code, raw)) = summary.split_first_chunk::<8>() {
+                    sums.clear();
+                    sums.extend(raw.as_chunks().0.iter().map(Sum::parse));
+                    queue.push(u64::from_le_bytes(*code), &sums)?;
+                }
             }
             done += now as u64;
         }
@@ -194,95 +207,95 @@ impl<'a> Merge<'a> {
     }
 }
 
+/// Runs of one channel.
+struct ChannelRuns {
+    items: Run,
+    means: [Run; BRICK_LEVELS as usize],
+}
+
 /// Buffers of one worker.
 struct MergeWorker {
     reader: BrickReader,
     infobytes: [Vec<u8>; BRICK_LEVELS as usize],
     nodes: [Run; BRICK_LEVELS as usize],
-    normal_lod: [Run; BRICK_LEVELS as usize],
-    value_lod: [Run; BRICK_LEVELS as usize],
-    normals: Run,
-    values: Run,
+    /// By channel, as the reader's.
+    channels: Vec<ChannelRuns>,
     summaries: Vec<u8>,
 }
 
 impl MergeWorker {
-    fn new() -> Self {
+    fn new(channels: &StoredChannels) -> Self {
         let runs = || std::array::from_fn(|_| Run::new(None));
         Self {
-            reader: BrickReader::new(),
+            reader: BrickReader::new(channels),
             infobytes: Default::default(),
             nodes: runs(),
-            normal_lod: runs(),
-            value_lod: runs(),
-            normals: Run::new(None),
-            values: Run::new(None),
+            channels: channels
+                .forms
+                .iter()
+                .map(|_| ChannelRuns { items: Run::new(None), means: runs() })
+                .collect(),
             summaries: Vec::new(),
         }
     }
 
-    fn emit(&mut self, merge: &Merge<'_>, group: &Group, found: &[Found]) -> Result<(), BuildError> {
+    fn emit(&mut self, merge: &Merge<'_>, group: &Group, bricks: &[WalkedBrick]) -> Result<(), BuildError> {
         let target = merge.target;
-        let value_bytes = u64::from(target.choice.value_bytes);
         for e in 1..=merge.levels() as usize {
-            let node = group.node[e];
-            self.nodes[e - 1].restart(target.place(SectionKind::Nodes, node, 1));
-            let coarse = e >= 2;
-            self.normal_lod[e - 1].restart(target.place(SectionKind::NormalLod, node, 2).filter(|_| coarse));
-            self.value_lod[e - 1]
-                .restart(target.place(SectionKind::ValueLod, node, value_bytes).filter(|_| coarse));
+            self.nodes[e - 1].restart(target.offset(SectionKind::Nodes, group.node[e], 1));
         }
-        self.normals.restart(target.place(SectionKind::Normal, group.voxel, 2));
-        self.values.restart(target.place(SectionKind::Value, group.voxel, value_bytes));
+        for (runs, ChannelForm { channel, form }) in self.channels.iter_mut().zip(&target.channels.forms) {
+            let item = form.stored_bytes();
+            runs.items.restart(target.offset(SectionKind::Voxels(*channel), group.voxel, item));
+            for e in 2..=merge.levels() as usize {
+                runs.means[e - 1].restart(target.offset(SectionKind::Means(*channel), group.node[e], item));
+            }
+        }
         self.summaries.clear();
-        for (code, entry) in found {
+        for (code, entry) in bricks {
             self.emit_brick(merge, *code, entry)?;
         }
-        let runs = self.nodes.iter_mut().chain(&mut self.normal_lod).chain(&mut self.value_lod);
-        for run in runs.chain([&mut self.normals, &mut self.values]) {
+        for run in &mut self.nodes {
             run.flush(target)?;
         }
-        merge.scratch.write(&self.summaries, merge.summaries + group.brick * SUMMARY_BYTES as u64)
+        for runs in &mut self.channels {
+            runs.items.flush(target)?;
+            runs.means.iter_mut().try_for_each(|run| run.flush(target))?;
+        }
+        merge.scratch.write(&self.summaries, merge.summaries + group.brick * merge.summary_bytes as u64)
     }
 
     fn emit_brick(&mut self, merge: &Merge<'_>, code: u64, entry: &BrickEntry) -> Result<(), BuildError> {
         let target = merge.target;
-        let choice = target.choice;
-        self.reader.load(merge.scratch, entry, choice.normals, merge.scale.as_ref())?;
+        let levels = merge.levels() as usize;
+        self.reader.load(merge.scratch, entry)?;
         infobytes(&self.reader.words, &mut self.infobytes);
-        for e in 1..=merge.levels() as usize {
-            self.nodes[e - 1].put(target, squeeze(&mut self.infobytes[e - 1]))?;
+        for (run, infobytes) in self.nodes.iter_mut().zip(&mut self.infobytes).take(levels) {
+            run.put(target, squeeze(infobytes))?;
         }
-        if choice.normals {
-            self.normals.put(target, bytemuck::cast_slice(&self.reader.normals))?;
-        }
-        if choice.value_bytes == 1 {
-            let narrow = self.reader.values.iter().map(|v| v.to_le_bytes()[0]);
-            let narrow: &mut Vec<u8> = &mut narrow.collect();
-            self.values.put(target, narrow)?;
-        } else if choice.value_bytes == 2 {
-            self.values.put(target, bytemuck::cast_slice(&self.reader.values))?;
-        }
-        let mut whole = Sums::default();
-        if choice.lod {
+        if target.channels.lod {
             self.reader.sum_words();
-            let mut boxes = self.reader.sums.len();
+        }
+        self.summaries.extend(code.to_le_bytes());
+        for (runs, channel) in self.channels.iter_mut().zip(&mut self.reader.channels) {
+            runs.items.put(target, &channel.items)?;
+            let item = channel.item_bytes();
+            let mut boxes = channel.sums.len();
             for e in 2..=BRICK_LEVELS as usize {
                 if e > 2 {
-                    self.reader.fold_sums(boxes);
+                    channel.fold_sums(boxes);
                     boxes /= 8;
                 }
-                for sums in self.reader.sums[..boxes].iter().filter(|s| s.count > 0) {
-                    if e <= merge.levels() as usize {
-                        self.normal_lod[e - 1].put(target, &sums.mean_normal().to_le_bytes())?;
-                        let value = sums.mean_value().to_le_bytes();
-                        self.value_lod[e - 1].put(target, &value[..usize::from(choice.value_bytes)])?;
+                if e <= levels {
+                    for mean in channel.means(boxes) {
+                        runs.means[e - 1].put(target, &mean[..item])?;
                     }
                 }
             }
-            whole = self.reader.sums[0];
+            if let Some(whole) = channel.sums.first() {
+                self.summaries.extend(whole.to_bytes());
+            }
         }
-        push_summary(&mut self.summaries, code, &whole);
         Ok(())
     }
 }
@@ -309,26 +322,6 @@ fn squeeze(bytes: &mut [u8]) -> &[u8] {
     &bytes[..kept]
 }
 
-fn push_summary(out: &mut Vec<u8>, code: u64, sums: &Sums) {
-    out.extend(code.to_le_bytes());
-    sums.normal.iter().for_each(|c| out.extend(c.to_le_bytes()));
-    out.extend(sums.value.to_le_bytes());
-    out.extend(sums.count.to_le_bytes());
-    out.extend(u64::from(sums.first).to_le_bytes());
-}
-
-fn parse_summary(raw: &[u8; SUMMARY_BYTES]) -> (u64, Sums) {
-    let word = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| raw[8 * i + k]));
-    let sums = Sums {
-        normal: std::array::from_fn(|a| word(1 + a).cast_signed()),
-        value: word(4),
-        count: word(5),
-        #[expect(clippy::cast_possible_truncation, reason = "written from a u16")]
-        first: word(6) as u16,
-    };
-    (word(0), sums)
-}
-
 /// One open node per level above the bricks: at most eight children arrive, in Morton order, before the
 /// next sibling's first; then the node is complete and moves up. Memory does not depend on the tree.
 struct MergeQueue<'a> {
@@ -340,47 +333,47 @@ struct MergeQueue<'a> {
 struct OpenLevel {
     code: u64,
     mask: u8,
-    sums: Sums,
+    /// One of each channel that is averaged.
+    sums: Vec<Sum>,
     nodes: Run,
-    normals: Run,
-    values: Run,
+    means: Vec<Run>,
 }
 
 impl<'a> MergeQueue<'a> {
     fn new(target: &'a Target<'a>, census: &Census) -> Self {
         let levels = (BRICK_LEVELS + 1..=census.depth).map(|e| {
             let first = census.first_node(e);
+            let means = averaged(target.channels);
             OpenLevel {
                 code: 0,
                 mask: 0,
-                sums: Sums::default(),
-                nodes: Run::new(target.place(SectionKind::Nodes, first, 1)),
-                normals: Run::new(target.place(SectionKind::NormalLod, first, 2)),
-                values: Run::new(target.place(
-                    SectionKind::ValueLod,
-                    first,
-                    u64::from(target.choice.value_bytes),
-                )),
+                sums: vec![Sum::default(); averaged(target.channels).count()],
+                nodes: Run::new(target.offset(SectionKind::Nodes, first, 1)),
+                means: means
+                    .map(|(c, item, _)| Run::new(target.offset(SectionKind::Means(c), first, item)))
+                    .collect(),
             }
         });
         Self { target, levels: levels.collect() }
     }
 
     /// A finished brick.
-    fn push(&mut self, code: u64, sums: &Sums) -> Result<(), BuildError> {
-        self.push_from(0, code, sums)
+    fn push(&mut self, code: u64, sums: &[Sum]) -> Result<(), BuildError> {
+        self.push_from(0, code, sums.to_vec())
     }
 
     /// A finished box below level `from`: joins its parent, and if that opens a new parent, the one
     /// before it is complete and moves up in turn.
-    fn push_from(&mut self, from: usize, code: u64, sums: &Sums) -> Result<(), BuildError> {
-        let (mut code, mut sums) = (code, *sums);
+    fn push_from(&mut self, from: usize, code: u64, sums: Vec<Sum>) -> Result<(), BuildError> {
+        let (mut code, mut sums) = (code, sums);
         for level in &mut self.levels[from..] {
             let parent = code >> 3;
             let finished = (level.mask != 0 && level.code != parent).then(|| level.take());
             level.code = parent;
             level.mask |= 1 << (code & 7);
-            level.sums.add(&sums);
+            for (sum, more) in level.sums.iter_mut().zip(&sums) {
+                sum.join(more);
+            }
             let Some((done_code, mask, done_sums)) = finished else { return Ok(()) };
             level.write(self.target, mask, &done_sums)?;
             (code, sums) = (done_code, done_sums);
@@ -394,26 +387,27 @@ impl<'a> MergeQueue<'a> {
             let (code, mask, sums) = self.levels[at].take();
             if mask != 0 {
                 self.levels[at].write(self.target, mask, &sums)?;
-                self.push_from(at + 1, code, &sums)?;
+                self.push_from(at + 1, code, sums)?;
             }
             let level = &mut self.levels[at];
             level.nodes.flush(self.target)?;
-            level.normals.flush(self.target)?;
-            level.values.flush(self.target)?;
+            level.means.iter_mut().try_for_each(|run| run.flush(self.target))?;
         }
         Ok(())
     }
 }
 
 impl OpenLevel {
-    fn take(&mut self) -> (u64, u8, Sums) {
-        (self.code, std::mem::take(&mut self.mask), std::mem::take(&mut self.sums))
+    fn take(&mut self) -> (u64, u8, Vec<Sum>) {
+        let empty = vec![Sum::default(); self.sums.len()];
+        (self.code, std::mem::take(&mut self.mask), std::mem::replace(&mut self.sums, empty))
     }
 
-    fn write(&mut self, target: &Target<'_>, mask: u8, sums: &Sums) -> Result<(), BuildError> {
+    fn write(&mut self, target: &Target<'_>, mask: u8, sums: &[Sum]) -> Result<(), BuildError> {
         self.nodes.put(target, &[mask])?;
-        self.normals.put(target, &sums.mean_normal().to_le_bytes())?;
-        let value = sums.mean_value().to_le_bytes();
-        self.values.put(target, &value[..usize::from(target.choice.value_bytes)])
+        for ((run, sum), (_, item, rule)) in self.means.iter_mut().zip(sums).zip(averaged(target.channels)) {
+            run.put(target, &rule.mean(sum)[..item])?;
+        }
+        Ok(())
     }
 }

@@ -4,22 +4,19 @@
 
 use std::ops::Range;
 
-use super::column::Column;
-use super::gradient::{OVERREAD, REACH, SLICE_VOXELS};
+use super::item::ChannelForm;
+use super::solid::{BRICK, Tile, VoxelBox};
 use super::swap::{ENTRY_BYTES, EXTENT_BYTES};
 use crate::budget::{HELD_SPREAD, MemoryCap};
+use crate::format::Channels;
 use crate::geom::Dims;
 
-/// Edge of a brick, the unit of swapping: a column is one brick high.
-pub(super) const BRICK: u32 = 32;
 /// Slices of one column, so that a few columns of a flat volume still occupy every thread.
 const SEGMENT: u32 = 256;
 /// Tiles are narrowed down to this before threads are given up: narrower ones read short rows.
 const COMFORTABLE_TILE: u32 = 1024;
 /// Narrowest tile.
 const NARROWEST_TILE: u32 = 64;
-/// Bytes of a cache line, on every machine of interest.
-const CACHE_LINE: usize = 64;
 /// Chunks for the records of one row of bricks; at least what one brick slice can need.
 const POOL_BYTES: usize = 128 << 10;
 /// A worker's stack as far as it is touched, its allocator arena and small change.
@@ -43,34 +40,28 @@ pub(super) struct ColumnPlan {
     pub(super) tile: u32,
     /// Worker threads.
     pub(super) threads: usize,
-    /// Are normals computed?
-    pub(super) normals: bool,
-    /// Bytes of a swapped value; 0 without the channel.
-    pub(super) swapped_value_bytes: usize,
+    /// The channels that are scanned, and the bytes of all their items of one voxel.
+    channels: Channels,
+    pub(super) swapped_bytes: usize,
     /// Size of the chunk pool.
     pub(super) pool_bytes: usize,
-    /// Bytes of a sample in the file, and in the ring.
-    sample_bytes: (usize, usize),
     /// What the plan promises to stay within, everything included.
     pub(super) total_bytes: u64,
 }
 
 /// What a plan is made for.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PlanRequest {
+#[derive(Clone, Copy)]
+pub(super) struct PlanRequest<'a> {
     pub(super) dims: Dims,
-    /// Bytes of a sample in the file and in the ring; equal means that slices are read in place.
-    pub(super) file_sample_bytes: usize,
-    pub(super) ring_sample_bytes: usize,
-    pub(super) direct: bool,
-    pub(super) normals: bool,
-    pub(super) swapped_value_bytes: usize,
+    pub(super) channels: &'a [ChannelForm],
     pub(super) threads: usize,
     pub(super) memory: MemoryCap,
     /// What counts against it before any buffer of the build.
     pub(super) fixed_bytes: u64,
-    /// What the source may hold per reading thread.
-    pub(super) source_bytes: u64,
+    /// What a worker of the solid holds for a tile.
+    pub(super) solid_bytes: &'a dyn Fn(&Tile) -> u64,
+    /// What a thread may hold for the inputs of the solid.
+    pub(super) input_bytes: u64,
 }
 
 impl ColumnPlan {
@@ -78,7 +69,7 @@ impl ColumnPlan {
     ///
     /// # Errors
     /// The smallest limit that would do.
-    pub(super) fn new(request: &PlanRequest) -> Result<Self, u64> {
+    pub(super) fn new(request: &PlanRequest<'_>) -> Result<Self, u64> {
         let nx = request.dims.nx();
         let narrower = |tile: u32| (tile / 2).next_multiple_of(64).max(NARROWEST_TILE);
         // Workers without a column of their own would only take memory.
@@ -106,75 +97,38 @@ impl ColumnPlan {
         }
     }
 
-    fn sized(request: &PlanRequest, tile: u32, threads: usize) -> Self {
+    fn sized(request: &PlanRequest<'_>, tile: u32, threads: usize) -> Self {
         let mut plan = Self {
             dims: request.dims,
             tile,
             threads,
-            normals: request.normals,
-            swapped_value_bytes: request.swapped_value_bytes,
+            channels: request.channels.iter().map(|c| c.channel).collect(),
+            swapped_bytes: request.channels.iter().map(|c| c.form.swapped_bytes()).sum(),
             pool_bytes: POOL_BYTES,
-            sample_bytes: (request.file_sample_bytes, request.ring_sample_bytes),
             total_bytes: 0,
         };
-        let worker = plan.worker_bytes(request.direct).max(super::merge::WORKER_BYTES)
-            + WORKER_OVERHEAD
-            + request.source_bytes;
+        let scan = plan.worker_bytes() + (request.solid_bytes)(&plan.tile());
+        let worker =
+            scan.max(super::merge::worker_bytes(request.channels)) + WORKER_OVERHEAD + request.input_bytes;
         plan.total_bytes = request.fixed_bytes + worker * threads as u64;
         plan
     }
 
-    /// Bytes of one [`super::column::ColumnWorker`].
-    pub(super) fn worker_bytes(&self, direct: bool) -> u64 {
-        let (file, ring) = self.sample_bytes;
-        let plane = self.plane_samples();
+    /// Bytes of one [`super::column::ColumnWorker`], beside what the solid holds.
+    pub(super) fn worker_bytes(&self) -> u64 {
         let words = self.tile_words();
-        let bytes = (5 * plane + OVERREAD) * ring
-            + self.staging_slices(direct) * self.block_samples() * file
-            + (4 * 34 + 1) * (words + 2) * 8
+        let bytes = (4 * 34 + 1) * (words + 2) * 8
             + 32 * words * 8
             + self.tile_bricks() * (4096 + 64 + ENTRY_BYTES * 2)
             + self.pool_bytes
             + self.payload_bytes()
-            + EXTENT_BYTES
-            + SLICE_VOXELS * (14 + self.swapped_value_bytes);
+            + EXTENT_BYTES;
         bytes as u64
     }
 
-    /// Columns and rows of a tile with its halo.
-    fn block(&self) -> (usize, usize) {
-        let cols = (self.tile + 2 * REACH).min(self.dims.nx());
-        let rows = (BRICK + 2 * REACH).min(self.dims.ny());
-        (cols as usize, rows as usize)
-    }
-
-    /// Samples of one slice of a tile with its halo.
-    pub(super) fn block_samples(&self) -> usize {
-        let (cols, rows) = self.block();
-        cols * rows
-    }
-
-    /// Samples from one row of the ring to the next: an odd number of cache lines, so that the 25 rows of a
-    /// 5x5x5 window fall on different sets of the cache even when a row is 2^n bytes long.
-    pub(super) fn ring_stride(&self) -> usize {
-        let line = CACHE_LINE / self.sample_bytes.1;
-        let lines = self.block().0.div_ceil(line);
-        (lines | 1) * line
-    }
-
-    /// Samples of one slice in the ring.
-    pub(super) fn plane_samples(&self) -> usize {
-        self.ring_stride() * self.block().1
-    }
-
-    /// Slices of file samples held beside the ring: enough that slice z is still there when its values
-    /// are gathered.
-    pub(super) fn staging_slices(&self, direct: bool) -> usize {
-        match (direct, self.swapped_value_bytes) {
-            (true, _) => 0,
-            (false, 0) => 1,
-            (false, _) => REACH as usize + 1,
-        }
+    /// What a worker of the solid is made for.
+    pub(super) fn tile(&self) -> Tile {
+        Tile { columns: self.tile, channels: self.channels }
     }
 
     /// Words of bits across a tile.
@@ -204,14 +158,14 @@ impl ColumnPlan {
     }
 
     /// Column number `at`: tiles along x first, then segments along z, then rows of bricks.
-    pub(super) fn column(&self, at: u64) -> Column {
+    pub(super) fn column(&self, at: u64) -> VoxelBox {
         let [tiles, _, segments] = self.column_grid();
         let span = |index: u64, step: u32, n: u32| -> Range<u32> {
             #[expect(clippy::cast_possible_truncation, reason = "below the side of the volume")]
             let start = (index * u64::from(step)) as u32;
             start..(start + step).min(n)
         };
-        Column {
+        VoxelBox {
             x: span(at % tiles, self.tile, self.dims.nx()),
             z: span(at / tiles % segments, SEGMENT, self.dims.nz()),
             y: span(at / tiles / segments, BRICK, self.dims.ny()),
@@ -222,19 +176,22 @@ impl ColumnPlan {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::builder::item::ItemForm;
+    use crate::format::Channel;
 
-    fn request(nx: u32, limit_mib: u64, threads: usize) -> PlanRequest {
+    const NORMAL: &[ChannelForm] =
+        &[ChannelForm { channel: Channel::Normal, form: ItemForm::AsIs { bytes: 2 } }];
+
+    fn request(nx: u32, limit_mib: u64, threads: usize) -> PlanRequest<'static> {
         PlanRequest {
             dims: Dims::new(nx, 100, 600).unwrap(),
-            file_sample_bytes: 4,
-            ring_sample_bytes: 4,
-            direct: true,
-            normals: true,
-            swapped_value_bytes: 0,
+            channels: NORMAL,
             threads,
             memory: MemoryCap::Process(limit_mib << 20),
             fixed_bytes: 4 << 20,
-            source_bytes: 0,
+            // Five slices of singles.
+            solid_bytes: &|tile| u64::from(tile.columns) * 36 * 20,
+            input_bytes: 0,
         }
     }
 

@@ -50,7 +50,7 @@ pub(super) fn seal(
     let header = Header {
         minor: VERSION_MINOR,
         encoding: Encoding::Mapped,
-        #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each of eleven kinds")]
+        #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each kind")]
         sections: entries.len() as u16,
         file_bytes,
         nodes: census.nodes(),

@@ -2,8 +2,10 @@
 //!
 //! Rows of bits carry one word of neighbours at either end, so shifts need no special case.
 
-use super::plan::BRICK;
+use std::ops::Range;
+
 use super::simd::{Isa, Kernel, dispatch};
+use super::solid::BRICK;
 
 const BRICK_ROWS: usize = BRICK as usize;
 
@@ -75,9 +77,9 @@ fn thick(rows: &Rows<'_>, out: &mut [u64]) {
 
 /// Exposed faces of 32 voxels in a row: bit i of each mask set where that face neighbour is outside.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Exposed {
+pub struct Exposed {
     /// Faces towards -x, +x, -y, +y, -z, +z.
-    pub(super) faces: [u32; 6],
+    pub faces: [u32; 6],
 }
 
 /// Exposed faces of voxels `32 * half ..` of the middle row.
@@ -96,9 +98,16 @@ pub(super) const BIT_RING: usize = 4;
 /// Rows of inside bits of a slice: the tile's and one on either side.
 pub(super) const BIT_ROWS: usize = BRICK_ROWS + 2;
 
-/// Writes the skin bits of `rows` rows of the tile to the front of `skin`, and clears the rest.
-pub(super) fn find_skin(bits: &BitRows<'_>, rows: usize, connectivity: Connectivity, skin: &mut [u64]) {
-    dispatch(SkinKernel { bits, rows, connectivity, skin });
+/// Writes the skin bits of words `run` of `rows` rows of the tile to their rows of `skin`, and clears those words
+/// of the other rows.
+pub(super) fn find_skin(
+    bits: &BitRows<'_>,
+    run: Range<usize>,
+    rows: usize,
+    connectivity: Connectivity,
+    skin: &mut [u64],
+) {
+    dispatch(SkinKernel { bits, run, rows, connectivity, skin });
 }
 
 /// The 32 rows of one brick out of the tile's skin words.
@@ -122,13 +131,19 @@ impl BitRows<'_> {
     /// The 3 x 3 rows around row `y` of the tile.
     #[inline(always)]
     pub(super) fn around(&self, y: usize) -> Rows<'_> {
+        self.around_run(y, 0..self.words)
+    }
+
+    /// The same for words `run` of the tile.
+    #[inline(always)]
+    fn around_run(&self, y: usize, run: Range<usize>) -> Rows<'_> {
         let row = |dz: u32, dy: usize| {
             let slice = self.z.wrapping_add(dz).wrapping_sub(1);
             if slice >= self.nz {
-                return &self.none[..self.words + 2];
+                return &self.none[..run.len() + 2];
             }
             let row = slice as usize % BIT_RING * BIT_ROWS + y + dy;
-            &self.bits[row * self.none.len()..][..self.words + 2]
+            &self.bits[row * self.none.len() + run.start..][..run.len() + 2]
         };
         [
             [row(0, 0), row(0, 1), row(0, 2)],
@@ -140,6 +155,7 @@ impl BitRows<'_> {
 
 struct SkinKernel<'a, 'b> {
     bits: &'a BitRows<'b>,
+    run: Range<usize>,
     rows: usize,
     connectivity: Connectivity,
     skin: &'a mut [u64],
@@ -150,10 +166,13 @@ impl Kernel for SkinKernel<'_, '_> {
 
     #[inline(always)]
     fn run(self, _: impl Isa) {
-        let (filled, rest) = self.skin.split_at_mut(self.rows * self.bits.words);
-        for (y, out) in filled.chunks_exact_mut(self.bits.words).enumerate() {
-            skin_row(&self.bits.around(y), self.connectivity, out);
+        for (y, row) in self.skin.chunks_exact_mut(self.bits.words).enumerate() {
+            let out = &mut row[self.run.clone()];
+            if y < self.rows {
+                skin_row(&self.bits.around_run(y, self.run.clone()), self.connectivity, out);
+            } else {
+                out.fill(0);
+            }
         }
-        rest.fill(0);
     }
 }

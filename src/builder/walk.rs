@@ -1,7 +1,7 @@
 //! Bricks in Morton order, skipping whatever lies outside the volume.
 
 use super::error::BuildError;
-use super::plan::BRICK;
+use super::solid::BRICK;
 use super::swap::{BrickEntry, Scratch};
 use crate::geom::{Dims, morton};
 
@@ -11,7 +11,7 @@ const GROUP: u32 = 4;
 pub(super) const GROUP_BRICKS: usize = (GROUP * GROUP * GROUP) as usize;
 
 /// A brick with skin, and its Morton code in the grid of bricks.
-pub(super) type Found = (u64, BrickEntry);
+pub(super) type WalkedBrick = (u64, BrickEntry);
 
 /// Visits groups of bricks in Morton order.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ impl BrickWalk {
     pub(super) fn next_group(
         &mut self,
         scratch: &Scratch,
-        found: &mut Vec<Found>,
+        found: &mut Vec<WalkedBrick>,
     ) -> Result<bool, BuildError> {
         found.clear();
         while self.next < self.end {
@@ -57,7 +57,7 @@ impl BrickWalk {
         scratch: &Scratch,
         code: u64,
         at: [u32; 3],
-        found: &mut Vec<Found>,
+        found: &mut Vec<WalkedBrick>,
     ) -> Result<(), BuildError> {
         let mut entries = [BrickEntry::default(); GROUP_BRICKS];
         let first = at.map(|g| u64::from(g * GROUP));
@@ -66,8 +66,8 @@ impl BrickWalk {
                 let row = scratch.entries([first[0], first[1] + u64::from(y), first[2] + u64::from(z)])?;
                 for (x, entry) in (0..GROUP).zip(row) {
                     #[expect(clippy::cast_possible_truncation, reason = "below 64")]
-                    let place = morton::encode(x, y, z) as usize;
-                    entries[place] = entry;
+                    let within = morton::encode(x, y, z) as usize;
+                    entries[within] = entry;
                 }
             }
         }

@@ -22,8 +22,8 @@ use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use crate::facts::StatedBy;
 use crate::facts::dicom::DicomFault;
+use crate::facts::{Fault, NotVolume, StatedBy};
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
     FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, base_name, natural_cmp,
@@ -37,10 +37,10 @@ use surveyor::{Surveyor, leave_out};
 use walk::{changed, walk, without_repeats};
 
 /// Files that are no volume and no part of one: one line for each kind.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// What they are, for example `DICOMDIR` or `not a volume`.
-    pub reason: String,
+    /// What they are.
+    pub why: NotVolume,
     /// How many.
     pub count: u64,
     /// The first of them, in natural order.
@@ -257,8 +257,8 @@ impl Catalogue {
                 open_series(list, &facts, &self.options)
             }
             What::Damaged => {
-                let reason = File::open(&path).map(|f| recognise(&f));
-                let error = match reason {
+                let recognised = File::open(&path).map(|f| recognise(&f));
+                let error = match recognised {
                     Err(cause) => SourceError::Unreadable { path: path.clone(), cause },
                     Ok(Recognised::Damaged(error)) => {
                         SourceError::Dicom { path: path.clone(), fault: DicomFault::Header(error) }
@@ -366,7 +366,7 @@ impl Catalogue {
                 if !record.path.as_os_str().is_empty()
                     && !matches!(item.what, What::Stack(at) if is_whole(at))
                 {
-                    leave_out(&mut self.left_out, "single picture, no stack".into(), path);
+                    leave_out(&mut self.left_out, NotVolume::SinglePicture, path);
                     continue;
                 }
             }
@@ -376,11 +376,14 @@ impl Catalogue {
         Ok(())
     }
 
-    /// Items in natural order of their first paths, kinds of left-out files by their number.
+    /// Items in natural order of their first paths, kinds of left-out files by their number, then likewise.
     fn sort(&mut self) -> Result<(), SourceError> {
         let (log, inputs) = (&self.log, &self.inputs);
         sort_or_stop(&mut self.items, |a, b| Ok(precedes(inputs, &log.get(a.first)?, &log.get(b.first)?)))?;
-        self.left_out.sort_by(|a, b| b.count.cmp(&a.count).then(a.reason.cmp(&b.reason)));
+        let bytes = |l: &LeftOut| l.first.clone().into_os_string();
+        self.left_out.sort_by(|a, b| {
+            b.count.cmp(&a.count).then_with(|| natural_cmp(bytes(a).as_bytes(), bytes(b).as_bytes()))
+        });
         Ok(())
     }
 }
@@ -460,10 +463,7 @@ fn precedes(inputs: &[PathBuf], a: &Record, b: &Record) -> std::cmp::Ordering {
 }
 
 fn changed_meanwhile(path: &Path) -> SourceError {
-    SourceError::Unusable {
-        path: path.to_path_buf(),
-        reason: "was changed while the folders were searched; start again".into(),
-    }
+    SourceError::Unusable { path: path.to_path_buf(), fault: Fault::Changed }
 }
 
 /// The volumes of one file or folder.

@@ -1,13 +1,14 @@
 //! One entrance for every kind of input.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
-use crate::facts::dicom::{DicomFault, ImageFault};
-use crate::facts::{Note, StatedBy};
+use crate::facts::{Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, Refusal, StatedBy};
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, known};
 use crate::source::{RawVolume, header_of_samples};
@@ -18,7 +19,7 @@ use crate::volume::{SourceError, VolumeSource};
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
 
-/// Files or volumes named in one warning.
+/// Files or volumes named in one note.
 const NAMED: usize = 3;
 
 /// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
@@ -34,7 +35,7 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
 /// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
 ///
 /// Folders are searched five levels deep. Of several volumes the largest is taken, unless
-/// [`OpenOptions::volume`] chooses one; the others are listed in a warning. A single slice is a volume,
+/// [`OpenOptions::volume`] chooses one; the others are listed in a note. A single slice is a volume,
 /// but only if nothing has several. More names of files than fit into some 64 KiB wait in a nameless
 /// file in `scratch`. A single file or folder that is nothing by itself may be described by a side-car
 /// beside it.
@@ -51,7 +52,7 @@ pub fn open_in(
         return Ok(Box::new(RawVolume::open(inputs, raw)?));
     }
     let Some(first) = inputs.first() else {
-        return Err(SourceError::Usage { path: PathBuf::new(), reason: "no input file is given".into() });
+        return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
     };
     // The samples of a pair do not say what they are; their header does.
     let header = match inputs {
@@ -70,15 +71,14 @@ pub fn open_in(
             let volume = place(volume, options.placement, StatedBy::Caller)?;
             return match options.volume {
                 None | Some(1) => Ok(volume),
-                Some(wanted) => Err(SourceError::Usage {
-                    path: data.clone(),
-                    reason: format!("there is no volume {wanted}: it is a single one"),
-                }),
+                Some(wanted) => {
+                    Err(SourceError::Usage { path: data.clone(), misuse: Misuse::SingleVolume { wanted } })
+                }
             };
         }
         return Err(nothing(inputs, &found, first));
     }
-    let mut choice = Choice { wanted: options.volume, ..Choice::default() };
+    let mut choice = Chooser { wanted: options.volume, ..Chooser::default() };
     for item in 0..found.len() {
         for finding in found.open(item) {
             choice.consider(finding);
@@ -90,128 +90,117 @@ pub fn open_in(
 /// How good a volume is as the one that is meant: refused, a single slice, several slices; then its size.
 type Rank = (u8, u64);
 
-/// The best of the volumes that were seen.
+/// The best of the volumes that were seen. Volumes are known by their number, counted from 1.
 #[derive(Default)]
-struct Choice {
+struct Chooser {
     wanted: Option<usize>,
     seen: usize,
-    best: Option<(Rank, usize, Finding)>,
+    best: Option<(Rank, usize, Candidate, Option<Box<dyn VolumeSource>>)>,
     /// The largest refused one, with more than one slice?
-    refused: Option<(u64, bool, Finding)>,
+    refused: Option<(u64, bool, usize)>,
     /// What was seen, the largest first, as many as are named.
-    names: Vec<(Rank, usize, String)>,
-    unusable: Vec<String>,
+    named: Vec<(Rank, usize, Candidate)>,
+    /// The first damaged ones, as many as are named.
+    damaged: Vec<usize>,
+    /// Why those of all these cannot be used that cannot.
+    errors: BTreeMap<usize, SourceError>,
 }
 
-impl Choice {
+impl Chooser {
     fn consider(&mut self, finding: Finding) {
         self.seen += 1;
         let number = self.seen;
         let size = finding.size.unwrap_or_default();
         let voxels = size.iter().map(|n| u64::from(*n)).product();
+        let damaged = finding.volume.as_ref().err().is_some_and(SourceError::is_damage);
         // A slice that is cut short is no reason to take another volume in silence.
-        let damage = finding.volume.as_ref().err().filter(|error| error.is_damage());
-        let broken = damage.is_some() && finding.size.is_some();
-        let usable = finding.volume.is_ok() || broken;
+        let usable = finding.volume.is_ok() || (damaged && finding.size.is_some());
         let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
         let rank = (tier, voxels);
-        let name = (rank, number, describe(&finding));
-        let at = self.names.iter().position(|(r, ..)| *r < rank).unwrap_or(self.names.len());
-        self.names.insert(at, name);
+        let candidate =
+            Candidate { kind: finding.kind, part: finding.part, size: finding.size, refused: None };
+        let at = self.named.iter().position(|(r, ..)| *r < rank).unwrap_or(self.named.len());
+        self.named.insert(at, (rank, number, candidate.clone()));
         // One more than is named, for the one that is taken.
-        self.names.truncate(NAMED + 1);
-        if let Err(SourceError::Unusable { path, .. } | SourceError::Dicom { path, .. }) = &finding.volume
-            && let Some(error) = damage
-        {
-            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            if self.unusable.len() <= NAMED {
-                self.unusable.push(format!("{name}, of a series that is not used: {}", reason_of(error)));
+        self.named.truncate(NAMED + 1);
+        if damaged && self.damaged.len() < NAMED {
+            self.damaged.push(number);
+        }
+        let volume = match finding.volume {
+            Ok(volume) => Some(volume),
+            Err(error) => {
+                self.errors.insert(number, error);
+                None
+            }
+        };
+        if self.wanted.is_none_or(|wanted| wanted == number) {
+            if usable || self.wanted.is_some() {
+                if self.best.as_ref().is_none_or(|(best, ..)| rank > *best) {
+                    self.best = Some((rank, number, candidate, volume));
+                }
+            } else if self.refused.is_none_or(|(most, ..)| voxels > most) {
+                self.refused = Some((voxels, size[2] > 1, number));
             }
         }
-        if self.wanted.is_some_and(|wanted| wanted != number) {
-            return;
-        }
-        if usable || self.wanted.is_some() {
-            if self.best.as_ref().is_none_or(|(best, ..)| rank > *best) {
-                self.best = Some((rank, number, finding));
-            }
-        } else if self.refused.as_ref().is_none_or(|(most, ..)| voxels > *most) {
-            self.refused = Some((voxels, size[2] > 1, finding));
-        }
+        self.forget();
+    }
+
+    /// Keeps the errors only that may still be told.
+    fn forget(&mut self) {
+        let Self { best, refused, named, damaged, errors, .. } = self;
+        errors.retain(|number, _| {
+            best.as_ref().is_some_and(|(_, n, ..)| n == number)
+                || refused.is_some_and(|(.., n)| n == *number)
+                || named.iter().any(|(_, n, _)| n == number)
+                || damaged.contains(number)
+        });
     }
 
     fn decide(self, first: &Path, found: &Catalogue) -> Result<Box<dyn VolumeSource>, SourceError> {
-        let Self { wanted, seen, best, refused, names, unusable } = self;
-        let chosen = match (best, refused) {
+        let Self { wanted, seen, best, refused, named, damaged, mut errors } = self;
+        let (number, taken) = match (best, refused) {
             // A scout beside a series that is refused is not mistaken for the volume.
-            (Some(((1, _), ..)), Some((_, true, refused))) if wanted.is_none() => return refused.volume,
-            (Some((_, number, finding)), _) => (number, finding),
-            (None, Some((.., refused))) => return refused.volume,
-            (None, None) => {
-                let reason = match wanted {
-                    Some(wanted) => format!(
-                        "there is no volume {wanted} among the {seen} that were found; oct scan lists them"
-                    ),
-                    None => "no volume was found".into(),
-                };
-                return Err(SourceError::Usage { path: first.to_path_buf(), reason });
-            }
+            (Some(((1, _), ..)), Some((_, true, refused))) if wanted.is_none() => (refused, None),
+            (Some((_, number, candidate, volume)), _) => (number, volume.map(|volume| (candidate, volume))),
+            (None, Some((.., refused))) => (refused, None),
+            (None, None) => (0, None),
         };
-        let (number, finding) = chosen;
-        let mut warnings = Vec::new();
+        let Some((used, source)) = taken else {
+            let misuse = match wanted {
+                Some(wanted) => Misuse::NoSuchVolume { wanted, found: seen },
+                None => Misuse::NoneFound,
+            };
+            let none = || SourceError::Usage { path: first.to_path_buf(), misuse };
+            return Err(errors.remove(&number).unwrap_or_else(none));
+        };
+        let mut notes = Vec::new();
+        let refusals: BTreeMap<usize, Refusal> =
+            errors.into_iter().map(|(number, error)| (number, Refusal(Arc::new(error)))).collect();
         if seen > 1 {
-            let own = names.iter().find(|n| n.1 == number).map(|n| n.2.clone());
-            let own = own.unwrap_or_else(|| describe(&finding));
-            let others: Vec<String> =
-                names.iter().filter(|n| n.1 != number).take(NAMED).map(|n| n.2.clone()).collect();
+            let others = named.into_iter().filter(|(_, n, _)| *n != number).take(NAMED);
+            let refused = |n: usize| refusals.get(&n).cloned();
+            let others: Vec<Candidate> =
+                others.map(|(_, n, other)| Candidate { refused: refused(n), ..other }).collect();
             let more = seen - 1 - others.len();
-            let more = if more > 0 { format!("; and {more} more") } else { String::new() };
-            let why = if wanted.is_some() { "the chosen one" } else { "the largest that forms a volume" };
-            warnings.push(format!(
-                "{seen} sets of images were found; {why} is used ({own}); not used: {}{more}",
-                others.join("; ")
-            ));
+            let asked_for = wanted.is_some();
+            notes.push(Note::Chosen(Box::new(Choice { found: seen, asked_for, used, others, more })));
         }
-        let source = finding.volume?;
-        warnings.extend(unusable.into_iter().take(NAMED));
+        notes.extend(damaged.iter().filter_map(|n| refusals.get(n)).cloned().map(Note::DamagedBeside));
         for left in found.left_out().iter().take(NAMED) {
-            let name = left.first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            warnings.push(format!("{} file(s) left out: {} (first: {name})", left.count, left.reason));
+            let first = left.first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            notes.push(Note::LeftOut { count: left.count, why: left.why.clone(), first });
         }
         if found.left_out().len() > NAMED {
-            let rest: u64 = found.left_out().iter().skip(NAMED).map(|l| l.count).sum();
-            warnings.push(format!("{rest} more file(s) left out for other reasons"));
+            let count = found.left_out().iter().skip(NAMED).map(|l| l.count).sum();
+            notes.push(Note::MoreLeftOut { count });
         }
-        if warnings.is_empty() {
+        if notes.is_empty() {
             return Ok(source);
         }
         let mut info = source.info().clone();
-        let mut notes: Vec<Note> = warnings.into_iter().map(Note::Text).collect();
         notes.append(&mut info.notes);
         info.notes = notes;
         Ok(Box::new(Noted { source, info }))
-    }
-}
-
-/// What a volume is, in a few words.
-fn describe(finding: &Finding) -> String {
-    let part = finding.part.as_ref().map_or_else(String::new, |part| format!(" {part}"));
-    let size = finding.size.map_or_else(String::new, |[x, y, z]| format!(" {x}x{y}x{z}"));
-    let fate = match &finding.volume {
-        Ok(_) => String::new(),
-        Err(error) => format!(", refused: {}", reason_of(error)),
-    };
-    format!("{}{part}{size}{fate}", finding.kind)
-}
-
-/// The sentence of a refusal without its path.
-fn reason_of(error: &SourceError) -> String {
-    match error {
-        SourceError::NoVolume { reason, .. }
-        | SourceError::Unusable { reason, .. }
-        | SourceError::Usage { reason, .. } => reason.clone(),
-        SourceError::Dicom { fault, .. } => fault.to_string(),
-        other => other.to_string(),
     }
 }
 
@@ -223,50 +212,41 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
         return refuse_file(path);
     }
     let files: u64 = found.left_out().iter().map(|l| l.count).sum();
-    let reason = match found.left_out() {
-        [] => "the folder holds no file".into(),
-        [only] if only.reason != "not a volume" => {
-            format!("no volume is among the {files} file(s), but: {}", only.reason)
-        }
-        _ => format!(
-            "no volume is among the {files} file(s); for headerless voxels add --dims NXxNYxNZ and --dtype"
-        ),
+    let found = match found.left_out() {
+        [] => Instead::EmptyFolder,
+        [only] if only.why != NotVolume::Unknown => Instead::Only { files, kind: only.why.clone() },
+        _ => Instead::Unknown { files },
     };
-    SourceError::NoVolume { path: first.to_path_buf(), reason }
+    SourceError::NoVolume { path: first.to_path_buf(), found }
 }
 
 /// The refusal of a single file that is no volume.
 fn refuse_file(path: &Path) -> SourceError {
-    let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
+    let unusable = |fault| SourceError::Unusable { path: path.to_path_buf(), fault };
     let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
     let (length, file) = match opened {
         Ok(opened) => opened,
         Err(cause) => return SourceError::Unreadable { path: path.to_path_buf(), cause },
     };
     if length == 0 {
-        return unusable("is empty; give a DICOM series or headerless voxels".into());
+        return unusable(Fault::Empty);
     }
-    if let Recognised::NoImage(obstacle) = recognise(&file) {
-        let fault = DicomFault::Image(ImageFault::Pixels(obstacle));
-        return SourceError::Dicom { path: path.to_path_buf(), fault };
+    if let Recognised::NoImage(kind) = recognise(&file) {
+        let found = Instead::File(NotVolume::Dicom(kind));
+        return SourceError::NoVolume { path: path.to_path_buf(), found };
     }
     if let Some(what) = known(&head_of(&file)) {
-        return unusable(format!(
-            "is {what}; DICOM, NRRD, NIfTI, MetaImage, .npy, TIFF and PNG are read, and headerless voxels with --dims NXxNYxNZ and --dtype"
-        ));
+        return unusable(Fault::Known(what));
     }
     // A name that promises DICOM makes the file wrong; any other may be raw voxels that lack options.
     let promises = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
     if ["dcm", "dicom", "ima"].iter().any(|e| promises(e)) {
-        return unusable(
-            "is not DICOM, in spite of its name; for headerless voxels add --dims and --dtype".into(),
-        );
+        return unusable(Fault::NotDicom);
     }
     if ["stl", "obj", "off", "ply", "gltf", "glb"].iter().any(|e| promises(e)) {
-        return unusable("is a mesh by its name; only volumes are read so far".into());
+        return unusable(Fault::Mesh);
     }
-    let reason = "is of no kind that is known; for headerless voxels add --dims NXxNYxNZ and --dtype, or put a side-car with dims and dtype beside it, as NAME.json".into();
-    SourceError::Usage { path: path.to_path_buf(), reason }
+    SourceError::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed }
 }
 
 /// The first bytes of a file.

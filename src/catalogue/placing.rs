@@ -6,11 +6,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::InputFiles;
-use super::sidecar::{
-    candidates, file_of, is_named_so, placement, unknown, unparsed, value_of, with_unknown,
-};
+use super::sidecar::{candidates, is_named_so, keys_of, unparsed, with_unknown};
 use super::walk::changed;
 use crate::facts::StatedBy;
+use crate::facts::sidecar::SideCarFault;
 use crate::volume::{Placement, place};
 use crate::volume::{SourceError, VolumeSource};
 
@@ -20,7 +19,7 @@ pub(super) struct Placing {
     /// The side-car.
     path: PathBuf,
     /// What it says, or what is wrong with it.
-    said: Result<(Placement, Vec<String>), String>,
+    said: Result<(Placement, Vec<String>), SideCarFault>,
 }
 
 /// Keys that mean something where data only has to be placed.
@@ -34,13 +33,12 @@ const INSIDE: &str = "stack";
 
 /// Reads a side-car that only places its data; `None` for a text that is none.
 fn read_placing(path: &Path) -> Option<(Placing, Option<String>)> {
-    let value = value_of(path)?;
-    let is_raw = value.get("dims").is_some() && value.get("dtype").is_some();
-    if is_raw || !PLACING_KEYS.iter().take(3).any(|key| value.get(key).is_some()) {
+    let keys = keys_of(path)?;
+    if keys.describe_raw() || !keys.place() {
         return None;
     }
-    let file = file_of(&value).ok().flatten();
-    let said = file_of(&value).and_then(|_| Ok((placement(&value)?, unknown(&value, &PLACING_KEYS))));
+    let file = keys.file().ok().flatten();
+    let said = keys.file().and_then(|_| Ok((keys.placement()?, keys.unknown(&PLACING_KEYS))));
     Some((Placing { path: path.to_path_buf(), said }, file))
 }
 
@@ -56,8 +54,8 @@ pub(super) fn placing_of(data: &[&Path]) -> Option<Placing> {
         }
         candidates(data).chain(inside).find_map(|path| {
             // What is named like the data, and cannot be read, would have said where it lies.
-            if let Some(reason) = unparsed(&path) {
-                return Some(Placing { path, said: Err(reason) });
+            if let Some(unparsed) = unparsed(&path) {
+                return Some(Placing { path, said: Err(SideCarFault::Unparsed(unparsed)) });
             }
             let (placing, file) = read_placing(&path)?;
             // Inside, the data is the folder, whatever is said of a file.
@@ -111,8 +109,10 @@ impl Placing {
     /// # Errors
     /// What is wrong with the side-car.
     pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>, SourceError> {
-        let unusable =
-            |reason: &String| SourceError::Unusable { path: self.path.clone(), reason: reason.clone() };
+        let unusable = |fault: &SideCarFault| SourceError::Unusable {
+            path: self.path.clone(),
+            fault: fault.clone().into(),
+        };
         let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
         let by = StatedBy::SideCar;
         Ok(with_unknown(place(volume, *placement, by)?, unknown, &PLACING_KEYS))

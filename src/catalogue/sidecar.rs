@@ -22,24 +22,27 @@
 //! with the longer name counts, then JSON before TOML. Of TOML, keys before the first table are read, with strings, numbers and lists
 //! as values; that needs no parser of the whole language, whose code would count as memory.
 
+mod keys;
+
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::Read;
-use std::path::{Component, Path, PathBuf};
-
-use serde_json::Value;
+use std::path::{Path, PathBuf};
 
 use super::placing;
-use crate::geom::{Dims, Orientation};
+use crate::facts::sidecar::{ParseFault, SideCarFault, Unparsed};
+use crate::facts::{Fault, Misuse};
+use crate::geom::Orientation;
 use crate::source::{RawOptions, RawVolume};
 use crate::volume::Noted;
 use crate::volume::Placement;
-use crate::volume::{Note, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Note, SourceError, VolumeSource};
+pub(super) use keys::Keys;
 
 /// Longest text that is looked at.
 const MAX_BYTES: u64 = 64 << 10;
 
-/// What a side-car says.
+/// What a side-car of raw data says.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sidecar {
     /// How the data is read.
@@ -55,9 +58,6 @@ pub(super) struct Sidecar {
 /// Keys that mean something.
 const KEYS: [&str; 7] = ["dims", "dtype", "spacing", "spacing_mm", "skip", "orientation", "file"];
 
-/// Unknown keys that are named, and the letters of each.
-const NAMED: (usize, usize) = (4, 40);
-
 /// Does a name end like a side-car's?
 pub(super) fn is_named_so(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "json" || e == "toml")
@@ -66,19 +66,22 @@ pub(super) fn is_named_so(path: &Path) -> bool {
 /// Reads a side-car; `None` for a file that is none (no `dims` and `dtype`), the reason for one whose
 /// values are wrong.
 pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
-    let value = value_of(path)?;
-    let (dims, dtype) = (value.get("dims")?, value.get("dtype")?);
-    let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
-    Some(parse(&value, dims, dtype).map_err(unusable))
+    let keys = keys_of(path)?;
+    keys.describe_raw().then(|| Sidecar::of(&keys).map_err(|fault| unusable(path, fault)))
 }
 
-/// The keys and values of a text, if it can be parsed.
-pub(super) fn value_of(path: &Path) -> Option<Value> {
+fn unusable(path: &Path, fault: SideCarFault) -> SourceError {
+    SourceError::Unusable { path: path.to_path_buf(), fault: fault.into() }
+}
+
+/// The keys of a text, if it can be parsed.
+pub(super) fn keys_of(path: &Path) -> Option<Keys> {
     let text = text_of(path)?;
-    if path.extension().is_some_and(|e| e == "toml") {
-        return Some(flat_toml(&text));
-    }
-    serde_json::from_str(&text).ok()
+    if is_toml(path) { Keys::of_toml(&text) } else { Keys::of_json(&text).ok() }
+}
+
+fn is_toml(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "toml")
 }
 
 fn text_of(path: &Path) -> Option<String> {
@@ -91,132 +94,36 @@ fn text_of(path: &Path) -> Option<String> {
 }
 
 /// What is wrong with a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies beside data
-/// of its stem, but cannot be parsed. It does not name the file: that may bear the name of a patient.
-pub(super) fn unparsed(path: &Path) -> Option<String> {
+/// of its stem, but cannot be parsed.
+pub(super) fn unparsed(path: &Path) -> Option<Unparsed> {
     let text = text_of(path)?;
-    let is_raw = text.contains("dims") || text.contains("dtype");
-    if !is_raw && !((text.contains("spacing") || text.contains("orientation")) && placing::may_place(path)) {
+    let raw = text.contains("dims") || text.contains("dtype");
+    if !raw && !((text.contains("spacing") || text.contains("orientation")) && placing::may_place(path)) {
         return None;
     }
-    let what = if path.extension().is_some_and(|e| e == "toml") {
-        let keys = flat_toml(&text);
-        let started = |key: &&&str| {
-            let mut lines = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
-            let is =
-                |line: &str| line.split_once('=').is_some_and(|(k, _)| k.trim().trim_matches('"') == **key);
-            lines.any(is)
-        };
-        let lost = ["dims", "dtype", "spacing", "spacing_mm", "orientation"]
-            .iter()
-            .filter(|key| keys.get(**key).is_none())
-            .find(started)?;
-        format!("the value of {lost} is neither a string nor a number nor a list of these")
+    let at = if is_toml(path) {
+        ParseFault::Value { key: keys::lost_in_toml(&text)? }
     } else {
-        serde_json::from_str::<Value>(&text).err()?.to_string()
+        ParseFault::Json(Keys::of_json(&text).err()?.to_string())
     };
-    if !is_raw {
-        return Some(format!("side-car that cannot be parsed: {what}"));
+    if raw {
+        data_of(path)?;
     }
-    data_of(path)?;
-    Some(format!("side-car of raw data that cannot be parsed: {what}"))
+    Some(Unparsed { raw, at })
 }
 
-/// The keys of a TOML text before its first table. Values that are not strings, numbers or lists of these are
-/// left out; those that are read as JSON, which they are but for quotes and commas.
-fn flat_toml(text: &str) -> Value {
-    let plain = |line: &str| {
-        let mut quoted = false;
-        let comment = line.char_indices().find(|(_, c)| {
-            quoted ^= matches!(c, '"' | '\'');
-            *c == '#' && !quoted
-        });
-        line.get(..comment.map_or(line.len(), |(at, _)| at)).unwrap_or_default().trim().to_owned()
-    };
-    let mut keys = serde_json::Map::new();
-    let mut lines = text.lines();
-    while let Some(line) = lines.next() {
-        let line = plain(line);
-        if line.starts_with('[') {
-            break;
-        }
-        let Some((key, value)) = line.split_once('=') else { continue };
-        let mut value = value.trim().to_owned();
-        while value.starts_with('[')
-            && !value.ends_with(']')
-            && let Some(more) = lines.next()
-        {
-            value.push_str(&plain(more));
-        }
-        let value = value.replace('\'', "\"").replace(" ]", "]").replace(",]", "]");
-        if let Ok(value) = serde_json::from_str(&value) {
-            keys.insert(key.trim().trim_matches('"').to_owned(), value);
-        }
+impl Sidecar {
+    fn of(keys: &Keys) -> Result<Self, SideCarFault> {
+        let dims = keys.dims()?;
+        let (scalar, endian) = keys.dtype()?;
+        let stated = keys.placement()?;
+        let skip = keys.skip()?;
+        let spacing_mm = stated.spacing_mm.unwrap_or([1.0; 3]);
+        let orientation = stated.orientation.unwrap_or(Orientation::LPS);
+        let file = keys.file()?;
+        let options = RawOptions { dims, scalar, endian, spacing_mm, skip, orientation };
+        Ok(Self { options, file, unknown: keys.unknown(&KEYS), stated })
     }
-    Value::Object(keys)
-}
-
-fn parse(value: &Value, dims: &Value, dtype: &Value) -> Result<Sidecar, String> {
-    let dims = three(dims)
-        .and_then(|d| {
-            let whole = |v: f64| -> Option<u32> {
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "a whole number within u32, as has been checked"
-                )]
-                let side = (v.fract() == 0.0 && v >= 1.0 && v <= f64::from(u32::MAX)).then_some(v as u32);
-                side
-            };
-            Dims::new(whole(d[0])?, whole(d[1])?, whole(d[2])?)
-        })
-        .ok_or("its dims are not three sizes in range; write for example [256, 256, 113]")?;
-    let (scalar, endian) = dtype
-        .as_str()
-        .and_then(ScalarType::parse)
-        .ok_or("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be")?;
-    let stated = placement(value)?;
-    let skip = match value.get("skip") {
-        Some(skip) => skip.as_u64().ok_or("its skip is not a number of bytes")?,
-        None => 0,
-    };
-    let spacing_mm = stated.spacing_mm.unwrap_or([1.0; 3]);
-    let orientation = stated.orientation.unwrap_or(Orientation::LPS);
-    let file = file_of(value)?;
-    let options = RawOptions { dims, scalar, endian, spacing_mm, skip, orientation };
-    Ok(Sidecar { options, file, unknown: unknown(value, &KEYS), stated })
-}
-
-/// Name of the data, where it is stated.
-pub(super) fn file_of(value: &Value) -> Result<Option<String>, String> {
-    let plain = |name: &Value| name.as_str().filter(|n| is_plain(n)).map(str::to_owned);
-    value.get("file").map(|name| plain(name).ok_or("its file is not a plain name".into())).transpose()
-}
-
-/// The first keys that are none of the known ones.
-pub(super) fn unknown(value: &Value, known: &[&str]) -> Vec<String> {
-    let keys = value.as_object().into_iter().flat_map(serde_json::Map::keys);
-    let unknown = keys.filter(|key| !known.contains(&key.as_str())).take(NAMED.0);
-    unknown.map(|key| key.chars().take(NAMED.1).flat_map(char::escape_debug).collect()).collect()
-}
-
-/// Spacing and orientation, as far as they are stated.
-pub(super) fn placement(value: &Value) -> Result<Placement, String> {
-    let spacing_mm = match (value.get("spacing"), value.get("spacing_mm")) {
-        (Some(one), Some(other)) if three(one) != three(other) => {
-            return Err("its spacing and its spacing_mm differ; keep one of them".into());
-        }
-        (Some(spacing), _) | (None, Some(spacing)) => {
-            Some(three(spacing).filter(|s| s.iter().all(|v| *v > 0.0)).ok_or(
-                "its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]",
-            )?)
-        }
-        (None, None) => None,
-    };
-    let letters = |value: &Value| value.as_str().and_then(Orientation::parse);
-    let orientation = value.get("orientation").map(|v| {
-        letters(v).ok_or_else(|| "its orientation is not three letters such as LPS or RAI".to_owned())
-    });
-    Ok(Placement { spacing_mm, orientation: orientation.transpose()? })
 }
 
 /// A volume whose notes name keys that are not known.
@@ -231,22 +138,6 @@ pub(super) fn with_unknown(
     let mut info = volume.info().clone();
     info.notes.push(Note::UnknownKeys { unknown: unknown.to_vec(), known });
     Box::new(Noted { source: volume, info })
-}
-
-/// Three finite numbers, as a list or joined by `x`.
-fn three(value: &Value) -> Option<[f64; 3]> {
-    let parts: Vec<f64> = match value {
-        Value::Array(list) => list.iter().map(Value::as_f64).collect::<Option<_>>()?,
-        Value::String(text) => text.split('x').map(|p| p.trim().parse().ok()).collect::<Option<_>>()?,
-        _ => return None,
-    };
-    <[f64; 3]>::try_from(parts).ok().filter(|v| v.iter().all(|n| n.is_finite()))
-}
-
-/// A name that cannot lead out of the folder.
-fn is_plain(name: &str) -> bool {
-    let mut parts = Path::new(name).components();
-    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
 }
 
 /// Side-cars that could describe a file or folder, by their names; the first that does counts.
@@ -292,13 +183,10 @@ pub(super) fn describes(data: &Path) -> bool {
 /// # Errors
 /// What is wrong with the side-car, or that its data is not there, or not as long as it says.
 pub(super) fn open(path: &Path, asked: Placement) -> Result<Box<dyn VolumeSource>, SourceError> {
-    let unusable = |reason: &str| SourceError::Unusable { path: path.to_path_buf(), reason: reason.into() };
-    let sidecar = read(path).ok_or_else(|| unusable("is no description of a raw volume any more"))??;
+    let sidecar = read(path).ok_or_else(|| unusable(path, SideCarFault::Changed))??;
     let data = match &sidecar.file {
         Some(name) => path.with_file_name(name),
-        None => data_of(path).ok_or_else(|| {
-            unusable("describes a raw volume, but no file of the same stem is beside it; name it with the key file")
-        })?,
+        None => data_of(path).ok_or_else(|| unusable(path, SideCarFault::NoData))?,
     };
     let placement = sidecar.stated.or(asked);
     let options = &RawOptions {
@@ -312,10 +200,9 @@ pub(super) fn open(path: &Path, asked: Placement) -> Result<Box<dyn VolumeSource
 
 /// A refusal of raw data that speaks of the side-car instead of options of the command line.
 fn in_terms_of_keys(path: &Path, options: &RawOptions, error: SourceError) -> SourceError {
-    let unusable = |reason| SourceError::Unusable { path: path.to_path_buf(), reason };
     let name = |data: &Path| data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     match error {
-        SourceError::SizeMismatch { path: data, expected, got, what } => {
+        SourceError::SizeMismatch { path: data, expected, got, layout } => {
             let voxels = expected.saturating_sub(options.skip) / (options.scalar.bytes() as u64).max(1);
             let sizes = |size: u64| voxels.checked_mul(size).and_then(|n| n.checked_add(options.skip));
             let slice = u64::from(options.dims.nx()) * u64::from(options.dims.ny());
@@ -326,15 +213,11 @@ fn in_terms_of_keys(path: &Path, options: &RawOptions, error: SourceError) -> So
             } else {
                 "dims"
             };
-            let data = name(&data);
-            unusable(format!(
-                "describes {data} as {what}, which takes {expected} bytes, but it has {got}; correct the key {key}, or copy {data} again"
-            ))
+            unusable(path, SideCarFault::Size { data: name(&data), layout, expected, got, key })
         }
-        SourceError::Unusable { path: data, reason } | SourceError::Usage { path: data, reason }
-            if reason.contains("--") =>
-        {
-            unusable(format!("describes {}, but {}", name(&data), reason.replace("--", "the key ")))
+        SourceError::Unusable { path: data, fault: Fault::Raw(fault) }
+        | SourceError::Usage { path: data, misuse: Misuse::Raw(fault) } => {
+            unusable(path, SideCarFault::Raw { data: name(&data), fault })
         }
         other => other,
     }
@@ -371,8 +254,9 @@ pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
 mod tests {
     use super::*;
     use crate::catalogue::Catalogue;
+    use crate::facts::NotVolume;
     use crate::source::{Finding, OpenOptions};
-    use crate::volume::Endian;
+    use crate::volume::{Endian, ScalarType};
 
     #[test]
     fn a_pipe_is_no_side_car() {
@@ -417,19 +301,6 @@ mod tests {
             let error = of("c.json", wrong).unwrap().unwrap_err().to_string();
             assert!(error.contains(word), "{error}");
         }
-    }
-
-    #[test]
-    fn toml_is_read_as_far_as_side_cars_need_it() {
-        let text = "# a head\n dims = [ # x first\n  2, 3,\n  4,\n ]\ndtype = 'u8' # \"#\"\nnote = \"a # b\"\n\
-                    date = 2026-11-21\nskip = 7\n[table]\nskip = 9\n";
-        let expected = serde_json::json!({"dims": [2, 3, 4], "dtype": "u8", "note": "a # b", "skip": 7});
-        assert_eq!(flat_toml(text), expected);
-        assert_eq!(flat_toml("a = [1,\n\n= = =\n'"), serde_json::json!({}));
-        // Signs of comments in a text that never ends: looked at once each.
-        let started = std::time::Instant::now();
-        assert_eq!(flat_toml(&format!("a = \"{}", "#".repeat(1 << 20))), serde_json::json!({}));
-        assert!(started.elapsed() < std::time::Duration::from_secs(2));
     }
 
     #[test]
@@ -501,9 +372,13 @@ mod tests {
             ("c.toml", "cannot be parsed: the value of dims"),
         ] {
             let left = found.left_out().iter().find(|l| l.first.ends_with(name));
-            assert!(left.is_some_and(|l| l.reason.contains(words)), "{name}: {:?}", found.left_out());
+            assert!(
+                left.is_some_and(|l| l.why.to_string().contains(words)),
+                "{name}: {:?}",
+                found.left_out()
+            );
         }
-        let others: Vec<_> = found.left_out().iter().filter(|l| l.reason == "not a volume").collect();
+        let others: Vec<_> = found.left_out().iter().filter(|l| l.why == NotVolume::Unknown).collect();
         assert_eq!(others.iter().map(|l| l.count).sum::<u64>(), 4, "b.raw, c.raw, d.json, notes.json");
     }
 

@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 use super::beside::Beside;
 use super::log::{Log, NONE, Record};
 use super::patients::{Gathered, PatientWords};
-use super::walk::{NotEntered, Visitor, changed};
+use super::walk::{Visitor, changed};
 use super::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
 use super::{placing, sidecar};
+use crate::facts::NotVolume;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::natural_cmp;
@@ -24,12 +25,12 @@ use crate::volume::SourceError;
 const MAX_REASONS: usize = 32;
 
 /// Counts a file among those left out.
-pub(super) fn leave_out(left_out: &mut Vec<LeftOut>, reason: String, path: PathBuf) {
-    let at = left_out.iter().position(|known| known.reason == reason);
+pub(super) fn leave_out(left_out: &mut Vec<LeftOut>, why: NotVolume, path: PathBuf) {
+    let at = left_out.iter().position(|known| known.why == why);
     // Offsets and counts can make many reasons; a bound keeps a folder of junk from piling them up.
     let at = at.or_else(|| {
         (left_out.len() >= MAX_REASONS)
-            .then(|| left_out.iter().position(|known| known.reason == OTHER))
+            .then(|| left_out.iter().position(|known| known.why == NotVolume::Other))
             .flatten()
     });
     match at.and_then(|at| left_out.get_mut(at)) {
@@ -40,14 +41,11 @@ pub(super) fn leave_out(left_out: &mut Vec<LeftOut>, reason: String, path: PathB
             }
         }
         None => {
-            let reason = if left_out.len() >= MAX_REASONS { OTHER.to_owned() } else { reason };
-            left_out.push(LeftOut { reason, count: 1, first: path });
+            let why = if left_out.len() >= MAX_REASONS { NotVolume::Other } else { why };
+            left_out.push(LeftOut { why, count: 1, first: path });
         }
     }
 }
-
-/// Reason of those that have reasons past [`MAX_REASONS`].
-const OTHER: &str = "left out for other reasons";
 
 /// A catalogue in the making.
 pub(super) struct Surveyor<'a> {
@@ -66,7 +64,7 @@ pub(super) struct Surveyor<'a> {
 enum Class {
     /// A volume of its own, or with `Some` key a part of one.
     Item(What, Option<u64>, Weight),
-    LeftOut(String),
+    LeftOut(NotVolume),
     /// Part of something that is counted elsewhere.
     Part,
 }
@@ -97,9 +95,9 @@ impl<'a> Surveyor<'a> {
     }
 
     fn classify(&mut self, path: &Path, meta: &Metadata, named: bool) -> Result<Class, SourceError> {
-        let left_out = |reason: &str| Ok(Class::LeftOut(reason.into()));
+        let left_out = |why: NotVolume| Ok(Class::LeftOut(why));
         if meta.len() == 0 {
-            return left_out("empty file");
+            return left_out(NotVolume::Empty);
         }
         let mut head = Vec::with_capacity(HEAD_BYTES);
         let opened = File::open(path).and_then(|file| {
@@ -110,7 +108,7 @@ impl<'a> Surveyor<'a> {
             Ok(file) => file,
             // A file that was named must be readable; one met in a folder is only reported.
             Err(cause) if named => return Err(SourceError::Unreadable { path: path.to_path_buf(), cause }),
-            Err(cause) => return Ok(Class::LeftOut(format!("cannot be read ({})", cause.kind()))),
+            Err(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
         };
         match recognise(&file) {
             Recognised::Image { series, secrets, frames, opening_bytes } => {
@@ -130,14 +128,12 @@ impl<'a> Surveyor<'a> {
                     Weight { images: frames, opening_bytes },
                 ));
             }
-            Recognised::NoImage(obstacle) => return Ok(Class::LeftOut(obstacle.to_string())),
+            Recognised::NoImage(kind) => return left_out(NotVolume::Dicom(kind)),
             Recognised::Damaged(_) => return Ok(Class::Item(What::Damaged, None, Weight::FILE)),
             Recognised::Unreadable(cause) if named => {
                 return Err(SourceError::Unreadable { path: path.to_path_buf(), cause });
             }
-            Recognised::Unreadable(cause) => {
-                return Ok(Class::LeftOut(format!("cannot be read ({})", cause.kind())));
-            }
+            Recognised::Unreadable(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
             Recognised::Foreign => {}
         }
         let index = |at: usize| u8::try_from(at).unwrap_or(u8::MAX);
@@ -146,25 +142,25 @@ impl<'a> Surveyor<'a> {
         }
         if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
             if path.extension().is_some_and(|e| e == "png") && path.with_extension("oct").is_file() {
-                return left_out("picture of a model");
+                return left_out(NotVolume::ModelPicture);
             }
             let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
             let key = StableHash::new().part(folder).finish();
             return Ok(Class::Item(What::Stack(index(at)), Some(key), Weight::FILE));
         }
         if let Some(what) = known(&head) {
-            return left_out(what);
+            return left_out(NotVolume::Known(what));
         }
         if sidecar::is_named_so(path) && sidecar::read(path).is_some() {
             if sidecar::is_outdone(path) {
-                return left_out("another side-car describes the same data");
+                return left_out(NotVolume::OtherSideCar);
             }
             return Ok(Class::Item(What::Sidecar, None, Weight::FILE));
         }
         if sidecar::is_named_so(path)
-            && let Some(reason) = sidecar::unparsed(path)
+            && let Some(unparsed) = sidecar::unparsed(path)
         {
-            return left_out(&reason);
+            return left_out(NotVolume::SideCar(unparsed));
         }
         if sidecar::describes(path) || placing::places(path) || is_detached_data(path) {
             return Ok(Class::Part);
@@ -175,7 +171,7 @@ impl<'a> Surveyor<'a> {
                 return Ok(Class::Item(What::Raw, None, Weight::FILE));
             }
         }
-        left_out("not a volume")
+        left_out(NotVolume::Unknown)
     }
 
     fn add(
@@ -211,8 +207,8 @@ impl Visitor for Surveyor<'_> {
         let full = self.path(input, path);
         match self.classify(&full, meta, path.as_os_str().is_empty())? {
             Class::Part => Ok(()),
-            Class::LeftOut(reason) => {
-                leave_out(&mut self.left_out, reason, full);
+            Class::LeftOut(why) => {
+                leave_out(&mut self.left_out, why, full);
                 Ok(())
             }
             Class::Item(what, key, weight) => {
@@ -240,12 +236,8 @@ impl Visitor for Surveyor<'_> {
         Ok(sidecar::describes(&full))
     }
 
-    fn not_entered(&mut self, path: &Path, reason: NotEntered) {
-        let reason = match reason {
-            NotEntered::Unreadable => "folder that cannot be read",
-            NotEntered::TooDeep => "folder that lies too deep to be searched",
-        };
-        leave_out(&mut self.left_out, reason.into(), path.to_path_buf());
+    fn not_entered(&mut self, path: &Path, why: NotVolume) {
+        leave_out(&mut self.left_out, why, path.to_path_buf());
     }
 }
 

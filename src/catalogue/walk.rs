@@ -6,6 +6,7 @@ use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use crate::facts::{Fault, NotVolume};
 use crate::volume::SourceError;
 
 /// What a walk comes across.
@@ -23,16 +24,7 @@ pub(super) trait Visitor {
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError>;
 
     /// A folder that may not be read, or that lies too deep.
-    fn not_entered(&mut self, path: &Path, reason: NotEntered);
-}
-
-/// Why a folder was left alone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum NotEntered {
-    /// The system refused.
-    Unreadable,
-    /// It lies below the deepest level that is searched.
-    TooDeep,
+    fn not_entered(&mut self, path: &Path, why: NotVolume);
 }
 
 /// Walks the inputs. Hidden entries are left out; links to files are followed, links to folders below an
@@ -52,8 +44,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, visitor: &mut dyn Visitor) ->
             visitor.file(at, Path::new(""), &meta)?;
         } else {
             // Opening a pipe could wait forever.
-            let reason = "is neither a file nor a folder".into();
-            return Err(SourceError::Unusable { path: input.clone(), reason });
+            return Err(SourceError::Unusable { path: input.clone(), fault: Fault::NotAFile });
         }
     }
     Ok(())
@@ -69,7 +60,7 @@ fn folder(
     for entry in entries {
         // A folder that fails half-way (a disk on its way out) is reported, and the rest goes on.
         let Ok(entry) = entry else {
-            visitor.not_entered(prefix, NotEntered::Unreadable);
+            visitor.not_entered(prefix, NotVolume::FolderUnreadable);
             break;
         };
         let name = entry.file_name();
@@ -80,11 +71,11 @@ fn folder(
         let Ok(kind) = entry.file_type() else { continue };
         if kind.is_dir() {
             if depth == 0 {
-                visitor.not_entered(&path, NotEntered::TooDeep);
+                visitor.not_entered(&path, NotVolume::FolderTooDeep);
             } else if !visitor.takes_folder(input, &path)? {
                 match fs::read_dir(entry.path()) {
                     Ok(inside) => folder(input, inside, &path, depth - 1, visitor)?,
-                    Err(_) => visitor.not_entered(&path, NotEntered::Unreadable),
+                    Err(_) => visitor.not_entered(&path, NotVolume::FolderUnreadable),
                 }
             }
         } else if (kind.is_file() || kind.is_symlink())

@@ -1,20 +1,31 @@
 //! What can be wrong with an input volume.
 
 use std::io;
-use std::path::PathBuf;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::budget::Bytes;
+use super::dicom::DicomFault;
+use super::header::HeaderFault;
+use super::metaimage::MetaImageFault;
+use super::nifti::NiftiFault;
+use super::note::StatedBy;
+use super::npy::NpyFault;
+use super::nrrd::NrrdFault;
+use super::png::PngFault;
+use super::samples::{RawFault, RawLayout, StoredFault};
+use super::sidecar::SideCarFault;
+use super::tiff::TiffFault;
+use super::{Known, NotVolume};
 use crate::error::ExitKind;
-use crate::facts::dicom::DicomFault;
+use crate::geom::Dims;
 
-/// A source that cannot be used; every message names the path and the cure.
+/// A source that cannot be used: which file or folder, and why.
 #[non_exhaustive]
 #[derive(Debug, Error)]
 pub enum SourceError {
     /// The operating system refused.
-    #[error("{path}: cannot be read ({cause}); check that it exists and that you may read it", path = path.display())]
     Unreadable {
         /// File or folder.
         path: PathBuf,
@@ -23,7 +34,6 @@ pub enum SourceError {
         cause: io::Error,
     },
     /// File size and stated dims disagree.
-    #[error("{path}: has {got} bytes, but {expected} are needed for {what}; check --dims, --dtype and --skip", path = path.display())]
     SizeMismatch {
         /// The file.
         path: PathBuf,
@@ -31,11 +41,10 @@ pub enum SourceError {
         expected: u64,
         /// Bytes that are there.
         got: u64,
-        /// For example `64x64x64 u16`.
-        what: String,
+        /// What the file was said to hold.
+        layout: RawLayout,
     },
     /// The file shrank or failed while it was being read.
-    #[error("{path}: ended or failed while slice {slice} was read ({cause}); was it changed during the build?", path = path.display())]
     ReadFailed {
         /// The file.
         path: PathBuf,
@@ -46,23 +55,20 @@ pub enum SourceError {
         cause: io::Error,
     },
     /// A folder without a usable image.
-    #[error("{path}: {reason}", path = path.display())]
     NoVolume {
         /// The folder or file.
         path: PathBuf,
-        /// What was found and what to do.
-        reason: String,
+        /// What was found instead.
+        found: Instead,
     },
     /// The file is damaged, or of a kind that cannot be used.
-    #[error("{path}: {reason}", path = path.display())]
     Unusable {
         /// The file.
         path: PathBuf,
-        /// What is wrong and what to do.
-        reason: String,
+        /// What is wrong.
+        fault: Fault,
     },
     /// A DICOM file or series that cannot be used.
-    #[error("{path}: {fault}", path = path.display())]
     Dicom {
         /// The file, or the folder of the files.
         path: PathBuf,
@@ -70,7 +76,6 @@ pub enum SourceError {
         fault: DicomFault,
     },
     /// The scratch file that a sequential input is unrolled into cannot be written.
-    #[error("scratch file in {path}: {cause}; free some space or choose another folder with --scratch", path = path.display())]
     Scratch {
         /// The folder.
         path: PathBuf,
@@ -79,7 +84,6 @@ pub enum SourceError {
         cause: io::Error,
     },
     /// Unrolling the input needs more memory than allowed.
-    #[error("{path}: needs {needed} to be decoded, and --memory leaves {allowed} for that; allow at least {more} more", path = path.display(), needed = Bytes(*needed_bytes), allowed = Bytes(*allowed_bytes), more = Bytes(needed_bytes.saturating_sub(*allowed_bytes)))]
     Memory {
         /// The file.
         path: PathBuf,
@@ -89,7 +93,6 @@ pub enum SourceError {
         allowed_bytes: u64,
     },
     /// Putting the images of a series in order needs more memory than allowed.
-    #[error("{path}: has {images} images, which take {needed} to be put in order, where {allowed} is left for that; allow at least {more} more with --memory", path = path.display(), needed = Bytes(*needed_bytes), allowed = Bytes(*allowed_bytes), more = Bytes(needed_bytes.saturating_sub(*allowed_bytes)))]
     ManyImages {
         /// The series' first file.
         path: PathBuf,
@@ -100,26 +103,16 @@ pub enum SourceError {
         /// Bytes that it may take.
         allowed_bytes: u64,
     },
-    /// The request does not fit the input (for example no --dims for a raw file).
-    #[error("{path}: {reason}", path = path.display())]
+    /// The request does not fit the input (for example a headerless file of which nothing is said).
     Usage {
         /// The file or folder.
         path: PathBuf,
-        /// What is missing and what to add.
-        reason: String,
+        /// What is wrong with the request.
+        misuse: Misuse,
     },
 }
 
 impl SourceError {
-    /// Is the input broken, rather than of a kind that is not used?
-    pub(crate) fn is_damage(&self) -> bool {
-        match self {
-            Self::Unusable { .. } => true,
-            Self::Dicom { fault, .. } => fault.is_damage(),
-            _ => false,
-        }
-    }
-
     /// Exit kind: wrong options are usage (2), everything else makes the input unusable (3).
     pub fn kind(&self) -> ExitKind {
         match self {
@@ -129,4 +122,162 @@ impl SourceError {
             _ => ExitKind::Input,
         }
     }
+
+    /// The file or folder at fault.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Unreadable { path, .. }
+            | Self::SizeMismatch { path, .. }
+            | Self::ReadFailed { path, .. }
+            | Self::NoVolume { path, .. }
+            | Self::Unusable { path, .. }
+            | Self::Dicom { path, .. }
+            | Self::Scratch { path, .. }
+            | Self::Memory { path, .. }
+            | Self::ManyImages { path, .. }
+            | Self::Usage { path, .. } => path,
+        }
+    }
+
+    /// Is the input broken, rather than of a kind that is not used?
+    pub(crate) fn is_damage(&self) -> bool {
+        match self {
+            Self::Unusable { .. } => true,
+            Self::Dicom { fault, .. } => fault.is_damage(),
+            _ => false,
+        }
+    }
 }
+
+/// What was found where a volume was looked for.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq)]
+pub enum Instead {
+    /// No file at all.
+    EmptyFolder,
+    /// No file that could be a slice without a header.
+    NoSlices,
+    /// Files of one kind only.
+    Only {
+        /// How many.
+        files: u64,
+        /// Their kind.
+        kind: NotVolume,
+    },
+    /// Files of which none is known.
+    Unknown {
+        /// How many.
+        files: u64,
+    },
+    /// A single file that is something else.
+    File(NotVolume),
+    /// Nothing below several inputs.
+    Nothing,
+}
+
+/// What is wrong with a file.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Fault {
+    /// It ends within its header.
+    EndsEarly,
+    /// It has no bytes.
+    Empty,
+    /// It is neither a file nor a folder.
+    NotAFile,
+    /// It was changed after it was found.
+    Changed,
+    /// It is of a kind that is known, but not read.
+    Known(Known),
+    /// It is named like DICOM only.
+    NotDicom,
+    /// It is named like a mesh.
+    Mesh,
+    /// Files without a header do not fit what is said of them.
+    Raw(RawFault),
+    /// What formats with headers of text share.
+    Header(HeaderFault),
+    /// Samples that do not fit their header.
+    Stored(StoredFault),
+    /// NRRD.
+    Nrrd(NrrdFault),
+    /// NIfTI.
+    Nifti(NiftiFault),
+    /// MetaImage.
+    MetaImage(MetaImageFault),
+    /// NumPy arrays.
+    Npy(NpyFault),
+    /// TIFF.
+    Tiff(TiffFault),
+    /// PNG.
+    Png(PngFault),
+    /// Side-cars.
+    SideCar(SideCarFault),
+}
+
+/// What is wrong with a request.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq)]
+pub enum Misuse {
+    /// Nothing is given.
+    NoInput,
+    /// A folder is given beside other inputs.
+    FolderAmongFiles,
+    /// Nothing is said of a file without a header.
+    Undescribed,
+    /// What is said of a file without a header is impossible.
+    Raw(RawFault),
+    /// The box of a crop is empty, or not within the volume.
+    Roi {
+        /// The box, along x, y, z.
+        roi: [Range<u32>; 3],
+        /// Size of the volume.
+        dims: Dims,
+    },
+    /// A volume cannot be made that many times smaller.
+    Downsample {
+        /// How many times.
+        factor: u32,
+    },
+    /// A spacing gives no sound affine.
+    Spacing {
+        /// Who stated it.
+        by: StatedBy,
+    },
+    /// Another volume than the only one is asked for.
+    SingleVolume {
+        /// Its number.
+        wanted: usize,
+    },
+    /// A volume is asked for that is not there.
+    NoSuchVolume {
+        /// Its number.
+        wanted: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// There is no volume at all.
+    NoneFound,
+}
+
+macro_rules! of_family {
+    ($($family:ident($fault:ty)),* $(,)?) => {$(
+        impl From<$fault> for Fault {
+            fn from(fault: $fault) -> Self {
+                Self::$family(fault)
+            }
+        }
+    )*};
+}
+of_family!(
+    Raw(RawFault),
+    Header(HeaderFault),
+    Stored(StoredFault),
+    Nrrd(NrrdFault),
+    Nifti(NiftiFault),
+    MetaImage(MetaImageFault),
+    Npy(NpyFault),
+    Tiff(TiffFault),
+    Png(PngFault),
+    SideCar(SideCarFault),
+);

@@ -5,19 +5,33 @@
 //! | part | what it holds |
 //! |---|---|
 //! | [`Note`] | what was guessed, left out, replaced or odd |
-//! | [`DicomNote`] | the same of DICOM series |
-//! | [`SourceError`] | why a volume cannot be used |
+//! | [`SourceError`] | why a volume cannot be used: which file, and a [`Fault`] of it or a [`Misuse`] by the caller |
+//! | [`NotVolume`], [`Choice`] | why files are left out, and which of several volumes is taken |
 //! | [`SystemError`] | what the operating system said |
+//! | [`dicom`] | what is odd or wrong about DICOM |
 //! | [`codec`] | why compressed frames cannot be decoded |
-//! | [`dicom`] | what is wrong with DICOM, and what has to be said of it |
+//! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
+//! | [`samples`] | faults of samples in files, with a header and without |
+//! | [`sidecar`] | faults of side-cars |
 
 pub mod codec;
 pub mod dicom;
 mod error;
+mod found;
+pub mod header;
+pub mod metaimage;
+pub mod nifti;
 mod note;
+pub mod npy;
+pub mod nrrd;
+pub mod png;
+pub mod samples;
+pub mod sidecar;
 mod system;
+pub mod tiff;
 
 pub use dicom::DicomNote;
-pub use error::SourceError;
+pub use error::{Fault, Instead, Misuse, SourceError};
+pub use found::{Candidate, Choice, Known, NotVolume, Refusal};
 pub use note::{Carrier, Form, Note, Packing, StatedBy};
 pub use system::SystemError;

@@ -1,6 +1,7 @@
 //! What was guessed, left out, replaced or odd about a volume that can be used all the same.
 
 use super::DicomNote;
+use super::found::{Choice, NotVolume, Refusal};
 use crate::geom::Orientation;
 
 /// One thing that whoever uses a volume should know of it.
@@ -111,8 +112,24 @@ pub enum Note {
     },
     /// Something about a DICOM series.
     Dicom(DicomNote),
-    /// In words, of the choice among several volumes.
-    Text(String),
+    /// Several volumes were found.
+    Chosen(Box<Choice>),
+    /// A volume beside the one that is used is damaged.
+    DamagedBeside(Refusal),
+    /// Files were left out.
+    LeftOut {
+        /// How many.
+        count: u64,
+        /// Why.
+        why: NotVolume,
+        /// Name of the first of them.
+        first: String,
+    },
+    /// More files were left out, for other reasons.
+    MoreLeftOut {
+        /// How many.
+        count: u64,
+    },
 }
 
 /// What carries samples, and states or does not state where they lie.

@@ -2,6 +2,7 @@
 //!
 //! Written for clarity, from SPEC.md alone; tests compare faster code with it.
 
+use super::channel::Channel;
 use super::error::FormatError;
 use super::header::{Encoding, HEADER_BYTES, Header, VERSION_MINOR};
 use super::metadata::{Metadata, Selection, SelectionKind, SourceMeta};
@@ -22,7 +23,7 @@ pub struct AssembledVoxel {
 
 /// Which optional sections an assembled file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Channels {
+pub struct OptionalSections {
     /// `NORM`.
     pub normal: bool,
     /// `VALU` with this many bytes per item (1 or 2), or none with 0.
@@ -32,7 +33,7 @@ pub struct Channels {
 }
 
 /// Metadata of a nameless volume of unit spacing, inside from 1 on: all that a file to be compared needs.
-pub fn plain_metadata(dims: [u32; 3], channels: Channels) -> Metadata {
+pub fn plain_metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
     Metadata {
         program: "example".into(),
         source: SourceMeta::default(),
@@ -96,7 +97,7 @@ pub fn join_sections(
 pub fn assemble(
     metadata: &Metadata,
     voxels: &[AssembledVoxel],
-    channels: Channels,
+    channels: OptionalSections,
 ) -> Result<Vec<u8>, FormatError> {
     let [nx, ny, nz] = metadata.dims;
     let dims = Dims::new(nx, ny, nz).ok_or_else(|| FormatError::invalid("dims are outside 1..=65536"))?;
@@ -151,18 +152,22 @@ pub fn assemble(
     push(SectionKind::Nodes, 1, nodes);
     push(SectionKind::Rank, 1, supers);
     if channels.normal && channels.lod {
-        push(SectionKind::NormalLod, 2, normal_lod);
+        push(SectionKind::Means(Channel::Normal), 2, normal_lod);
     }
     if channels.value_bytes > 0 && channels.lod {
-        push(SectionKind::ValueLod, channels.value_bytes, value_lod);
+        push(SectionKind::Means(Channel::Value), channels.value_bytes, value_lod);
     }
     if channels.normal {
-        push(SectionKind::Normal, 2, sorted.iter().flat_map(|v| v.1.normal.to_le_bytes()).collect());
+        push(
+            SectionKind::Voxels(Channel::Normal),
+            2,
+            sorted.iter().flat_map(|v| v.1.normal.to_le_bytes()).collect(),
+        );
     }
     if channels.value_bytes > 0 {
         let item = usize::from(channels.value_bytes);
         let values = sorted.iter().flat_map(|v| v.1.value.to_le_bytes().into_iter().take(item)).collect();
-        push(SectionKind::Value, channels.value_bytes, values);
+        push(SectionKind::Voxels(Channel::Value), channels.value_bytes, values);
     }
     Ok(join_sections(Encoding::Mapped, dims, n, sorted.len() as u64, &sections))
 }

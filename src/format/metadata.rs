@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::FormatError;
+use crate::geom::Dims;
 
 /// Longest metadata section.
 pub const METADATA_LIMIT: usize = 1 << 20;
@@ -86,6 +87,23 @@ struct Wire {
 }
 
 impl Metadata {
+    /// The record of a solid without samples: voxels of 1 mm, as of a volume that is 1 inside and 0 outside.
+    pub fn of_grid(dims: Dims, name: &str) -> Self {
+        Self {
+            program: String::new(),
+            source: SourceMeta { format: "solid".into(), name: name.into(), files: 0, bytes: 0 },
+            dims: dims.to_array(),
+            scalar: 0,
+            spacing_mm: [1.0; 3],
+            affine: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+            rescale: [1.0, 0.0],
+            selection: Selection { kind: SelectionKind::Iso, lo: 1.0, hi: f64::INFINITY },
+            connectivity: 26,
+            gradient: String::new(),
+            value_scale: [0.0, 0.0],
+        }
+    }
+
     /// The record's bytes.
     ///
     /// # Errors

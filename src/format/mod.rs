@@ -4,6 +4,7 @@
 //! This module turns those bytes into values and back; it opens no file.
 
 pub mod assemble;
+mod channel;
 mod error;
 mod header;
 mod metadata;
@@ -12,6 +13,7 @@ pub mod packed;
 pub mod rank;
 mod section;
 
+pub use channel::{Channel, ChannelRow, Channels, MeanBytes, MeanRule, Means, Sum};
 pub use error::FormatError;
 pub use header::{Encoding, HEADER_BYTES, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
 pub use metadata::{METADATA_LIMIT, Metadata, Selection, SelectionKind, SourceMeta};

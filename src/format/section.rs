@@ -1,7 +1,9 @@
 //! The section table (SPEC 3, 4.2, 4.3).
 
+use super::channel::Channel;
 use super::error::FormatError;
 use super::header::{HEADER_BYTES, Header};
+use super::packed::{CODEC_DERIVED, CODEC_NONE, CODEC_STRUCTURE};
 
 /// Sections start at multiples of this: a cache line.
 pub const SECTION_ALIGN: u64 = 64;
@@ -29,52 +31,37 @@ pub enum SectionKind {
     Nodes,
     /// Rank directory.
     Rank,
-    /// Mean normals of coarse nodes.
-    NormalLod,
-    /// Mean values of coarse nodes.
-    ValueLod,
-    /// Normals of voxels.
-    Normal,
-    /// Values of voxels.
-    Value,
-    /// Distance to the true surface.
-    Offset,
-    /// RGB8.
-    Color,
-    /// Material numbers.
-    Material,
+    /// Means of a channel over coarse nodes.
+    Means(Channel),
+    /// One item of a channel per voxel.
+    Voxels(Channel),
 }
 
 impl SectionKind {
     /// Every kind, in file order.
-    pub const ALL: [Self; 11] = [
-        Self::Meta,
-        Self::Levels,
-        Self::Nodes,
-        Self::Rank,
-        Self::NormalLod,
-        Self::ValueLod,
-        Self::Normal,
-        Self::Value,
-        Self::Offset,
-        Self::Color,
-        Self::Material,
-    ];
+    pub fn all() -> impl Iterator<Item = Self> {
+        let means = Channel::all().filter(|c| c.row().means.is_some()).map(Self::Means);
+        let voxels = Channel::all().map(Self::Voxels);
+        [Self::Meta, Self::Levels, Self::Nodes, Self::Rank].into_iter().chain(means).chain(voxels)
+    }
+
+    /// The channel whose items or means the section holds.
+    pub fn channel(self) -> Option<Channel> {
+        match self {
+            Self::Means(channel) | Self::Voxels(channel) => Some(channel),
+            Self::Meta | Self::Levels | Self::Nodes | Self::Rank => None,
+        }
+    }
 
     /// The four ASCII bytes.
     pub fn tag(self) -> [u8; 4] {
-        *match self {
-            Self::Meta => b"META",
-            Self::Levels => b"LEVL",
-            Self::Nodes => b"NODE",
-            Self::Rank => b"RANK",
-            Self::NormalLod => b"NLOD",
-            Self::ValueLod => b"VLOD",
-            Self::Normal => b"NORM",
-            Self::Value => b"VALU",
-            Self::Offset => b"OFFS",
-            Self::Color => b"COLR",
-            Self::Material => b"MATL",
+        match self {
+            Self::Meta => *b"META",
+            Self::Levels => *b"LEVL",
+            Self::Nodes => *b"NODE",
+            Self::Rank => *b"RANK",
+            Self::Means(channel) => channel.row().means.as_ref().map_or([0; 4], |means| means.tag),
+            Self::Voxels(channel) => channel.row().tag,
         }
     }
 
@@ -85,18 +72,23 @@ impl SectionKind {
             Self::Levels => "levels",
             Self::Nodes => "nodes",
             Self::Rank => "rank",
-            Self::NormalLod => "normal_lod",
-            Self::ValueLod => "value_lod",
-            Self::Normal => "normal",
-            Self::Value => "value",
-            Self::Offset => "offset",
-            Self::Color => "color",
-            Self::Material => "material",
+            Self::Means(channel) => channel.row().means.as_ref().map_or("", |means| means.name),
+            Self::Voxels(channel) => channel.row().name,
+        }
+    }
+
+    /// The codec of its packed section (SPEC 5.1): fixed, so that the same content gives the same bytes.
+    pub fn codec(self) -> u8 {
+        match self {
+            Self::Meta | Self::Levels | Self::Rank => CODEC_NONE,
+            Self::Nodes => CODEC_STRUCTURE,
+            Self::Means(_) => CODEC_DERIVED,
+            Self::Voxels(channel) => channel.row().codec,
         }
     }
 
     fn from_tag(tag: [u8; 4]) -> Option<Self> {
-        Self::ALL.into_iter().find(|k| k.tag() == tag)
+        Self::all().find(|k| k.tag() == tag)
     }
 }
 

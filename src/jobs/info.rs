@@ -52,7 +52,7 @@ pub fn channel_bytes(frame: &Frame) -> Vec<(&'static str, u64)> {
     frame
         .sections
         .iter()
-        .filter_map(|e| e.kind.filter(|k| *k >= SectionKind::NormalLod).map(|k| (k.name(), e.stored_bytes)))
+        .filter_map(|e| e.kind.filter(|k| k.channel().is_some()).map(|k| (k.name(), e.stored_bytes)))
         .collect()
 }
 
@@ -118,11 +118,7 @@ pub fn static_facts(frame: &Frame) -> Map<String, Value> {
 
 /// Names of the channels per voxel.
 fn channels(frame: &Frame) -> Vec<&'static str> {
-    frame
-        .sections
-        .iter()
-        .filter_map(|e| e.kind.filter(|k| *k >= SectionKind::Normal).map(SectionKind::name))
-        .collect()
+    frame.channels().map(|(channel, _)| channel.name()).collect()
 }
 
 impl Info {

@@ -141,7 +141,7 @@ pub(super) struct LeftOuts(Vec<(String, u64, String)>);
 
 impl LeftOuts {
     pub(super) fn new(masked: &Masked<'_>, catalogue: &Catalogue) -> Self {
-        let line = |l: &LeftOut| (l.reason.clone(), l.count, masked.path(&l.first, &[]));
+        let line = |l: &LeftOut| (l.why.to_string(), l.count, masked.path(&l.first, &[]));
         Self(catalogue.left_out().iter().map(line).collect())
     }
 

@@ -1,8 +1,8 @@
 //! The small parts of a file that say what the large ones are: header, table, metadata, levels.
 
 use crate::format::{
-    Encoding, FormatError, HEADER_BYTES, Header, MAX_SECTIONS, METADATA_LIMIT, Metadata, SectionEntry,
-    SectionKind, parse_table, rank,
+    Channel, Encoding, FormatError, HEADER_BYTES, Header, MAX_SECTIONS, METADATA_LIMIT, Metadata,
+    SectionEntry, SectionKind, parse_table, rank,
 };
 use crate::geom::Dims;
 
@@ -69,6 +69,14 @@ impl Frame {
         self.sections.iter().find(|e| e.kind == Some(kind))
     }
 
+    /// The channels that the file has, with the bytes of an item, in file order.
+    pub fn channels(&self) -> impl Iterator<Item = (Channel, u8)> {
+        self.sections.iter().filter_map(|e| match e.kind {
+            Some(SectionKind::Voxels(channel)) => Some((channel, e.item_bytes)),
+            _ => None,
+        })
+    }
+
     /// Size of the volume.
     pub fn dims(&self) -> Dims {
         self.header.dims
@@ -91,7 +99,6 @@ impl Frame {
     /// SPEC I4: what each section must hold.
     fn check_item_counts(&self) -> Result<(), FormatError> {
         let (n, v) = (self.header.nodes, self.header.voxels);
-        let value_bytes = self.section(SectionKind::Value).map(|e| e.item_bytes);
         for entry in &self.sections {
             let Some(kind) = entry.kind else { continue };
             let (item_ok, items) = match kind {
@@ -99,12 +106,11 @@ impl Frame {
                 SectionKind::Meta | SectionKind::Levels => continue,
                 SectionKind::Nodes => (entry.item_bytes == 1, n),
                 SectionKind::Rank => (entry.item_bytes == 1, rank::directory_bytes(n).1),
-                SectionKind::NormalLod => (entry.item_bytes == 2, self.coarse_nodes()),
-                SectionKind::ValueLod => (Some(entry.item_bytes) == value_bytes, self.coarse_nodes()),
-                SectionKind::Normal => (entry.item_bytes == 2, v),
-                SectionKind::Value => (matches!(entry.item_bytes, 1 | 2), v),
-                SectionKind::Offset | SectionKind::Material => (entry.item_bytes == 1, v),
-                SectionKind::Color => (entry.item_bytes == 3, v),
+                SectionKind::Means(channel) => {
+                    let due = self.section(SectionKind::Voxels(channel)).map(|e| e.item_bytes);
+                    (Some(entry.item_bytes) == due, self.coarse_nodes())
+                }
+                SectionKind::Voxels(channel) => (channel.row().item_bytes.contains(&entry.item_bytes), v),
             };
             if !item_ok || entry.items != items {
                 return Err(FormatError::invalid(format!(
@@ -137,9 +143,9 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
             "the rank section is missing, or present in a packed file (SPEC I4)",
         ));
     }
-    let lone_lod = has(SectionKind::NormalLod) && !has(SectionKind::Normal)
-        || has(SectionKind::ValueLod) && !has(SectionKind::Value);
-    if lone_lod {
+    let lone_means =
+        Channel::all().any(|channel| has(SectionKind::Means(channel)) && !has(SectionKind::Voxels(channel)));
+    if lone_means {
         return Err(FormatError::invalid("coarse means are there without the voxels' own (SPEC I4)"));
     }
     for entry in sections {

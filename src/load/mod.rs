@@ -5,6 +5,7 @@
 //! | [`Frame`] | header, table, metadata and levels: what opening reads and checks |
 //! | [`Model`] | a mapped-encoding file, used in place |
 //! | [`ModelView`] | its structure and normals as slices: the [`NodeView`] for loops |
+//! | [`Items`] | what one section says of every voxel or coarse node |
 //! | [`verify()`] | the full check of every invariant, in small memory |
 //! | [`ReadAt`], [`Cursor`] | reading by position, and in sequence |
 
@@ -22,8 +23,8 @@ pub use frame::Frame;
 pub use map::Mapping;
 pub use memory::MemoryTree;
 pub(crate) use model::open_regular;
-pub use model::{Model, ModelView};
+pub use model::{Items, Model, ModelView};
 pub use stream::{Cursor, Fault, ReadAt};
 pub use verify::verify;
-pub(crate) use verify::{check_storage, walk};
+pub(crate) use verify::{check_storage, walk, walked_channels};
 pub use view::NodeView;

@@ -5,7 +5,7 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 
-use crate::format::{Encoding, FormatError, Header, Metadata, SectionEntry, SectionKind, rank};
+use crate::format::{Channel, Encoding, FormatError, Header, Metadata, SectionEntry, SectionKind, rank};
 use crate::geom::{Affine, Dims};
 
 use super::frame::Frame;
@@ -26,7 +26,6 @@ pub struct Model<D = Mapping> {
     rank: Range<usize>,
     normals: Option<Range<usize>>,
     node_normals: Option<Range<usize>>,
-    values: Option<(Range<usize>, u8)>,
 }
 
 impl Model<Mapping> {
@@ -91,11 +90,8 @@ impl<D: AsRef<[u8]>> Model<D> {
         Ok(Self {
             nodes: range(SectionKind::Nodes).ok_or_else(missing)?,
             rank: range(SectionKind::Rank).ok_or_else(missing)?,
-            normals: range(SectionKind::Normal),
-            node_normals: range(SectionKind::NormalLod),
-            values: frame
-                .section(SectionKind::Value)
-                .and_then(|e| Some((range(SectionKind::Value)?, e.item_bytes))),
+            normals: range(SectionKind::Voxels(Channel::Normal)),
+            node_normals: range(SectionKind::Means(Channel::Normal)),
             data,
             frame,
         })
@@ -147,14 +143,27 @@ impl<D: AsRef<[u8]>> Model<D> {
         &self.frame.levels
     }
 
+    /// Items of a channel, one per voxel, if the model has it.
+    pub fn items(&self, channel: Channel) -> Option<Items<'_>> {
+        self.items_of(SectionKind::Voxels(channel))
+    }
+
+    /// Means of a channel, one per node with an edge of 4 cells or more, if the model has them.
+    pub fn means(&self, channel: Channel) -> Option<Items<'_>> {
+        self.items_of(SectionKind::Means(channel))
+    }
+
+    fn items_of(&self, kind: SectionKind) -> Option<Items<'_>> {
+        let item_bytes = self.frame.section(kind)?.item_bytes;
+        Some(Items { bytes: self.section_bytes(kind)?, item_bytes: usize::from(item_bytes.max(1)) })
+    }
+
     /// Stored value of a voxel (SPEC 4.7), if the model has values and the voxel exists.
     pub fn value(&self, voxel: u64) -> Option<u16> {
-        let (range, item) = self.values.clone()?;
-        let values = self.bytes().get(range)?;
-        let at = usize::try_from(voxel).ok()?;
-        match item {
-            1 => values.get(at).map(|v| u16::from(*v)),
-            _ => values.as_chunks::<2>().0.get(at).map(|v| u16::from_le_bytes(*v)),
+        match *self.items(Channel::Value)?.get(voxel)? {
+            [value] => Some(u16::from(value)),
+            [low, high] => Some(u16::from_le_bytes([low, high])),
+            _ => None,
         }
     }
 
@@ -173,6 +182,31 @@ impl<D: AsRef<[u8]>> Model<D> {
             normals: codes(&self.normals),
             node_normals: codes(&self.node_normals),
         }
+    }
+}
+
+/// The items of one section, by number.
+#[derive(Clone, Copy, Debug)]
+pub struct Items<'a> {
+    bytes: &'a [u8],
+    item_bytes: usize,
+}
+
+impl<'a> Items<'a> {
+    /// Bytes of an item.
+    pub fn item_bytes(&self) -> usize {
+        self.item_bytes
+    }
+
+    /// All items one after the other.
+    pub fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// One item (little-endian), or `None` beyond the last.
+    pub fn get(&self, at: u64) -> Option<&'a [u8]> {
+        let start = usize::try_from(at).ok()?.checked_mul(self.item_bytes)?;
+        self.bytes.get(start..start.checked_add(self.item_bytes)?)
     }
 }
 

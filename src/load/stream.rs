@@ -151,6 +151,23 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(Some(*bytes))
     }
 
+    /// The next `len` bytes, at most 16, or `None` when fewer are left.
+    ///
+    /// # Errors
+    /// Reading failed.
+    #[inline]
+    pub fn take_item(&mut self, len: usize) -> Result<Option<&[u8]>, Fault> {
+        if self.buffer.len() - self.used < len {
+            if self.left() < len as u64 {
+                return Ok(None);
+            }
+            self.refill()?;
+        }
+        let from = self.used;
+        self.used = (from + len).min(self.buffer.len());
+        Ok(self.buffer.get(from..from + len))
+    }
+
     /// Moves what is left to the front and fills the rest of the buffer.
     fn refill(&mut self) -> Result<(), Fault> {
         self.buffer.drain(..self.used);
@@ -181,6 +198,11 @@ mod tests {
             assert_eq!(cursor.left(), 1);
             got.extend(cursor.take::<1>().unwrap().unwrap());
             assert_eq!(got, bytes[3..250]);
+            let mut cursor = Cursor::new(bytes.as_slice(), 3, 250, capacity);
+            for item in bytes[3..249].chunks_exact(3) {
+                assert_eq!(cursor.take_item(3).unwrap(), Some(item));
+            }
+            assert_eq!(cursor.take_item(3).unwrap(), None);
             assert!(cursor.next_part().unwrap().is_empty());
         }
     }

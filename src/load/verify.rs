@@ -4,13 +4,13 @@
 //! the order in which they are stored: one sequential cursor per depth and channel is all that is
 //! needed, and no rank is ever used.
 
-use crate::format::{Encoding, FormatError, SectionEntry, SectionKind, SelectionKind, normal, rank};
+use crate::format::{Channel, Encoding, FormatError, SectionEntry, SectionKind, SelectionKind, Sum, rank};
 
 use super::frame::Frame;
 use super::stream::{Cursor, Fault, ReadAt};
 
-/// Bytes of one cursor's buffer; a walk holds one per depth and 2 for the voxels,
-/// a check of the means two more per depth.
+/// Bytes of one cursor's buffer; a walk holds one per depth and one per channel,
+/// a check of the means one more per channel and depth.
 const CURSOR_BYTES: usize = 16 << 10;
 
 /// Checks every invariant of a mapped file (SPEC I1 to I17).
@@ -64,11 +64,12 @@ pub(crate) fn check_storage<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Re
 /// SPEC I17: metadata that agrees with the sections and with itself.
 fn check_metadata(frame: &Frame) -> Result<(), Fault> {
     let m = &frame.metadata;
-    if m.gradient.is_empty() == frame.section(SectionKind::Normal).is_some() {
-        return invalid("metadata and sections disagree about normals (SPEC I17)");
-    }
-    if (m.value_scale == [0.0, 0.0]) == frame.section(SectionKind::Value).is_some() {
-        return invalid("metadata and sections disagree about values (SPEC I17)");
+    for channel in Channel::all() {
+        let row = channel.row();
+        let there = frame.section(SectionKind::Voxels(channel)).is_some();
+        if row.is_stated.is_some_and(|is_stated| is_stated(m) != there) {
+            return invalid(format!("metadata and sections disagree about {} (SPEC I17)", row.items_name));
+        }
     }
     let s = &m.selection;
     let open = s.kind != SelectionKind::Range;
@@ -107,51 +108,41 @@ fn check_rank<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault
     Ok(())
 }
 
-/// What a node gathers from the voxels below it.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Gather {
-    normal_sum: [i64; 3],
-    first_normal: Option<u16>,
-    value_sum: u64,
-    voxels: u64,
+/// The items of one channel, read in the order of a walk.
+struct ChannelReader<'a, R: ReadAt + ?Sized> {
+    channel: Channel,
+    item_bytes: usize,
+    items: Cursor<'a, R>,
 }
 
-impl Gather {
-    fn add(&mut self, other: &Self) {
-        for (sum, more) in self.normal_sum.iter_mut().zip(other.normal_sum) {
-            *sum += more;
+impl<'a, R: ReadAt + ?Sized> ChannelReader<'a, R> {
+    fn new(source: &'a R, channel: Channel, entry: &SectionEntry) -> Self {
+        let items = Cursor::new(source, entry.offset, entry.end(), CURSOR_BYTES);
+        Self { channel, item_bytes: usize::from(entry.item_bytes), items }
+    }
+
+    /// Checks the next item (SPEC I11, I14) and adds it to the sum of its parent.
+    fn next(&mut self, sum: Option<&mut Sum>) -> Result<(), Fault> {
+        let row = self.channel.row();
+        let Some(item) = self.items.take_item(self.item_bytes)? else {
+            return invalid(format!("there are more voxels than {} (SPEC I11)", row.items_name));
+        };
+        if let Some((is_illegal, what)) = row.illegal
+            && is_illegal(item)
+        {
+            return invalid(what);
         }
-        self.first_normal = self.first_normal.or(other.first_normal);
-        self.value_sum += other.value_sum;
-        self.voxels += other.voxels;
-    }
-
-    /// SPEC 4.6: mean normal code.
-    pub(crate) fn normal(&self) -> u16 {
-        normal::mean(self.normal_sum, self.first_normal.unwrap_or(0))
-    }
-
-    /// SPEC 4.7: mean value, rounded half up.
-    pub(crate) fn value(&self) -> u128 {
-        let voxels = u128::from(self.voxels.max(1));
-        (2 * u128::from(self.value_sum) + voxels) / (2 * voxels)
+        if let (Some(sum), Some(means)) = (sum, &row.means) {
+            means.rule.add_items(sum, item, self.item_bytes);
+        }
+        Ok(())
     }
 }
 
-/// A node on the path from the root to the present box.
-#[derive(Clone, Copy, Default)]
-struct Open {
-    /// Octants still to visit.
-    rest: u8,
-    corner: [u32; 3],
-    gather: Gather,
-}
-
-/// Per-voxel and per-node readers of a walk.
-struct Readers<'a, R: ReadAt + ?Sized> {
-    nodes: Vec<Cursor<'a, R>>,
-    normals: Option<Cursor<'a, R>>,
-    values: Option<(Cursor<'a, R>, u8)>,
+/// The channels that a walk reads: all but those whose items nothing is known of but their number.
+pub(crate) fn walked_channels(frame: &Frame) -> Vec<Channel> {
+    let says_something = |c: &Channel| c.row().illegal.is_some() || c.row().means.is_some();
+    frame.channels().map(|(channel, _)| channel).filter(says_something).collect()
 }
 
 fn per_depth<'a, R: ReadAt + ?Sized>(
@@ -171,126 +162,143 @@ fn per_depth<'a, R: ReadAt + ?Sized>(
         .collect()
 }
 
-impl<'a, R: ReadAt + ?Sized> Readers<'a, R> {
-    fn new(source: &'a R, frame: &Frame) -> Self {
-        let depth = frame.dims().depth();
-        let whole = |e: &SectionEntry| Cursor::new(source, e.offset, e.end(), CURSOR_BYTES);
-        Self {
-            nodes: per_depth(source, frame, frame.section(SectionKind::Nodes), depth),
-            normals: frame.section(SectionKind::Normal).map(whole),
-            values: frame.section(SectionKind::Value).map(|e| (whole(e), e.item_bytes)),
-        }
-    }
-
-    fn voxel(&mut self) -> Result<Gather, Fault> {
-        let mut g = Gather { voxels: 1, ..Gather::default() };
-        if let Some(cursor) = &mut self.normals {
-            let Some(bytes) = cursor.take::<2>()? else {
-                return invalid("there are more voxels than normals (SPEC I11)");
-            };
-            if bytes.contains(&0x80) {
-                return invalid("a normal has the illegal component -128 (SPEC I14)");
-            }
-            let code = u16::from_le_bytes(bytes);
-            g.first_normal = Some(code);
-            g.normal_sum = normal::decode_l1(code).map(i64::from);
-        }
-        if let Some((cursor, item)) = &mut self.values {
-            g.value_sum = take_value(cursor, *item)?;
-        }
-        Ok(g)
-    }
-}
-
-fn take_value<R: ReadAt + ?Sized>(cursor: &mut Cursor<'_, R>, item: u8) -> Result<u64, Fault> {
-    let value = match item {
-        1 => cursor.take::<1>()?.map(|b| u64::from(b[0])),
-        _ => cursor.take::<2>()?.map(|b| u64::from(u16::from_le_bytes(b))),
-    };
-    match value {
-        Some(value) => Ok(value),
-        None => invalid("there are more voxels than values (SPEC I11)"),
-    }
-}
-
 /// SPEC I15 and I16: the coarse means are those of their voxels.
 fn check_means<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     let coarse = frame.dims().depth().saturating_sub(1);
-    let mut normals = per_depth(source, frame, frame.section(SectionKind::NormalLod), coarse);
-    let mut values = per_depth(source, frame, frame.section(SectionKind::ValueLod), coarse);
-    let value_bytes = frame.section(SectionKind::Value).map_or(1, |e| e.item_bytes);
-    walk(source, frame, &mut |depth, means| {
-        if let Some(cursor) = normals.get_mut(depth)
-            && cursor.take::<2>()?.map(u16::from_le_bytes) != Some(means.normal())
-        {
-            return invalid(format!("a mean normal at depth {depth} is not that of its voxels (SPEC I15)"));
-        }
-        if let Some(cursor) = values.get_mut(depth)
-            && u128::from(take_value(cursor, value_bytes)?) != means.value()
-        {
-            return invalid(format!("a mean value at depth {depth} is not that of its voxels (SPEC I16)"));
+    let mut stored: Vec<_> = walked_channels(frame)
+        .into_iter()
+        .map(|channel| {
+            let entry = frame.section(SectionKind::Means(channel));
+            let item_bytes = entry.map_or(0, |e| usize::from(e.item_bytes));
+            (channel, item_bytes, per_depth(source, frame, entry, coarse))
+        })
+        .collect();
+    walk(source, frame, &mut |depth, sums| {
+        for ((channel, item_bytes, cursors), sum) in stored.iter_mut().zip(sums) {
+            let (Some(cursor), Some(means)) = (cursors.get_mut(depth), &channel.row().means) else {
+                continue;
+            };
+            if cursor.take_item(*item_bytes)? != means.rule.mean(sum).get(..*item_bytes) {
+                return invalid(format!(
+                    "a mean {channel} at depth {depth} is not that of its voxels (SPEC {})",
+                    means.invariant
+                ));
+            }
         }
         Ok(())
     })
 }
 
-/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` is told the depth and the
-/// means of every node, within a depth in the order in which nodes are stored.
-pub(crate) fn walk<R: ReadAt + ?Sized>(
-    source: &R,
-    frame: &Frame,
-    finished: &mut dyn FnMut(usize, &Gather) -> Result<(), Fault>,
-) -> Result<(), Fault> {
-    let depth = frame.dims().depth() as usize;
-    let dims = frame.dims().to_array();
-    let mut readers = Readers::new(source, frame);
-    let mut path = [Open::default(); 17];
-    let mut at = 0;
-    let mut voxels = 0_u64;
-    // Enters the box at depth `d`; a voxel is gathered at once, a node is opened.
-    let mut enter = |readers: &mut Readers<'_, R>, d: usize, corner: [u32; 3], slot: &mut Open| {
-        if corner.iter().zip(dims).any(|(c, n)| *c >= n) {
+/// A node on the path from the root to the present box.
+#[derive(Clone, Copy, Default)]
+struct Open {
+    /// Octants still to visit.
+    rest: u8,
+    corner: [u32; 3],
+}
+
+/// The walk's place in the nodes of every depth and in the items of every channel.
+struct Walk<'a, R: ReadAt + ?Sized> {
+    dims: [u32; 3],
+    depth: usize,
+    nodes: Vec<Cursor<'a, R>>,
+    channels: Vec<ChannelReader<'a, R>>,
+    voxels: u64,
+    path: [Open; 17],
+    /// Sums of the open nodes: one of each channel by depth.
+    sums: Vec<Sum>,
+}
+
+impl<R: ReadAt + ?Sized> Walk<'_, R> {
+    /// Enters the box at depth `d`: a voxel is added to the sums of its parent at once, a node is opened.
+    fn enter(&mut self, d: usize, corner: [u32; 3]) -> Result<(), Fault> {
+        if corner.iter().zip(self.dims).any(|(c, n)| *c >= n) {
             return invalid(format!("a box at depth {d} lies outside the volume (SPEC I12)"));
         }
-        if d == depth {
-            voxels += 1;
-            *slot = Open { rest: 0, corner, gather: readers.voxel()? };
+        let count = self.channels.len();
+        if d == self.depth {
+            self.voxels += 1;
+            self.path[d] = Open { rest: 0, corner };
+            for (i, reader) in self.channels.iter_mut().enumerate() {
+                let parent = d.checked_sub(1).map(|above| above * count + i);
+                reader.next(parent.and_then(|at| self.sums.get_mut(at)))?;
+            }
             return Ok(());
         }
-        let Some([rest]) = readers.nodes.get_mut(d).map_or(Ok(None), Cursor::take::<1>)? else {
+        let Some([rest]) = self.nodes.get_mut(d).map_or(Ok(None), Cursor::take::<1>)? else {
             return invalid(format!("depth {d} has fewer nodes than their parents have children (SPEC I11)"));
         };
         if rest == 0 {
             return invalid(format!("a node at depth {d} has no children (SPEC I10)"));
         }
-        *slot = Open { rest, corner, gather: Gather::default() };
+        self.path[d] = Open { rest, corner };
+        self.sums[d * count..][..count].fill(Sum::default());
         Ok(())
+    }
+
+    /// Leaves the box at depth `d`, of which everything is known, for its parent.
+    fn leave(&mut self, d: usize) {
+        let count = self.channels.len();
+        let (above, own) = self.sums.split_at_mut(d * count);
+        if d < self.depth {
+            for (parent, own) in above[(d - 1) * count..].iter_mut().zip(own) {
+                parent.join(own);
+            }
+        }
+    }
+}
+
+/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` is told the depth of every node
+/// and the sums of its [`walked_channels`], within a depth in the order in which nodes are stored.
+pub(crate) fn walk<R: ReadAt + ?Sized>(
+    source: &R,
+    frame: &Frame,
+    finished: &mut dyn FnMut(usize, &[Sum]) -> Result<(), Fault>,
+) -> Result<(), Fault> {
+    let depth = frame.dims().depth() as usize;
+    let channels: Vec<_> = walked_channels(frame)
+        .into_iter()
+        .filter_map(|channel| {
+            let entry = frame.section(SectionKind::Voxels(channel))?;
+            Some(ChannelReader::new(source, channel, entry))
+        })
+        .collect();
+    let count = channels.len();
+    let mut walk = Walk {
+        dims: frame.dims().to_array(),
+        depth,
+        nodes: per_depth(source, frame, frame.section(SectionKind::Nodes), frame.dims().depth()),
+        sums: vec![Sum::default(); (depth + 1) * count],
+        channels,
+        voxels: 0,
+        path: [Open::default(); 17],
     };
-    enter(&mut readers, 0, [0; 3], &mut path[0])?;
+    let mut at = 0;
+    walk.enter(0, [0; 3])?;
     loop {
-        if path[at].rest == 0 {
+        let open = &mut walk.path[at];
+        if open.rest == 0 {
             if at < depth {
-                finished(at, &path[at].gather)?;
+                finished(at, &walk.sums[at * count..][..count])?;
             }
             if at == 0 {
                 break;
             }
-            let gather = path[at].gather;
+            walk.leave(at);
             at -= 1;
-            path[at].gather.add(&gather);
             continue;
         }
-        let octant = path[at].rest.trailing_zeros();
-        path[at].rest &= path[at].rest - 1;
+        let octant = open.rest.trailing_zeros();
+        open.rest &= open.rest - 1;
         let half = 1_u32 << (depth - at - 1);
-        let mut corner = path[at].corner;
+        let mut corner = open.corner;
         for (axis, c) in corner.iter_mut().enumerate() {
             *c += half * (octant >> axis & 1);
         }
         at += 1;
-        enter(&mut readers, at, corner, &mut path[at])?;
+        walk.enter(at, corner)?;
     }
-    if voxels != frame.header.voxels || readers.nodes.iter().any(|c| c.left() > 0) {
+    if walk.voxels != frame.header.voxels || walk.nodes.iter().any(|c| c.left() > 0) {
         return invalid("a depth has more boxes than their parents have children (SPEC I11)");
     }
     Ok(())
@@ -299,15 +307,15 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
-    use crate::format::{HEADER_BYTES, Metadata, table_bytes};
+    use crate::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
+    use crate::format::{HEADER_BYTES, Metadata, normal, table_bytes};
     use crate::load::{Model, NodeView};
 
-    fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
+    fn metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
         Metadata { scalar: 2, ..plain_metadata(dims, channels) }
     }
 
-    fn ball(side: u32, channels: Channels) -> Vec<u8> {
+    fn ball(side: u32, channels: OptionalSections) -> Vec<u8> {
         let (c, r) = (f64::from(side) / 2.0 - 0.5, f64::from(side) / 2.0 - 1.0);
         let mut voxels = Vec::new();
         for (z, y, x) in
@@ -324,7 +332,7 @@ mod tests {
         assemble(&metadata([side; 3], channels), &voxels, channels).unwrap()
     }
 
-    const FULL: Channels = Channels { normal: true, value_bytes: 1, lod: true };
+    const FULL: OptionalSections = OptionalSections { normal: true, value_bytes: 1, lod: true };
 
     /// Changes bytes of one section and makes every checksum right again.
     fn forge(file: &[u8], kind: SectionKind, change: impl FnOnce(&mut [u8])) -> Vec<u8> {
@@ -356,8 +364,8 @@ mod tests {
         for side in [1, 2, 3, 5, 16, 21, 40] {
             for channels in [
                 FULL,
-                Channels { normal: false, value_bytes: 0, lod: true },
-                Channels { normal: true, value_bytes: 2, lod: false },
+                OptionalSections { normal: false, value_bytes: 0, lod: true },
+                OptionalSections { normal: true, value_bytes: 2, lod: false },
             ] {
                 let voxels: Vec<AssembledVoxel> = (0..side)
                     .map(|i| AssembledVoxel {
@@ -411,11 +419,11 @@ mod tests {
         let rule = |kind, change: fn(&mut [u8])| broken_rule(&forge(&file, kind, change));
         assert!(rule(SectionKind::Nodes, |b| b[9] = 0).contains("I13"), "the directory notices first");
         assert!(rule(SectionKind::Rank, |b| b[0] = 1).contains("I13"));
-        assert!(rule(SectionKind::Normal, |b| b[4] = 0x80).contains("I14"));
-        assert!(rule(SectionKind::Normal, |b| b[4] ^= 0x40).contains("I15"));
-        assert!(rule(SectionKind::NormalLod, |b| b[0] ^= 1).contains("I15"));
-        assert!(rule(SectionKind::Value, |b| b[0] = 255).contains("I16"));
-        assert!(rule(SectionKind::ValueLod, |b| b[0] ^= 1).contains("I16"));
+        assert!(rule(SectionKind::Voxels(Channel::Normal), |b| b[4] = 0x80).contains("I14"));
+        assert!(rule(SectionKind::Voxels(Channel::Normal), |b| b[4] ^= 0x40).contains("I15"));
+        assert!(rule(SectionKind::Means(Channel::Normal), |b| b[0] ^= 1).contains("I15"));
+        assert!(rule(SectionKind::Voxels(Channel::Value), |b| b[0] = 255).contains("I16"));
+        assert!(rule(SectionKind::Means(Channel::Value), |b| b[0] ^= 1).contains("I16"));
         // The same number of bits elsewhere leaves ranks right and moves a box out of the volume.
         let moved = broken_rule(&forge(&file, SectionKind::Nodes, |b| {
             let last = b.len() - 1;
@@ -433,7 +441,7 @@ mod tests {
     #[test]
     fn zero_infobytes_wrong_counts_and_outside_boxes_are_told_apart() {
         // One voxel in 3x1x1: two nodes, root 0b10 and its child; the directory cannot see the rest.
-        let plain = Channels { normal: false, value_bytes: 0, lod: false };
+        let plain = OptionalSections { normal: false, value_bytes: 0, lod: false };
         let voxel = AssembledVoxel { cell: [2, 0, 0], normal: 0, value: 0 };
         let file = assemble(&metadata([3, 1, 1], plain), &[voxel], plain).unwrap();
         let rule = |change: fn(&mut [u8])| broken_rule(&forge(&file, SectionKind::Nodes, change));

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::files::FileList;
 use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff};
+use crate::facts::Known;
 use crate::volume::{SourceError, VolumeSource};
 
 /// Bytes of a file that [`Format::recognise`] is shown, or all of a shorter one.
@@ -71,16 +72,15 @@ pub(crate) const STACKS: &[StackFormat] = &[
 ];
 
 /// Formats by their first bytes that are not read, to say what a refused file is.
-const KNOWN: [(usize, &[u8], &str); 5] = [
-    (0, b"\x1f\x8b", "a gzip file, but of no volume that is read"),
-    (0, b"\xff\xd8\xff", "a JPEG image"),
-    (0, b"ply", "a PLY mesh"),
-    (0, b"OFF", "an OFF mesh"),
-    (0, b"\x89OCT\r\n", "an .oct model, not a volume"),
+const KNOWN: [(&[u8], Known); 5] = [
+    (b"\x1f\x8b", Known::Gzip),
+    (b"\xff\xd8\xff", Known::Jpeg),
+    (b"ply", Known::Ply),
+    (b"OFF", Known::Off),
+    (b"\x89OCT\r\n", Known::Oct),
 ];
 
 /// What a file is by its first bytes, if that is known and it is not DICOM.
-pub(crate) fn known(head: &[u8]) -> Option<&'static str> {
-    let is = |(at, magic, _): &&(usize, &[u8], &str)| head.get(*at..).is_some_and(|h| h.starts_with(magic));
-    KNOWN.iter().find(is).map(|(_, _, what)| *what)
+pub(crate) fn known(head: &[u8]) -> Option<Known> {
+    KNOWN.iter().find(|(magic, _)| head.starts_with(magic)).map(|(_, what)| *what)
 }

@@ -6,6 +6,8 @@ use std::path::{Component, Path, PathBuf};
 
 use super::files::FileList;
 use super::stored::{Section, section};
+use crate::facts::Fault;
+use crate::facts::header::HeaderFault;
 use crate::volume::SourceError;
 
 /// Longest line: far more than any real one, so that binary data is not taken for a line.
@@ -35,7 +37,7 @@ impl<'a> Lines<'a> {
         let read = self.reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)?;
         self.offset += read as u64;
         if read as u64 == MAX_LINE && !line.ends_with(b"\n") {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "a line of the header has no end"));
+            return Err(Fault::from(HeaderFault::EndlessLine).in_stream());
         }
         if line.pop_if(|last| *last == b'\n').is_some() {
             line.pop_if(|last| *last == b'\r');
@@ -82,19 +84,18 @@ pub(super) fn normal_of(a: [f64; 3], b: [f64; 3], length: f64) -> [f64; 3] {
     if norm > 0.0 { cross.map(|c| c / norm * length) } else { [0.0, 0.0, length] }
 }
 
-/// A file could not be read.
+/// A file could not be read: the system refused, or what was read made no sense.
 pub(super) fn unreadable(path: &Path, cause: io::Error) -> SourceError {
-    match cause.kind() {
-        io::ErrorKind::InvalidData => return unusable(path, cause.to_string()),
-        io::ErrorKind::UnexpectedEof => return unusable(path, "ends early; it was cut short, copy it again"),
-        _ => {}
+    match cause.downcast::<Fault>() {
+        Ok(fault) => unusable(path, fault),
+        Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => unusable(path, Fault::EndsEarly),
+        Err(cause) => SourceError::Unreadable { path: path.to_path_buf(), cause },
     }
-    SourceError::Unreadable { path: path.to_path_buf(), cause }
 }
 
 /// A file is damaged, or of a kind that is not read.
-pub(super) fn unusable(path: &Path, reason: impl Into<String>) -> SourceError {
-    SourceError::Unusable { path: path.to_path_buf(), reason: reason.into() }
+pub(super) fn unusable(path: &Path, fault: impl Into<Fault>) -> SourceError {
+    SourceError::Unusable { path: path.to_path_buf(), fault: fault.into() }
 }
 
 /// An empty list of files that lie in the folder of a header.
@@ -105,22 +106,19 @@ pub(super) fn files_beside(header: &Path) -> FileList {
 /// Name of a data file as a header has it, if it lies in the header's folder or below.
 ///
 /// A header that came from elsewhere must not make the program read whatever file it names.
-fn data_name(name: &str) -> Result<PathBuf, String> {
+fn data_name(name: &str) -> Result<PathBuf, HeaderFault> {
     let path = Path::new(name.trim());
     let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if !inside || path.as_os_str().is_empty() {
-        return Err(format!(
-            "its data file `{}` is not in the folder of the header; put both into one folder and name it without a path",
-            name.escape_debug()
-        ));
+        return Err(HeaderFault::Outside { name: name.to_owned() });
     }
     Ok(path.to_path_buf())
 }
 
 /// Adds a data file that a header names.
-pub(super) fn listed(list: &mut FileList, name: &str) -> Result<(), String> {
+pub(super) fn listed(list: &mut FileList, name: &str) -> Result<(), HeaderFault> {
     if list.len() as u64 >= MAX_FILES {
-        return Err(format!("it names more than {MAX_FILES} data files"));
+        return Err(HeaderFault::TooManyFiles { most: MAX_FILES });
     }
     list.push(&data_name(name)?);
     Ok(())
@@ -132,18 +130,18 @@ pub(super) fn numbered(
     pattern: &str,
     [first, last, step]: [i64; 3],
     most: u64,
-) -> Result<(), String> {
+) -> Result<(), HeaderFault> {
     let towards = if first <= last { step > 0 } else { step < 0 };
     if !towards {
-        return Err(format!("its data files from {first} to {last} in steps of {step} have no end"));
+        return Err(HeaderFault::EndlessNumbers { range: [first, last, step] });
     }
     let mut number = first;
     while if step > 0 { number <= last } else { number >= last } {
         if list.len() as u64 >= most {
-            return Err(format!("it names more data files than its {most} slices"));
+            return Err(HeaderFault::MoreFilesThanSlices { slices: most });
         }
         let name = with_number(pattern, number)
-            .ok_or_else(|| format!("`{}` is no pattern with one number", pattern.escape_debug()))?;
+            .ok_or_else(|| HeaderFault::Pattern { pattern: pattern.to_owned() })?;
         listed(list, &name)?;
         let Some(next) = number.checked_add(step) else { break };
         number = next;
@@ -211,7 +209,7 @@ mod tests {
     fn data_files_stay_below_the_header() {
         assert_eq!(data_name(" sub/./a.raw ").unwrap(), Path::new("sub/./a.raw"));
         for name in ["/etc/passwd", "../a.raw", "a/../../b", ""] {
-            assert!(data_name(name).unwrap_err().contains("not in the folder"), "{name}");
+            assert_eq!(data_name(name), Err(HeaderFault::Outside { name: name.into() }));
         }
     }
 

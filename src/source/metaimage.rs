@@ -13,6 +13,8 @@ use super::header::{
     Lines, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
 };
 use super::stored::{Encoding, Samples, Skip, Stored, regular};
+use crate::facts::header::HeaderFault;
+use crate::facts::metaimage::MetaImageFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
@@ -89,10 +91,7 @@ impl Header {
                 continue;
             }
             let Some((key, value)) = line.split_once('=') else {
-                return Err(unusable(
-                    path,
-                    format!("the line `{}` of its header is no field", line.escape_debug()),
-                ));
+                return Err(unusable(path, HeaderFault::NotAField { line }));
             };
             let (key, value) = (key.trim().to_lowercase(), value.trim());
             if key == "elementdatafile" {
@@ -101,18 +100,18 @@ impl Header {
                     while let Some(name) = next(&mut lines)? {
                         let name = text(&name);
                         if !name.is_empty() {
-                            listed(&mut header.list, &name).map_err(|reason| unusable(path, reason))?;
+                            listed(&mut header.list, &name).map_err(|fault| unusable(path, fault))?;
                         }
                     }
                 }
                 header.end = lines.offset;
                 return Ok(header);
             }
-            header.field(&key, value).ok_or_else(|| {
-                unusable(path, format!("its field `{}` makes no sense", line.escape_debug()))
-            })?;
+            header
+                .field(&key, value)
+                .ok_or_else(|| unusable(path, MetaImageFault::Field { line: line.clone() }))?;
         }
-        Err(unusable(path, "its header ends without ElementDataFile, which names the samples"))
+        Err(unusable(path, MetaImageFault::NoDataFile))
     }
 
     /// Takes one field; `None` if it makes no sense.
@@ -142,28 +141,19 @@ impl Header {
     }
 
     fn stored(mut self, path: &Path) -> Result<Stored, SourceError> {
-        let refuse = |reason: String| unusable(path, reason);
+        let refuse = |fault: MetaImageFault| unusable(path, fault);
         if !(2..=4).contains(&self.axes) || self.size.len() != self.axes {
-            return Err(refuse(format!(
-                "its header states NDims = {} and {} sizes; volumes of 2 to 4 dimensions are read",
-                self.axes,
-                self.size.len()
-            )));
+            return Err(refuse(MetaImageFault::Dimensions { count: self.axes, sizes: self.size.len() }));
         }
         if self.channels != 1 {
-            return Err(refuse(format!(
-                "has {} channels a voxel; extract one into a file of its own",
-                self.channels
-            )));
+            return Err(refuse(MetaImageFault::Channels { count: self.channels }));
         }
-        let samples = samples(&self.kind)
-            .ok_or_else(|| refuse(format!("its ElementType `{}` is not read", self.kind.escape_debug())))?;
+        let samples =
+            samples(&self.kind).ok_or_else(|| refuse(MetaImageFault::Type { name: self.kind.clone() }))?;
         let at = |i: usize| self.size.get(i).copied().unwrap_or(1);
         let (size, volumes) = ([at(0), at(1), at(2)], at(3));
         let mut notes = Vec::new();
-        let affine = self.affine(&mut notes).ok_or_else(|| {
-            refuse("its spacing, offset or matrix has fewer numbers than the volume has dimensions".into())
-        })?;
+        let affine = self.affine(&mut notes).ok_or_else(|| refuse(MetaImageFault::FewNumbers))?;
         let local = self.data.eq_ignore_ascii_case("local");
         let mut files = std::mem::take(&mut self.list);
         let mut skip = 0;
@@ -173,18 +163,18 @@ impl Header {
             files.push(Path::new(name));
             skip = self.end;
         } else if files.len() == 0 {
-            self.name_files(&mut files, slices).map_err(refuse)?;
+            self.name_files(&mut files, slices).map_err(|fault| unusable(path, fault))?;
         }
         let encoding = match (self.compressed, self.binary) {
             (true, true) => stream_kind(&files, skip)?,
-            (true, false) => return Err(refuse("compressed text is not read".into())),
+            (true, false) => return Err(refuse(MetaImageFault::CompressedText)),
             (false, true) => Encoding::Raw,
             (false, false) => Encoding::Text,
         };
         let skip = match u64::try_from(self.header_size) {
             Ok(bytes) => Skip::Bytes(skip.saturating_add(bytes)),
             Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
-            Err(_) => return Err(refuse("HeaderSize = -1 is for uncompressed samples only".into())),
+            Err(_) => return Err(refuse(MetaImageFault::SkipAllButSamples)),
         };
         Ok(Stored {
             header: path.to_path_buf(),
@@ -204,7 +194,7 @@ impl Header {
     }
 
     /// Files of a single name, or of a pattern with its numbers.
-    fn name_files(&self, files: &mut FileList, slices: u64) -> Result<(), String> {
+    fn name_files(&self, files: &mut FileList, slices: u64) -> Result<(), HeaderFault> {
         let parts: Vec<&str> = self.data.split_whitespace().collect();
         if let [pattern, range @ ..] = parts.as_slice()
             && pattern.contains('%')

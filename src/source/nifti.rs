@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use super::OpenOptions;
 use super::header::{files_beside, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, Stored};
+use crate::facts::nifti::NiftiFault;
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 use geometry::Placement;
 
@@ -81,29 +82,27 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     let mut bytes = [0; NIFTI2_BYTES];
     let got = unpacked(encoding.open(&file, 0, Samples::Plain(ScalarType::U8)), &mut bytes);
     let header =
-        Header::parse(bytes.get(..got).unwrap_or_default()).map_err(|reason| unusable(path, reason))?;
+        Header::parse(bytes.get(..got).unwrap_or_default()).map_err(|fault| unusable(path, fault))?;
     let mut files = files_beside(path);
     let (data, encoding, skip) = if header.single {
         let least = if header.version == 1 { NIFTI1_BYTES } else { NIFTI2_BYTES } as u64;
         // Some writers leave the offset 0 and mean the end of the header.
         let offset = if header.offset == 0 { least + 4 } else { header.offset };
         if offset < least {
-            return Err(unusable(path, format!("its samples begin at byte {offset}, within its header")));
+            return Err(unusable(path, NiftiFault::WithinHeader { offset }));
         }
         (path.to_path_buf(), encoding, offset)
     } else {
-        let data = samples_of_header(path).ok_or_else(|| {
-            unusable(path, "is the header of a pair, and no .img file lies beside it; copy both")
-        })?;
+        let data = samples_of_header(path).ok_or_else(|| unusable(path, NiftiFault::NoImage))?;
         let file = File::open(&data).map_err(|cause| unreadable(&data, cause))?;
         let encoding = encoding_of(&file).map_err(|cause| unreadable(&data, cause))?;
         (data, encoding, header.offset)
     };
     files.push(Path::new(data.file_name().unwrap_or_default()));
-    let samples = header.samples().map_err(|reason| unusable(path, reason))?;
-    let (size, volumes) = header.size().map_err(|reason| unusable(path, reason))?;
+    let samples = header.samples().map_err(|fault| unusable(path, fault))?;
+    let (size, volumes) = header.size().map_err(|fault| unusable(path, fault))?;
     let mut notes = Vec::new();
-    let affine = header.placement.affine(&mut notes).map_err(|reason| unusable(path, reason))?;
+    let affine = header.placement.affine(&mut notes);
     let rescale = header.rescale();
     let raw = encoding == Encoding::Raw;
     Stored {
@@ -194,33 +193,30 @@ impl Fields<'_> {
 }
 
 impl Header {
-    fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let short =
-            || format!("ends after {} bytes, within its NIfTI header; copy the file again", bytes.len());
-        let size = bytes.first_chunk::<4>().ok_or_else(short)?;
+    fn parse(bytes: &[u8]) -> Result<Self, NiftiFault> {
+        let short = NiftiFault::Short { bytes: bytes.len() };
+        let Some(size) = bytes.first_chunk::<4>() else { return Err(short) };
         let (endian, size) = match (u32::from_le_bytes(*size), u32::from_be_bytes(*size)) {
             (n @ (348 | 540), _) => (Endian::Little, n),
             (_, n @ (348 | 540)) => (Endian::Big, n),
-            _ => return Err("its NIfTI header is damaged: it states another length than 348 or 540".into()),
+            _ => return Err(NiftiFault::Length),
         };
         if bytes.len() < size as usize {
-            return Err(short());
+            return Err(short);
         }
         let fields = Fields { bytes, endian };
         let header = if size == 348 { Self::first(&fields)? } else { Self::second(&fields)? };
         if !(1..=7).contains(&header.dim[0]) {
-            return Err(format!("its NIfTI header is damaged: it has {} dimensions", header.dim[0]));
+            return Err(NiftiFault::Dimensions { count: header.dim[0] });
         }
         Ok(header)
     }
 
-    fn first(fields: &Fields<'_>) -> Result<Self, String> {
+    fn first(fields: &Fields<'_>) -> Result<Self, NiftiFault> {
         let single = match fields.bytes.get(344..348) {
             Some(b"n+1\0") => true,
             Some(b"ni1\0") => false,
-            _ => {
-                return Err("is ANALYZE 7.5, or a damaged NIfTI header: left and right are not told apart, so it is not read; convert it to NIfTI".into());
-            }
+            _ => return Err(NiftiFault::Analyze),
         };
         let offset = fields.f32(108);
         #[expect(
@@ -236,7 +232,7 @@ impl Header {
             single,
             dim: [0, 1, 2, 3, 4, 5, 6, 7].map(|i| i64::from(fields.i16(40 + 2 * i))),
             datatype: fields.i16(70),
-            offset: offset.ok_or("its NIfTI header is damaged: its samples begin nowhere")?,
+            offset: offset.ok_or(NiftiFault::Nowhere)?,
             slope: fields.f32(112),
             intercept: fields.f32(116),
             placement: Placement {
@@ -251,16 +247,14 @@ impl Header {
         })
     }
 
-    fn second(fields: &Fields<'_>) -> Result<Self, String> {
+    fn second(fields: &Fields<'_>) -> Result<Self, NiftiFault> {
         let single = match fields.bytes.get(4..7) {
             Some(b"n+2") => true,
             Some(b"ni2") => false,
-            _ => return Err("its NIfTI-2 header is damaged: it has no magic".into()),
+            _ => return Err(NiftiFault::NoMagic),
         };
         if fields.bytes.get(7..12) != Some(NIFTI2_TAIL) {
-            return Err(
-                "its NIfTI-2 header was changed by a transfer as text; copy the file as binary".into()
-            );
+            return Err(NiftiFault::TextTransfer);
         }
         let row = |at: usize| [0, 8, 16, 24].map(|i| fields.f64(at + i));
         Ok(Self {
@@ -269,8 +263,7 @@ impl Header {
             single,
             dim: [0, 1, 2, 3, 4, 5, 6, 7].map(|i| fields.i64(16 + 8 * i)),
             datatype: fields.i16(12),
-            offset: u64::try_from(fields.i64(168))
-                .map_err(|_| "its NIfTI header is damaged: its samples begin nowhere")?,
+            offset: u64::try_from(fields.i64(168)).map_err(|_| NiftiFault::Nowhere)?,
             slope: fields.f64(176),
             intercept: fields.f64(184),
             placement: Placement {
@@ -286,7 +279,7 @@ impl Header {
     }
 
     /// Voxels along the axes, and volumes.
-    fn size(&self) -> Result<([u64; 3], u64), String> {
+    fn size(&self) -> Result<([u64; 3], u64), NiftiFault> {
         let count = usize::try_from(self.dim[0]).unwrap_or(0);
         let at = |i: usize| {
             if i > count {
@@ -296,17 +289,13 @@ impl Header {
         };
         let more: Vec<u64> = (5..8).map(at).filter(|n| *n > 1).collect();
         if !more.is_empty() {
-            return Err(format!(
-                "has {} dimensions, so a voxel has several values; extract one component into a file of its own",
-                self.dim[0]
-            ));
+            return Err(NiftiFault::SeveralValues { dimensions: self.dim[0] });
         }
         // Some writers state four dimensions and leave the fourth 0.
         Ok(([at(1), at(2).max(u64::from(count < 2)), at(3)], at(4).max(1)))
     }
 
-    fn samples(&self) -> Result<Samples, String> {
-        let refused = |what: &str| Err(format!("its samples are {what}, which is not read"));
+    fn samples(&self) -> Result<Samples, NiftiFault> {
         let plain = |scalar| Ok(Samples::Plain(scalar));
         match self.datatype {
             2 => plain(ScalarType::U8),
@@ -319,11 +308,7 @@ impl Header {
             768 => plain(ScalarType::U32),
             1024 => Ok(Samples::I64),
             1280 => Ok(Samples::U64),
-            1 => refused("single bits"),
-            32 | 1792 | 2048 => refused("complex numbers"),
-            128 | 2304 => refused("colours (RGB)"),
-            1536 => refused("128-bit floats"),
-            other => refused(&format!("of the unknown type {other}")),
+            code => Err(NiftiFault::Type { code }),
         }
     }
 

@@ -13,6 +13,7 @@ use super::files::FileList;
 use super::header::{unreadable, unusable};
 use super::reversed::Reversed;
 use super::stored::{Encoding, Samples, Skip, Stored};
+use crate::facts::npy::NpyFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
@@ -31,7 +32,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let length = file.metadata().map_err(|cause| unreadable(path, cause))?.len();
-    let short = || unusable(path, "ends within its header; copy the file again");
+    let short = || unusable(path, NpyFault::Short);
     let mut start = [0; 12];
     let most = start.len().min(usize::try_from(length).unwrap_or(usize::MAX));
     let head = start.get_mut(..most).unwrap_or_default();
@@ -42,26 +43,22 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     let (header_at, header_bytes) = match start[6] {
         1 => (10_u64, u64::from(u16::from_le_bytes([start[8], start[9]]))),
         2 | 3 => (12, u64::from(u32::from_le_bytes([start[8], start[9], start[10], start[11]]))),
-        other => return Err(unusable(path, format!("is .npy of version {other}; 1 to 3 are read"))),
+        version => return Err(unusable(path, NpyFault::Version { version })),
     };
     if header_bytes > MAX_HEADER {
-        return Err(unusable(path, format!("its header of {header_bytes} bytes is no array of numbers")));
+        return Err(unusable(path, NpyFault::LongHeader { bytes: header_bytes }));
     }
     if header_at + header_bytes > length {
         return Err(short());
     }
     let mut text = vec![0; usize::try_from(header_bytes).unwrap_or(0)];
     file.read_exact_at(&mut text, header_at).map_err(|cause| unreadable(path, cause))?;
-    let array = Array::parse(&String::from_utf8_lossy(&text)).map_err(|reason| unusable(path, reason))?;
-    let (samples, endian) = array.samples().map_err(|reason| unusable(path, reason))?;
+    let array = Array::parse(&String::from_utf8_lossy(&text)).map_err(|fault| unusable(path, fault))?;
+    let (samples, endian) = array.samples().map_err(|fault| unusable(path, fault))?;
     let mut size = match array.shape.as_slice() {
         [a, b] => [1, *a, *b],
         [a, b, c] => [*a, *b, *c],
-        other => {
-            let reason =
-                format!("has {} dimensions; arrays of 2 or 3 are read, save one volume", other.len());
-            return Err(unusable(path, reason));
-        }
+        other => return Err(unusable(path, NpyFault::Dimensions { count: other.len() })),
     };
     // The fastest axis first.
     if !array.fortran {
@@ -105,8 +102,8 @@ struct Array {
 
 impl Array {
     /// Parses `{'descr': '<i2', 'fortran_order': False, 'shape': (3, 4), }`.
-    fn parse(text: &str) -> Result<Self, String> {
-        let wrong = || "its header is no description of an array".to_owned();
+    fn parse(text: &str) -> Result<Self, NpyFault> {
+        let wrong = || NpyFault::NoArray;
         let mut rest = text.trim().strip_prefix('{').ok_or_else(wrong)?.trim_start();
         let (mut descr, mut fortran, mut shape) = (None, None, None);
         while !rest.starts_with('}') {
@@ -115,7 +112,7 @@ impl Array {
             match key {
                 "descr" => {
                     if rest.starts_with('[') {
-                        return Err("is a structured array, whose elements are no numbers".into());
+                        return Err(NpyFault::Structured);
                     }
                     let (value, after) = quoted(rest).ok_or_else(wrong)?;
                     descr = Some(value.to_owned());
@@ -156,7 +153,7 @@ impl Array {
     }
 
     /// Type and byte order, by NumPy's names of them.
-    fn samples(&self) -> Result<(Samples, Endian), String> {
+    fn samples(&self) -> Result<(Samples, Endian), NpyFault> {
         let order = self.descr.chars().next().filter(|c| "<>|=".contains(*c));
         let name = order.map_or(self.descr.as_str(), |_| self.descr.get(1..).unwrap_or(""));
         let endian = if order == Some('>') { Endian::Big } else { Endian::Little };
@@ -173,12 +170,7 @@ impl Array {
             "i8" => Samples::I64,
             "u8" => Samples::U64,
             "f2" => Samples::F16,
-            _ => {
-                return Err(format!(
-                    "its elements are of the type `{}`, which is not read; save real numbers of up to 64 bits",
-                    self.descr.escape_debug()
-                ));
-            }
+            _ => return Err(NpyFault::Type { descr: self.descr.clone() }),
         };
         Ok((samples, endian))
     }
@@ -216,7 +208,7 @@ mod tests {
             assert!(Array::parse(text).is_err(), "{text}");
         }
         let records = "{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (2,)}";
-        assert!(Array::parse(records).unwrap_err().contains("structured"));
+        assert_eq!(Array::parse(records), Err(NpyFault::Structured));
     }
 
     #[test]
@@ -227,7 +219,7 @@ mod tests {
         assert_eq!(of("|b1").unwrap(), (Samples::Plain(ScalarType::U8), Endian::Little));
         assert_eq!(of("=f2").unwrap().0, Samples::F16);
         for descr in ["<c8", "|O", "<U4", "", "<M8[ns]", "\u{e4}1"] {
-            assert!(of(descr).unwrap_err().contains("not read"), "{descr}");
+            assert_eq!(of(descr), Err(NpyFault::Type { descr: descr.into() }));
         }
     }
 }

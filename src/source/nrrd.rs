@@ -15,7 +15,9 @@ use super::files::FileList;
 use super::files::base_name;
 use super::header::{Lines, counts, files_beside, listed, numbered, text, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, Stored, section};
-use crate::facts::Note;
+use crate::facts::header::HeaderFault;
+use crate::facts::nrrd::NrrdFault;
+use crate::facts::{Fault, Note};
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 
@@ -32,7 +34,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     let stored = header.stored(path, &file).map_err(|wrong| match wrong {
-        Wrong::Header(reason) => unusable(path, reason),
+        Wrong::Header(fault) => unusable(path, fault),
         Wrong::Other(error) => error,
     })?;
     stored.open()
@@ -40,13 +42,13 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
 
 /// Why a header is refused.
 enum Wrong {
-    Header(String),
+    Header(Fault),
     Other(SourceError),
 }
 
-impl From<String> for Wrong {
-    fn from(reason: String) -> Self {
-        Self::Header(reason)
+impl<F: Into<Fault>> From<F> for Wrong {
+    fn from(fault: F) -> Self {
+        Self::Header(fault.into())
     }
 }
 
@@ -81,12 +83,10 @@ impl Header {
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
         let magic = next(&mut lines)?.unwrap_or_default();
         if !matches!(magic.as_slice(), [b'N', b'R', b'R', b'D', b'0', b'0', b'0', b'1'..=b'5']) {
-            let reason =
-                format!("`{}` is no version of NRRD that is read (1 to 5)", text(&magic).escape_debug());
-            return Err(unusable(path, reason));
+            return Err(unusable(path, NrrdFault::Version { magic: text(&magic) }));
         }
         let mut header = Self::default();
-        let mut wrong = None;
+        let mut wrong: Option<Fault> = None;
         while let Some(line) = next(&mut lines)? {
             if line.is_empty() {
                 header.data.get_or_insert(DataFiles::Attached(lines.offset));
@@ -97,7 +97,7 @@ impl Header {
                 continue;
             }
             let Some((field, value)) = line.split_once(':') else {
-                wrong.get_or_insert(format!("the line `{}` of its header is no field", line.escape_debug()));
+                wrong.get_or_insert(HeaderFault::NotAField { line }.into());
                 continue;
             };
             if value.starts_with('=') {
@@ -111,26 +111,26 @@ impl Header {
                     while let Some(name) = next(&mut lines)? {
                         let name = text(&name);
                         if !name.is_empty() {
-                            listed(&mut list, &name).map_err(|reason| unusable(path, reason))?;
+                            listed(&mut list, &name).map_err(|fault| unusable(path, fault))?;
                         }
                     }
                     header.data = Some(DataFiles::Listed(list));
                     break;
                 }
-                header.data = Some(data_file(path, value).map_err(|reason| unusable(path, reason))?);
-            } else if let Err(reason) = header.field(&field, value) {
-                wrong.get_or_insert(reason);
+                header.data = Some(data_file(path, value).map_err(|fault| unusable(path, fault))?);
+            } else if let Err(fault) = header.field(&field, value) {
+                wrong.get_or_insert(fault.into());
             }
         }
         match wrong {
-            Some(reason) => Err(unusable(path, reason)),
+            Some(fault) => Err(unusable(path, fault)),
             None => Ok(header),
         }
     }
 
     /// Takes one field; those that say nothing of voxels or space are passed over.
-    fn field(&mut self, field: &str, value: &str) -> Result<(), String> {
-        let bad = || format!("its field `{field}: {}` makes no sense", value.escape_debug());
+    fn field(&mut self, field: &str, value: &str) -> Result<(), NrrdFault> {
+        let bad = || NrrdFault::Field { field: field.to_owned(), value: value.to_owned() };
         match field {
             "type" => self.kind = value.to_lowercase(),
             "encoding" => self.encoding = value.to_lowercase(),
@@ -148,7 +148,7 @@ impl Header {
         Ok(())
     }
 
-    fn samples(&self) -> Result<Samples, String> {
+    fn samples(&self) -> Result<Samples, NrrdFault> {
         let words: Vec<&str> = self.kind.split_whitespace().filter(|w| *w != "signed").collect();
         let kind = words.join(" ");
         let plain = |scalar| Ok(Samples::Plain(scalar));
@@ -168,8 +168,8 @@ impl Header {
             }
             "float" => plain(ScalarType::F32),
             "double" => plain(ScalarType::F64),
-            "" => Err("its header states no sample type".into()),
-            _ => Err(format!("its sample type `{}` is not read", self.kind.escape_debug())),
+            "" => Err(NrrdFault::NoType),
+            _ => Err(NrrdFault::Type { name: self.kind.clone() }),
         }
     }
 
@@ -182,17 +182,12 @@ impl Header {
             "bz2" | "bzip2" => Encoding::Bzip2(9),
             "txt" | "text" | "ascii" => Encoding::Text,
             "hex" => Encoding::Hex,
-            "" => return Err(Wrong::Header("its header states no encoding".into())),
-            other => {
-                return Err(Wrong::Header(format!("its encoding `{}` is not read", other.escape_debug())));
-            }
+            "" => return Err(NrrdFault::NoEncoding.into()),
+            other => return Err(NrrdFault::Encoding { name: other.to_owned() }.into()),
         };
         if self.dimension == 0 || self.sizes.len() != self.dimension {
-            return Err(Wrong::Header(format!(
-                "its header states {} sizes for {} dimensions",
-                self.sizes.len(),
-                self.dimension
-            )));
+            let (sizes, dimensions) = (self.sizes.len(), self.dimension);
+            return Err(NrrdFault::Sizes { sizes, dimensions }.into());
         }
         let mut notes = Vec::new();
         let endian = match self.endian.as_str() {
@@ -204,9 +199,7 @@ impl Header {
                 }
                 Endian::Little
             }
-            other => {
-                return Err(Wrong::Header(format!("its byte order `{}` is unknown", other.escape_debug())));
-            }
+            other => return Err(NrrdFault::ByteOrder { name: other.to_owned() }.into()),
         };
         let axes = self.geometry.axes(&self.sizes)?;
         let layout = Layout::of(&axes)?;
@@ -224,17 +217,12 @@ impl Header {
                 numbered(&mut files, &pattern, range, slices)?;
                 (files, 0)
             }
-            None => {
-                let reason = format!("{} ends within its header, before the blank line", base_name(path));
-                return Err(Wrong::Header(reason));
-            }
+            None => return Err(NrrdFault::NoBlankLine { name: base_name(path) }.into()),
         };
         let mut skip = start;
         if self.line_skip > 0 {
             if files.len() != 1 {
-                return Err(Wrong::Header(
-                    "lines are to be skipped in several data files, which is not read".into(),
-                ));
+                return Err(NrrdFault::LinesOfSeveral.into());
             }
             let data_path = files.path(0);
             let opened;
@@ -248,7 +236,7 @@ impl Header {
             };
             skip = skip_lines(data, start, self.line_skip)
                 .map_err(|cause| Wrong::Other(unreadable(&data_path, cause)))?
-                .ok_or_else(|| format!("there are fewer than the {} lines to skip", self.line_skip))?;
+                .ok_or(NrrdFault::FewLines { skip: self.line_skip })?;
         }
         let encoding = match encoding {
             Encoding::Bzip2(_) => Encoding::bzip2(&files, skip),
@@ -262,7 +250,7 @@ impl Header {
             }
             Ok(bytes) => Skip::Bytes(skip.saturating_add(bytes)),
             Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
-            Err(_) => return Err(Wrong::Header("a byte skip of -1 is for raw samples only".into())),
+            Err(_) => return Err(NrrdFault::SkipAllButSamples.into()),
         };
         Ok(Stored {
             header: path.to_path_buf(),
@@ -283,15 +271,13 @@ impl Header {
 }
 
 /// A single file, or a pattern with its numbers.
-fn data_file(path: &Path, value: &str) -> Result<DataFiles, String> {
+fn data_file(path: &Path, value: &str) -> Result<DataFiles, Fault> {
     let parts: Vec<&str> = value.split_whitespace().collect();
     if let [pattern, first, last, step, ..] = parts.as_slice()
         && pattern.contains('%')
     {
-        let number = |text: &str| {
-            text.parse::<i64>()
-                .map_err(|_| format!("its data files `{}` make no sense", value.escape_debug()))
-        };
+        let number =
+            |text: &str| text.parse::<i64>().map_err(|_| NrrdFault::DataFiles { value: value.to_owned() });
         return Ok(DataFiles::Pattern((*pattern).into(), [number(first)?, number(last)?, number(step)?]));
     }
     let mut list = files_beside(path);
@@ -334,7 +320,7 @@ struct Layout {
 }
 
 impl Layout {
-    fn of(axes: &[Axis]) -> Result<Self, String> {
+    fn of(axes: &[Axis]) -> Result<Self, NrrdFault> {
         let mut space = Vec::new();
         let mut volumes = 1_u64;
         let mut list: Option<usize> = None;
@@ -345,14 +331,8 @@ impl Layout {
             }
             if axis.spatial && space.len() < 3 {
                 if let Some(at) = list {
-                    let kind = axes.get(at).map_or("", |a| a.kind.as_str());
-                    let what =
-                        if kind.is_empty() { "no direction in space".into() } else { format!("`{kind}`") };
-                    return Err(format!(
-                        "axis {at} of its {} is {what} and runs faster than space, so a voxel has several values; \
-                         extract one component into a file of its own",
-                        axes.len()
-                    ));
+                    let kind = axes.get(at).map_or_else(String::new, |a| a.kind.clone());
+                    return Err(NrrdFault::Components { axis: at, axes: axes.len(), kind });
                 }
                 space.push(index);
             } else {
@@ -362,7 +342,7 @@ impl Layout {
         }
         let size_of = |i: usize| space.get(i).and_then(|at| axes.get(*at)).map_or(1, |a| a.size);
         if space.len() < 2 {
-            return Err(format!("it has {} axes in space, and a volume needs two or three", space.len()));
+            return Err(NrrdFault::SpatialAxes { count: space.len() });
         }
         Ok(Self { size: [size_of(0), size_of(1), size_of(2)], volumes, space })
     }

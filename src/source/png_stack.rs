@@ -17,7 +17,8 @@ use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
-use crate::facts::{Carrier, Note};
+use crate::facts::png::{PngFault, PngHead};
+use crate::facts::{Carrier, Fault, Note};
 use crate::geom::{Affine, Dims};
 use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
@@ -52,28 +53,22 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
         let path = list.path(index);
         file_bytes = file_bytes.saturating_add(regular(&path)?);
         let head = Head::read(&path).map_err(|cause| unreadable(&path, cause))?;
-        head.check().map_err(|reason| unusable(&path, reason))?;
+        head.check().map_err(|fault| unusable(&path, fault))?;
         let expected = *first.get_or_insert(head);
         if (head.size, head.scalar()) != (expected.size, expected.scalar()) {
-            return Err(unusable(
-                &path,
-                format!(
-                    "is {head} where the first slice is {expected}; slices of a volume are alike in size and type, move the other away"
-                ),
-            ));
+            let (picture, first) = (head.told(), expected.told());
+            return Err(unusable(&path, PngFault::Unlike { picture, first }));
         }
     }
     let path = list.path(0);
-    let head = first.ok_or_else(|| unusable(&path, "holds no picture"))?;
+    let head = first.ok_or_else(|| unusable(&path, PngFault::NoPicture))?;
     let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
     let dims = Dims::new(head.size[0], head.size[1], count)
-        .ok_or_else(|| unusable(&path, format!("{head} in {count} slices are out of range")))?;
+        .ok_or_else(|| unusable(&path, PngFault::OutOfRange { picture: head.told(), slices: count }))?;
     let bytes = dims.voxels() * head.scalar().bytes() as u64;
     // Smaller samples than a byte grow by 8 at most.
     if bytes > file_bytes.saturating_mul(8 * MOST_EXPANSION) {
-        let reason =
-            format!("its header promises {bytes} bytes, more than {file_bytes} bytes of PNG can hold");
-        return Err(unusable(&path, reason));
+        return Err(unusable(&path, PngFault::Promise { bytes, file_bytes }));
     }
     let name = if count == 1 {
         base_name(&path)
@@ -107,12 +102,6 @@ struct Head {
     interlaced: bool,
 }
 
-impl std::fmt::Display for Head {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}x{} of {} bits", self.size[0], self.size[1], self.depth)
-    }
-}
-
 impl Head {
     fn read(path: &Path) -> io::Result<Self> {
         let mut bytes = [0; HEAD_BYTES];
@@ -121,7 +110,7 @@ impl Head {
             bytes.get(at..).and_then(|b| b.first_chunk::<4>()).map_or(0, |b| u32::from_be_bytes(*b))
         };
         if !bytes.starts_with(MAGIC) || bytes.get(12..16) != Some(b"IHDR") {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "its PNG header is damaged"));
+            return Err(Fault::from(PngFault::Header).in_stream());
         }
         Ok(Self {
             size: [number(16), number(20)],
@@ -132,25 +121,22 @@ impl Head {
     }
 
     /// Is it of a kind that is read?
-    fn check(&self) -> Result<(), String> {
-        let kind = match self.color {
-            0 => None,
-            2 => Some("RGB colours"),
-            3 => Some("colours of a palette"),
-            4 => Some("grey values with transparency"),
-            6 => Some("RGB colours with transparency"),
-            _ => Some("an unknown kind of colour"),
-        };
-        if let Some(kind) = kind {
-            return Err(format!("has {kind}, and grey values are needed; convert it to grey"));
+    fn check(&self) -> Result<(), PngFault> {
+        if self.color != 0 {
+            return Err(PngFault::Colour { code: self.color });
         }
         if ![1, 2, 4, 8, 16].contains(&self.depth) {
-            return Err(format!("its PNG header is damaged: samples of {} bits", self.depth));
+            return Err(PngFault::Depth { bits: self.depth });
         }
         if self.interlaced {
-            return Err("is interlaced, which is not read; save it without".into());
+            return Err(PngFault::Interlaced);
         }
         Ok(())
+    }
+
+    /// What sets it apart from others.
+    fn told(&self) -> PngHead {
+        PngHead { size: self.size, bits: self.depth }
     }
 
     fn scalar(&self) -> ScalarType {
@@ -203,9 +189,9 @@ fn picture(
     let failed = |error: DecodingError| match error {
         DecodingError::IoError(cause) if cause.raw_os_error().is_some() => unreadable(&path(), cause),
         DecodingError::IoError(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => {
-            unusable(&path(), "the PNG picture ends early; the file was cut short, copy it again")
+            unusable(&path(), PngFault::Short)
         }
-        other => unusable(&path(), format!("the PNG picture is damaged ({other}); copy the file again")),
+        other => unusable(&path(), PngFault::Damaged { decoder: other.to_string() }),
     };
     let mut decoder = png::Decoder::new_with_limits(
         Forward(section(file, 0, u64::MAX)),
@@ -221,14 +207,14 @@ fn picture(
         && (head.bit_depth as usize).div_ceil(8) == info.scalar.bytes()
         && [head.width, head.height] == [info.dims.nx(), info.dims.ny()];
     if !same {
-        return Err(unusable(&path(), "is not the picture that it was a moment ago"));
+        return Err(unusable(&path(), PngFault::Changed));
     }
     let depth = head.bit_depth as usize;
     let mut reader = decoder.read_info().map_err(failed)?;
     let mut samples = vec![0; info.dims.nx() as usize * info.scalar.bytes()];
     for y in 0..info.dims.ny() {
         let row = reader.next_row().map_err(failed)?;
-        let row = row.ok_or_else(|| unusable(&path(), "the PNG picture has too few rows"))?;
+        let row = row.ok_or_else(|| unusable(&path(), PngFault::FewRows))?;
         if depth < 8 {
             expand(row.data(), depth, &mut samples);
         } else {
@@ -300,14 +286,12 @@ mod tests {
     fn headers_of_other_kinds_are_refused_by_name() {
         let head = Head { size: [3, 2], depth: 8, color: 0, interlaced: false };
         assert!(head.check().is_ok());
-        for (head, words) in [
-            (Head { color: 2, ..head }, "RGB"),
-            (Head { color: 3, ..head }, "palette"),
-            (Head { color: 6, ..head }, "transparency"),
-            (Head { depth: 3, ..head }, "damaged"),
-            (Head { interlaced: true, ..head }, "interlaced"),
+        for (head, fault) in [
+            (Head { color: 2, ..head }, PngFault::Colour { code: 2 }),
+            (Head { depth: 3, ..head }, PngFault::Depth { bits: 3 }),
+            (Head { interlaced: true, ..head }, PngFault::Interlaced),
         ] {
-            assert!(head.check().unwrap_err().contains(words), "{head:?}");
+            assert_eq!(head.check(), Err(fault));
         }
     }
 }

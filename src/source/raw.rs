@@ -7,6 +7,8 @@ use std::sync::Arc;
 
 use super::files::{FileList, FileSet, base_name};
 use super::stored::{Placed, Places, Samples};
+use crate::facts::samples::{RawFault, RawLayout};
+use crate::facts::{Fault, Instead, Misuse};
 use crate::geom::{Dims, Orientation};
 use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
@@ -49,25 +51,20 @@ impl RawVolume {
         let (list, name) = list_files(inputs)?;
         let first = || inputs.first().cloned().unwrap_or_default();
         if !options.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
-            let reason = "spacing must be three positive numbers of mm; check --spacing".into();
-            return Err(SourceError::Usage { path: first(), reason });
+            let misuse = Misuse::Raw(RawFault::Spacing);
+            return Err(SourceError::Usage { path: first(), misuse });
         }
         let dims = options.dims;
         let is_folder = list.len() != 1 || inputs.first().is_some_and(|p| p.is_dir());
         let slices_per_file = if is_folder { 1 } else { dims.nz() };
         if u64::from(dims.nz()) != list.len() as u64 * u64::from(slices_per_file) {
-            let reason = format!(
-                "{} slice files are given, but {dims} needs {}; check --dims and which files are given",
-                list.len(),
-                dims.nz()
-            );
-            return Err(SourceError::Unusable { path: first(), reason });
+            let fault = Fault::Raw(RawFault::Files { files: list.len(), dims });
+            return Err(SourceError::Unusable { path: first(), fault });
         }
         let voxel_bytes = options.scalar.bytes() as u64;
         let share = u64::from(dims.nx()) * u64::from(dims.ny()) * u64::from(slices_per_file) * voxel_bytes;
         let Some(expected) = share.checked_add(options.skip) else {
-            let reason = "no file can be that long; check --skip".into();
-            return Err(SourceError::Usage { path: first(), reason });
+            return Err(SourceError::Usage { path: first(), misuse: Misuse::Raw(RawFault::Length) });
         };
         for index in 0..list.len() {
             let path = list.path(index);
@@ -76,8 +73,8 @@ impl RawVolume {
                 Err(cause) => return Err(SourceError::Unreadable { path, cause }),
             };
             if got != expected {
-                let what = what_for(options, index, list.len());
-                return Err(SourceError::SizeMismatch { path, expected, got, what });
+                let layout = layout_of(options, index, list.len());
+                return Err(SourceError::SizeMismatch { path, expected, got, layout });
             }
         }
         // Opened now, so that a missing permission shows before a long build and not in it.
@@ -144,23 +141,15 @@ impl VolumeSource for RawVolume {
     }
 }
 
-fn what_for(options: &RawOptions, index: usize, files: usize) -> String {
-    let RawOptions { dims, scalar, skip, .. } = options;
-    let mut what = if files == 1 {
-        format!("{dims} {scalar}")
-    } else {
-        format!("slice file {} of {files}, {}x{} {scalar}", index + 1, dims.nx(), dims.ny())
-    };
-    if *skip > 0 {
-        what += &format!(" after {skip} skipped bytes");
-    }
-    what
+fn layout_of(options: &RawOptions, index: usize, files: usize) -> RawLayout {
+    let RawOptions { dims, scalar, skip, .. } = *options;
+    RawLayout { dims, dtype: scalar.name(), slice: (files > 1).then_some([index, files]), skip }
 }
 
 /// The files to read, in slice order, and the base name to remember.
 fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
     let Some(first) = inputs.first() else {
-        return Err(SourceError::Usage { path: PathBuf::new(), reason: "no input file is given".into() });
+        return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
     };
     let is_dir = |path: &Path| match fs::metadata(path) {
         Ok(meta) => Ok(meta.is_dir()),
@@ -172,8 +161,7 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
     let mut list = FileList::new(Path::new(""));
     for path in inputs {
         if is_dir(path)? {
-            let reason = "is a folder among several inputs; give one folder, or files only".into();
-            return Err(SourceError::Usage { path: path.clone(), reason });
+            return Err(SourceError::Usage { path: path.clone(), misuse: Misuse::FolderAmongFiles });
         }
         list.push(path);
     }
@@ -195,8 +183,7 @@ fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
         }
     }
     if list.len() == 0 {
-        let reason = "the folder holds no file; give the folder of the slice files".into();
-        return Err(SourceError::NoVolume { path: folder.to_path_buf(), reason });
+        return Err(SourceError::NoVolume { path: folder.to_path_buf(), found: Instead::NoSlices });
     }
     let order = list.natural_order();
     Ok(list.select(order.into_iter()))

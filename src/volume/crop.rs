@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use super::{SourceError, VolumeInfo, VolumeSource, Wrapper};
+use crate::facts::Misuse;
 use crate::geom::Dims;
 
 /// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its
@@ -25,12 +26,7 @@ impl Crop {
         let fits = roi.iter().zip(info.dims.to_array()).all(|(r, n)| r.end <= n);
         let Some(dims) = Dims::new(size[0], size[1], size[2]).filter(|_| fits) else {
             let path = PathBuf::from(&info.description.name);
-            let [x, y, z] = &roi;
-            let reason = format!(
-                "--roi {x:?},{y:?},{z:?} is empty or not within the volume of {} voxels; write X0..X1,Y0..Y1,Z0..Z1 with each end at most the side",
-                info.dims
-            );
-            return Err(SourceError::Usage { path, reason });
+            return Err(SourceError::Usage { path, misuse: Misuse::Roi { roi, dims: info.dims } });
         };
         let corner = roi.clone().map(|r| f64::from(r.start));
         let origin = info.affine.apply(corner);

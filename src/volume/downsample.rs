@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use super::{Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, Wrapper};
+use crate::facts::Misuse;
 use crate::geom::Dims;
 
 /// Samples of the original that are read at a time; of doubles, 32 KiB.
@@ -38,9 +39,7 @@ impl Downsample {
         let dims = Dims::new(sides[0], sides[1], sides[2]);
         let (Some(dims), 2 | 4) = (dims, factor) else {
             let path = PathBuf::from(&info.description.name);
-            let reason =
-                format!("a volume cannot be made {factor} times smaller; choose --downsample 2 or 4");
-            return Err(SourceError::Usage { path, reason });
+            return Err(SourceError::Usage { path, misuse: Misuse::Downsample { factor } });
         };
         let wide = f64::from(factor);
         let origin = info.affine.apply([0.5 * (wide - 1.0); 3]);

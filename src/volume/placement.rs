@@ -5,7 +5,7 @@
 
 use super::noted::Noted;
 use super::{Note, SourceError, VolumeInfo, VolumeSource};
-use crate::facts::StatedBy;
+use crate::facts::{Misuse, StatedBy};
 use crate::geom::Orientation;
 
 /// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
@@ -61,12 +61,7 @@ pub(crate) fn place(
     if info.affine.inverse().is_none() {
         return Err(SourceError::Usage {
             path: info.description.name.into(),
-            reason: match by {
-                StatedBy::Caller => "--spacing",
-                StatedBy::SideCar => "spacing of the side-car",
-            }
-            .to_owned()
-                + " is out of range; give the distance of voxels in mm",
+            misuse: Misuse::Spacing { by },
         });
     }
     Ok(Box::new(Noted { source, info }))

@@ -5,17 +5,17 @@
 pub(crate) mod random;
 use random::Random;
 
-use infobyte::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
+use infobyte::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
 use infobyte::format::{Metadata, SourceMeta, normal};
 
 /// Normals and coarse means, no values.
-pub(crate) const NORMALS: Channels = Channels { normal: true, value_bytes: 0, lod: true };
+pub(crate) const NORMALS: OptionalSections = OptionalSections { normal: true, value_bytes: 0, lod: true };
 
 /// Everything that an assembled file can have.
-pub(crate) const FULL: Channels = Channels { normal: true, value_bytes: 2, lod: true };
+pub(crate) const FULL: OptionalSections = OptionalSections { normal: true, value_bytes: 2, lod: true };
 
 /// Metadata of a volume with unit spacing, inside from 1 on.
-pub(crate) fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
+pub(crate) fn metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
     Metadata {
         source: SourceMeta { format: "raw".into(), name: "e.raw".into(), files: 1, bytes: 6 },
         ..plain_metadata(dims, channels)
@@ -23,13 +23,17 @@ pub(crate) fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
 }
 
 /// A shell of a ball with rough normals, in a box of `dims`.
-pub(crate) fn shell(dims: [u32; 3], channels: Channels, seed: u64) -> Vec<u8> {
+pub(crate) fn shell(dims: [u32; 3], channels: OptionalSections, seed: u64) -> Vec<u8> {
     let mut random = Random(seed);
     shell_of(dims, channels, |n| random.below(n))
 }
 
 /// The same with numbers from elsewhere: `below(n)` gives the next one below `n`.
-pub(crate) fn shell_of(dims: [u32; 3], channels: Channels, mut below: impl FnMut(u64) -> u64) -> Vec<u8> {
+pub(crate) fn shell_of(
+    dims: [u32; 3],
+    channels: OptionalSections,
+    mut below: impl FnMut(u64) -> u64,
+) -> Vec<u8> {
     let center = dims.map(|n| f64::from(n) / 2.0 - 0.5);
     let radius = dims.map(f64::from).into_iter().fold(f64::INFINITY, f64::min) / 2.0 - 1.0;
     let mut voxels = Vec::new();
@@ -53,7 +57,7 @@ pub(crate) fn shell_of(dims: [u32; 3], channels: Channels, mut below: impl FnMut
 }
 
 /// The two opposite corners of a small box, or its only voxel.
-pub(crate) fn corner(dims: [u32; 3], channels: Channels) -> Vec<u8> {
+pub(crate) fn corner(dims: [u32; 3], channels: OptionalSections) -> Vec<u8> {
     let voxel = |cell, direction, value| AssembledVoxel { cell, normal: normal::encode(direction), value };
     let mut voxels = vec![voxel([0; 3], [-1.0, 0.0, 0.0], 3)];
     if dims != [1, 1, 1] {

@@ -45,6 +45,8 @@ use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::catalogue::{Catalogue, PatientWords};
 use crate::clean::CleanOptions;
 use crate::error::Error;
+use crate::facts::Instead;
+use crate::format::Channel;
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
 use crate::resident::give_back;
@@ -126,8 +128,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
         let path = request.inputs.first().cloned().unwrap_or_default();
-        let reason = "no volume was found below it; `oct scan` says what is there".into();
-        return Err(SourceError::NoVolume { path, reason }.into());
+        return Err(SourceError::NoVolume { path, found: Instead::Nothing }.into());
     }
 
     let limit = request.build.memory.bytes();
@@ -511,15 +512,8 @@ fn is_plain(c: char) -> bool {
 fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
     let text = format!(
-        "{:?} {:?} {} {} {} {} {:?} {:?}",
-        b.threshold,
-        b.connectivity,
-        b.normals,
-        b.values,
-        b.lod,
-        request.thumbnails,
-        request.how,
-        request.clean
+        "{:?} {:?} {:?} {} {} {:?} {:?}",
+        b.threshold, b.connectivity, b.channels, b.lod, request.thumbnails, request.how, request.clean
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }
@@ -535,8 +529,7 @@ fn options_told(request: &BatchRequest) -> Value {
             Threshold::Chosen(selection) => json!({ "range": [selection.lo, selection.hi] }),
         },
         "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
-        "normals": b.normals,
-        "values": b.values,
+        "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
         "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
         "cleaning": request.clean.operations(),
         "thumbnails": request.thumbnails,

@@ -11,9 +11,9 @@ use crate::format::packed::{
     planes,
 };
 use crate::format::{
-    ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
+    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
 };
-use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk};
+use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
 
 use super::Stop;
 use super::encode::finish_frame;
@@ -93,10 +93,9 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
     let right_kind = match (entry.codec, entry.kind) {
         (CODEC_NONE, _) => true,
         (_, None) => false,
-        (CODEC_DERIVED, kind) => matches!(kind, Some(SectionKind::NormalLod | SectionKind::ValueLod)),
-        (CODEC_STRUCTURE, kind) => kind == Some(SectionKind::Nodes),
-        (CODEC_NORMALS, kind) => kind == Some(SectionKind::Normal),
-        _ => true,
+        // Blocks of bytes are legal for any section that is not read when a file is opened.
+        (CODEC_PLANES, _) => true,
+        (codec, Some(kind)) => kind.codec() == codec,
     };
     if ok && right_kind { Ok(()) } else { Err(invalid("a packed section is impossible (SPEC 5.1)")) }
 }
@@ -287,27 +286,27 @@ fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
 /// SPEC 5.6: writes the coarse means of the voxels that are in `out`.
 fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
     let coarse = mapped.dims().depth().saturating_sub(1);
-    let writers = |kind| -> Vec<Writer> {
-        let Some(entry) = mapped.section(kind) else { return Vec::new() };
-        let item = u64::from(entry.item_bytes);
-        (0..coarse)
-            .map(|d| {
+    let mut writers: Vec<(Channel, usize, Vec<Writer>)> = walked_channels(mapped)
+        .into_iter()
+        .map(|channel| {
+            let Some(entry) = mapped.section(SectionKind::Means(channel)) else {
+                return (channel, 0, Vec::new());
+            };
+            let item = u64::from(entry.item_bytes);
+            let levels = (0..coarse).map(|d| {
                 let level = mapped.level(d);
                 Writer::new(out, entry.offset + level.start * item, entry.offset + level.end * item)
-            })
-            .collect()
-    };
-    let mut normals = writers(SectionKind::NormalLod);
-    let mut values = writers(SectionKind::ValueLod);
-    let value_bytes = usize::from(mapped.section(SectionKind::ValueLod).map_or(0, |e| e.item_bytes)).min(2);
-    walk(out, mapped, &mut |depth, means| {
-        if let Some(writer) = normals.get_mut(depth) {
-            writer.write(&means.normal().to_le_bytes())?;
-        }
-        if let Some(writer) = values.get_mut(depth) {
-            writer.write(&means.value().to_le_bytes()[..value_bytes])?;
+            });
+            (channel, usize::from(entry.item_bytes), levels.collect())
+        })
+        .collect();
+    walk(out, mapped, &mut |depth, sums| {
+        for ((channel, item, levels), sum) in writers.iter_mut().zip(sums) {
+            if let (Some(writer), Some(means)) = (levels.get_mut(depth), &channel.row().means) {
+                writer.write(means.rule.mean(sum).get(..*item).unwrap_or_default())?;
+            }
         }
         Ok::<(), Fault>(())
     })?;
-    normals.iter_mut().chain(&mut values).try_for_each(Writer::flush).map_err(Stop::Output)
+    writers.iter_mut().flat_map(|(.., levels)| levels).try_for_each(Writer::flush).map_err(Stop::Output)
 }

@@ -17,19 +17,6 @@ use crate::load::{Cursor, Frame, ReadAt, verify};
 use super::Stop;
 use super::stream::{Subtrees, Writer, for_each_in_group, subtree_shape};
 
-/// The codec of every kind of section (SPEC 5.1): fixed, so that the same content gives the same bytes.
-fn codec_of(kind: Option<SectionKind>) -> u8 {
-    match kind {
-        None | Some(SectionKind::Meta | SectionKind::Levels | SectionKind::Rank) => CODEC_NONE,
-        Some(SectionKind::Nodes) => CODEC_STRUCTURE,
-        Some(SectionKind::NormalLod | SectionKind::ValueLod) => CODEC_DERIVED,
-        Some(SectionKind::Normal) => CODEC_NORMALS,
-        Some(SectionKind::Value | SectionKind::Offset | SectionKind::Color | SectionKind::Material) => {
-            CODEC_PLANES
-        }
-    }
-}
-
 /// Packs into an empty file and returns the frame of what was written.
 pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
     let early = Frame::read(source)?;
@@ -52,7 +39,7 @@ pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
         let padding = usize::try_from(offset - writer.position()).unwrap_or(0);
         writer.write(&[0; 64][..padding.min(64)]).map_err(Stop::Output)?;
         writer.take_crc();
-        entry.codec = codec_of(entry.kind);
+        entry.codec = entry.kind.map_or(CODEC_NONE, SectionKind::codec);
         match entry.codec {
             CODEC_STRUCTURE => structure(source, &frame, &content, &mut writer)?,
             CODEC_NORMALS => normals(source, &frame, &content, &mut writer)?,

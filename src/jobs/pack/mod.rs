@@ -109,11 +109,11 @@ fn convert(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
+    use crate::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
     use crate::format::{Encoding, normal};
 
     /// A bumpy sheet through a box: every kind of neighbourhood, several subtrees.
-    fn sheet(dims: [u32; 3], channels: Channels) -> Vec<u8> {
+    fn sheet(dims: [u32; 3], channels: OptionalSections) -> Vec<u8> {
         let mut voxels = Vec::new();
         for y in 0..dims[1] {
             for x in 0..dims[0] {
@@ -136,10 +136,10 @@ mod tests {
     fn both_directions_are_lossless_for_every_shape_and_channel() {
         for dims in [[1, 1, 1], [2, 1, 2], [3, 5, 4], [64, 64, 64], [65, 3, 9], [150, 140, 40]] {
             for channels in [
-                Channels { normal: true, value_bytes: 0, lod: true },
-                Channels { normal: true, value_bytes: 2, lod: true },
-                Channels { normal: false, value_bytes: 1, lod: false },
-                Channels { normal: false, value_bytes: 0, lod: true },
+                OptionalSections { normal: true, value_bytes: 0, lod: true },
+                OptionalSections { normal: true, value_bytes: 2, lod: true },
+                OptionalSections { normal: false, value_bytes: 1, lod: false },
+                OptionalSections { normal: false, value_bytes: 0, lod: true },
             ] {
                 let mapped = sheet(dims, channels);
                 let out = tempfile::tempfile().unwrap();

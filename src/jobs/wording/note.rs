@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use crate::facts::{Carrier, Form, Note, Packing, StatedBy};
+use super::error::Reason;
+use crate::facts::{Carrier, Form, Note, Packing, Refusal, StatedBy};
 
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -109,7 +110,17 @@ impl fmt::Display for Note {
                 known.join(", ")
             ),
             Self::Dicom(note) => note.fmt(f),
-            Self::Text(text) => f.write_str(text),
+            Self::Chosen(choice) => choice.fmt(f),
+            Self::DamagedBeside(Refusal(error)) => {
+                let name = error.path().file_name().unwrap_or_default().to_string_lossy();
+                write!(f, "{name}, of a series that is not used: {}", Reason(error))
+            }
+            Self::LeftOut { count, why, first } => {
+                write!(f, "{count} file(s) left out: {why} (first: {first})")
+            }
+            Self::MoreLeftOut { count } => {
+                write!(f, "{count} more file(s) left out for other reasons")
+            }
         }
     }
 }
@@ -128,7 +139,7 @@ impl fmt::Display for Packing {
 }
 
 /// A spacing for people: six digits, as headers print it.
-pub(super) fn mm(spacing_mm: [f64; 3]) -> String {
+fn mm(spacing_mm: [f64; 3]) -> String {
     let [x, y, z] = spacing_mm.map(|mm| format!("{mm:.5e}").parse().unwrap_or(mm));
     format!("{x} x {y} x {z} mm")
 }

@@ -22,7 +22,7 @@ pub(super) struct Placement {
 
 impl Placement {
     /// Voxel index to LPS mm.
-    pub(super) fn affine(&self, notes: &mut Vec<Note>) -> Result<Affine, String> {
+    pub(super) fn affine(&self, notes: &mut Vec<Note>) -> Affine {
         let mm = match self.units & 7 {
             1 => 1000.0,
             3 => 1e-3,
@@ -37,7 +37,7 @@ impl Placement {
         for row in rows.iter_mut().take(2) {
             row.iter_mut().for_each(|v| *v = 0.0 - *v);
         }
-        Ok(Affine { rows })
+        Affine { rows }
     }
 
     /// Voxel index to RAS in the file's unit.

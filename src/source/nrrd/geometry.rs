@@ -1,5 +1,6 @@
 //! Axes of an NRRD header, and where they run in space.
 
+use crate::facts::nrrd::NrrdFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::source::header::{normal_of, numbers, unit_mm};
@@ -52,14 +53,14 @@ impl Geometry {
     }
 
     /// The axes with their sizes; those without a direction where others have one are not in space.
-    pub(super) fn axes(&self, sizes: &[u64]) -> Result<Vec<Axis>, String> {
-        for (name, count) in [
+    pub(super) fn axes(&self, sizes: &[u64]) -> Result<Vec<Axis>, NrrdFault> {
+        for (field, entries) in [
             ("space directions", self.directions.len()),
             ("kinds", self.kinds.len()),
             ("spacings", self.spacings.len()),
         ] {
-            if count != 0 && count != sizes.len() {
-                return Err(format!("its header has {count} {name} for {} axes", sizes.len()));
+            if entries != 0 && entries != sizes.len() {
+                return Err(NrrdFault::Entries { field, entries, axes: sizes.len() });
             }
         }
         let axis = |(index, size): (usize, &u64)| {
@@ -77,7 +78,7 @@ impl Geometry {
         axes: &[Axis],
         space: &[usize],
         notes: &mut Vec<Note>,
-    ) -> Result<Affine, String> {
+    ) -> Result<Affine, NrrdFault> {
         let mut affine = Affine::from_spacing([1.0; 3]);
         let directed = !self.directions.is_empty();
         if directed {
@@ -95,7 +96,7 @@ impl Geometry {
     }
 
     /// From `space directions` and `space origin`.
-    fn directed(&self, space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) -> Result<(), String> {
+    fn directed(&self, space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) -> Result<(), NrrdFault> {
         let (signs, known) = signs(&self.space);
         if !known {
             let space = Some(self.space.clone()).filter(|space| !space.is_empty());
@@ -114,7 +115,7 @@ impl Geometry {
         };
         for (column, index) in space.iter().enumerate() {
             let vector = self.directions.get(*index).cloned().flatten();
-            let vector = vector.ok_or("an axis has no direction")?;
+            let vector = vector.ok_or(NrrdFault::NoDirection)?;
             affine.rows.iter_mut().zip(place(&vector)).for_each(|(row, c)| row[column] = c);
         }
         if self.origin.is_empty() {

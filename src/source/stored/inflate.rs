@@ -7,8 +7,6 @@ use std::os::unix::fs::FileExt;
 use bzip2::{Decompress, Status};
 use flate2::bufread::GzDecoder;
 
-use crate::facts::Packing;
-
 /// Bytes of a file that are read at once.
 pub(super) const INPUT_BYTES: usize = 32 << 10;
 
@@ -44,17 +42,6 @@ pub(in crate::source) type Section<'a> = BufReader<PositionReader<'a>>;
 pub(in crate::source) fn section(file: &File, offset: u64, length: u64) -> Section<'_> {
     let capacity = usize::try_from(length).map_or(INPUT_BYTES, |n| n.clamp(1, INPUT_BYTES));
     BufReader::with_capacity(capacity, PositionReader::new(file, offset, length))
-}
-
-/// What went wrong with a stream, in words: the system's reason, or that its bytes are damaged.
-///
-/// Decoders speak of damage in errors of their own; only the system's have a number.
-pub(in crate::source) fn sentence_of(cause: &io::Error, stream: Packing) -> String {
-    if cause.raw_os_error().is_some() {
-        format!("cannot be read ({cause})")
-    } else {
-        format!("the {stream} stream is damaged ({cause}); copy the file again")
-    }
 }
 
 /// Gzip: one member after another; what follows the last one and is no member is ignored, as `gzip` does.

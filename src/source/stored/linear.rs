@@ -5,11 +5,13 @@ use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
 use std::sync::Arc;
 
-use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section, sentence_of};
+use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section};
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
+use crate::facts::samples::{Damage, StoredFault};
 use crate::facts::{Note, Packing};
 use crate::source::files::{FileList, FileSet};
+use crate::source::header::unusable;
 use crate::volume::{Endian, SourceError, VolumeInfo};
 
 /// Stored bytes that are turned into samples at once; a multiple of every sample's width.
@@ -113,8 +115,8 @@ pub(in crate::source) struct Linear {
 }
 
 impl Linear {
-    fn fail(&self, file: usize, reason: String) -> SourceError {
-        SourceError::Unusable { path: self.files.list().path(file), reason }
+    fn fail(&self, file: usize, fault: StoredFault) -> SourceError {
+        unusable(&self.files.list().path(file), fault)
     }
 
     /// Unrolls `count` slices of file `index` from slice `within` on, as slices from `z` on.
@@ -131,17 +133,15 @@ impl Linear {
         let packing = self.encoding.packing();
         let before = within.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
         let promised = self.slices_per_file.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
-        let short = |got: u64| {
-            format!(
-                "the header promises {promised} bytes, the {packing} stream ends after {got}; the file was cut short, copy it again"
-            )
-        };
+        let short = |got: u64| StoredFault::StreamEnds { promised, got, packing };
         let failed = |cause: io::Error, got: u64| {
-            let text = match cause.kind() {
-                io::ErrorKind::UnexpectedEof => short(got),
-                _ => sentence_of(&cause, packing),
+            // Decoders speak of damage in errors of their own; only the system's have a number.
+            let fault = match (cause.kind(), cause.raw_os_error()) {
+                (io::ErrorKind::UnexpectedEof, _) => short(got),
+                (_, Some(code)) => StoredFault::StreamUnreadable { code },
+                _ => StoredFault::StreamDamaged { packing, damage: Damage::of(cause) },
             };
-            self.fail(index, text)
+            self.fail(index, fault)
         };
         let endian = if self.encoding == Encoding::Text { Endian::Little } else { self.endian };
         let (stored, delivered) = (self.samples.bytes(), self.samples.delivered().bytes());

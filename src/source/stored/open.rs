@@ -6,9 +6,11 @@ use std::sync::Arc;
 
 use super::{Encoding, Linear, Placed, Places, Samples, StoredVolume};
 use crate::facts::Note;
+use crate::facts::samples::StoredFault;
 use crate::geom::{Affine, Dims};
 use crate::source::files::base_name;
 use crate::source::files::{FileList, FileSet};
+use crate::source::header::unusable;
 use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// Volumes that one file may hold: each takes about a KiB once it is opened.
@@ -61,34 +63,25 @@ impl Stored {
     /// [`SourceError::Unusable`] where the header contradicts itself or the files;
     /// [`SourceError::Unreadable`] where the system refuses.
     pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
-        let wrong = |reason| Err(SourceError::Unusable { path: self.header.clone(), reason });
-        let [nx, ny, nz] = self.size;
+        let wrong = |fault: StoredFault| Err(unusable(&self.header, fault));
         let sides = self.size.map(|n| u32::try_from(n).unwrap_or(0));
         let Some(dims) = Dims::new(sides[0], sides[1], sides[2]) else {
-            return wrong(format!(
-                "its size of {nx}x{ny}x{nz} voxels is out of range; a side has 1 to {} of them",
-                Dims::MAX_SIDE
-            ));
+            return wrong(StoredFault::Size { size: self.size });
         };
         if !(1..=MAX_VOLUMES).contains(&self.volumes) {
-            return wrong(format!(
-                "holds {} volumes, and 1 to {MAX_VOLUMES} are read; split the file",
-                self.volumes
-            ));
+            return wrong(StoredFault::Volumes { count: self.volumes, most: MAX_VOLUMES });
         }
         if self.affine.inverse().is_none() {
-            return wrong("its axes are flat, parallel or no numbers; correct spacing and directions".into());
+            return wrong(StoredFault::Axes);
         }
         let Rescale { slope, intercept } = self.rescale;
         if !(slope.is_finite() && intercept.is_finite() && slope != 0.0) {
-            return wrong(format!("slope {slope} and intercept {intercept} give no values"));
+            return wrong(StoredFault::Rescale { slope, intercept });
         }
         let slices = u64::from(dims.nz()) * self.volumes;
         let count = self.files.len() as u64;
         if count == 0 || !slices.is_multiple_of(count) {
-            return wrong(format!(
-                "{count} data files are named for {slices} slices, which cannot be shared out evenly"
-            ));
+            return wrong(StoredFault::Files { files: count, slices });
         }
         let slices_per_file = slices / count;
         let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.samples.bytes() as u64;
@@ -151,30 +144,26 @@ impl Stored {
         for index in 0..self.files.len() {
             let path = self.files.path(index);
             let length = regular(&path)?;
-            let wrong = |reason| Err(SourceError::Unusable { path: path.clone(), reason });
+            let wrong = |fault: StoredFault| Err(unusable(&path, fault));
             let skip = match self.skip {
                 Skip::Bytes(skip) => skip,
                 Skip::AllButSamples => length.saturating_sub(share),
             };
             if *common.get_or_insert(skip) != skip {
-                return wrong("its samples begin elsewhere than those of the first file".into());
+                return wrong(StoredFault::Begin);
             }
             let there = length.saturating_sub(skip);
             if self.encoding == Encoding::Raw {
                 if there < share {
-                    return wrong(format!(
-                        "the header promises {share} bytes of samples, the file has {there}; it was cut short or its header is wrong"
-                    ));
+                    return wrong(StoredFault::Short { promised: share, there });
                 }
                 longer += u64::from(there > share);
                 continue;
             }
             let promised = share.saturating_add(self.skip_unpacked);
             if self.encoding.most(there, self.samples) < promised {
-                return wrong(format!(
-                    "the header promises {promised} bytes of samples, more than {there} bytes of {} can hold; it was cut short or its header is wrong",
-                    self.encoding.packing()
-                ));
+                let packing = self.encoding.packing();
+                return wrong(StoredFault::ShortStream { promised, there, packing });
             }
         }
         if longer > 0 {
@@ -190,8 +179,7 @@ pub(in crate::source) fn regular(path: &Path) -> Result<u64, SourceError> {
     let meta =
         fs::metadata(path).map_err(|cause| SourceError::Unreadable { path: path.to_path_buf(), cause })?;
     if !meta.is_file() {
-        let reason = "is no regular file, so it cannot hold samples".into();
-        return Err(SourceError::Unusable { path: path.to_path_buf(), reason });
+        return Err(unusable(path, StoredFault::NotRegular));
     }
     Ok(meta.len())
 }

@@ -1,17 +1,19 @@
 //! Directories of a TIFF file, classic and BigTIFF, read by position; no list is longer than its file.
 
 use std::fs::File;
-use std::io::{self, ErrorKind};
+use std::io;
 use std::os::unix::fs::FileExt;
 
+use crate::facts::Fault;
+use crate::facts::tiff::TiffFault;
 use crate::volume::Endian;
 
 /// Most entries of one directory: real ones have some 20.
 const MAX_ENTRIES: u64 = 512;
 
 /// An error that says what is damaged.
-pub(super) fn damaged(text: impl Into<String>) -> io::Error {
-    io::Error::new(ErrorKind::InvalidData, text.into())
+pub(super) fn damaged(fault: TiffFault) -> io::Error {
+    Fault::from(fault).in_stream()
 }
 
 /// An open file and how its numbers are written.
@@ -56,7 +58,7 @@ impl<'a> Tiff<'a> {
         let endian = match head.first_chunk::<2>() {
             Some(b"II") => Endian::Little,
             Some(b"MM") => Endian::Big,
-            _ => return Err(damaged("it is no TIFF")),
+            _ => return Err(damaged(TiffFault::NotTiff)),
         };
         let mut tiff = Self { file, length, endian, big: false };
         let first = match tiff.number(head.get(2..4).unwrap_or_default()) {
@@ -64,12 +66,12 @@ impl<'a> Tiff<'a> {
             43 => {
                 file.read_exact_at(&mut head, 0)?;
                 if tiff.number(head.get(4..6).unwrap_or_default()) != 8 {
-                    return Err(damaged("its BigTIFF head is damaged"));
+                    return Err(damaged(TiffFault::BigHead));
                 }
                 tiff.big = true;
                 tiff.number(head.get(8..16).unwrap_or_default())
             }
-            other => return Err(damaged(format!("it is TIFF of the unknown version {other}"))),
+            version => return Err(damaged(TiffFault::Version { version })),
         };
         Ok((tiff, first))
     }
@@ -91,7 +93,7 @@ impl<'a> Tiff<'a> {
         self.file.read_exact_at(count, offset)?;
         let count = self.number(count);
         if count > MAX_ENTRIES {
-            return Err(damaged(format!("a directory of {count} entries is none")));
+            return Err(damaged(TiffFault::Entries { count }));
         }
         let bytes = usize::try_from(count).unwrap_or(0) * entry_bytes + offset_bytes;
         let mut buffer = vec![0; bytes];
@@ -124,7 +126,7 @@ impl<'a> Tiff<'a> {
             3 | 8 => 2,
             4 | 9 | 11 | 13 => 4,
             5 | 10 | 12 | 16 | 17 | 18 => 8,
-            other => return Err(damaged(format!("a field of the unknown type {other}"))),
+            code => return Err(damaged(TiffFault::FieldType { code })),
         };
         let inside = if self.big { 8 } else { 4 };
         if entry.count.saturating_mul(size) <= inside {
@@ -137,7 +139,7 @@ impl<'a> Tiff<'a> {
     /// Bytes of element `index`.
     fn bytes(&self, entry: &Entry, index: u64) -> io::Result<([u8; 8], usize)> {
         if index >= entry.count {
-            return Err(damaged(format!("a field has {} values where more are needed", entry.count)));
+            return Err(damaged(TiffFault::FieldValues { count: entry.count }));
         }
         let (size, place) = self.place(entry)?;
         let width = usize::try_from(size).unwrap_or(8);

@@ -24,6 +24,8 @@ use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::stored::{Placed, Places, Samples, StoredVolume, Target, Unroll};
+use crate::facts::samples::Damage;
+use crate::facts::tiff::{TiffFault, TiffShape};
 use crate::facts::{Carrier, Note};
 use crate::geom::{Affine, Dims};
 use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
@@ -73,7 +75,7 @@ pub(super) fn open(list: FileList, _: &OpenOptions) -> Vec<Slices> {
         let path = list.path(index);
         let own = |volume| Slices { files: vec![index], volume };
         let mut pages = Stack::default();
-        let added = pages.add(&path, 0).map_err(|cause| unreadable(&path, cause));
+        let added = pages.add(&path, 0);
         let several = if added.is_ok() { Some(pages.pages.len() > 1) } else { several_pages(&path) };
         match (added, several) {
             (Ok(()), Some(true)) => {
@@ -84,8 +86,8 @@ pub(super) fn open(list: FileList, _: &OpenOptions) -> Vec<Slices> {
                 let number = u32::try_from(files.len()).unwrap_or(u32::MAX);
                 pages.pages.iter_mut().for_each(|page| page.file = number);
                 files.push(index);
-                if let Err(reason) = stack.append(pages) {
-                    refused.get_or_insert(unusable(&path, reason));
+                if let Err(fault) = stack.append(pages) {
+                    refused.get_or_insert(unusable(&path, fault));
                 }
             }
             (Err(error), Some(true)) => whole.push(own(Err(error))),
@@ -189,10 +191,14 @@ struct Stack {
 
 impl Stack {
     /// Adds the pages of a file.
-    fn add(&mut self, path: &Path, file: u32) -> io::Result<()> {
-        super::stored::regular(path).map_err(|error| io::Error::other(error.to_string()))?;
-        let opened = File::open(path)?;
-        let (tiff, mut offset) = Tiff::open(&opened)?;
+    fn add(&mut self, path: &Path, file: u32) -> Result<(), SourceError> {
+        super::stored::regular(path)?;
+        let added = File::open(path).and_then(|opened| self.add_pages(&opened, file));
+        added.map_err(|cause| unreadable(path, cause))
+    }
+
+    fn add_pages(&mut self, opened: &File, file: u32) -> io::Result<()> {
+        let (tiff, mut offset) = Tiff::open(opened)?;
         self.file_bytes = self.file_bytes.saturating_add(tiff.length);
         let mut seen = 0_usize;
         // Brent's way to notice a circle: the offset that all later ones are compared with moves on at
@@ -201,7 +207,7 @@ impl Stack {
         let mut notes: Option<Notes> = None;
         while offset != 0 {
             if offset == mark.0 || seen >= MAX_PAGES {
-                return Err(damaged("its pages follow each other in a circle"));
+                return Err(damaged(TiffFault::Circle));
             }
             if seen == mark.1 {
                 mark = (offset, seen * 2);
@@ -219,9 +225,9 @@ impl Stack {
             }
             self.page(&tiff, &directory, here, file)?;
         }
-        let notes = notes.ok_or_else(|| damaged("it has no page"))?;
-        if let Some(reason) = notes.refused {
-            return Err(damaged(reason));
+        let notes = notes.ok_or_else(|| damaged(TiffFault::NoPage))?;
+        if let Some(fault) = notes.refused {
+            return Err(damaged(fault));
         }
         self.spacing_mm = self.spacing_mm.or(notes.spacing_mm);
         self.contiguous(&tiff, notes.images)
@@ -234,18 +240,18 @@ impl Stack {
         if let Some(at) = pixels
             && at.saturating_add(raster.bytes()) > tiff.length
         {
-            return Err(damaged(format!(
-                "page {} needs {} bytes from byte {at} on, and the file has {}; copy it again",
-                self.pages.len() + 1,
-                raster.bytes(),
-                tiff.length
-            )));
+            return Err(damaged(TiffFault::PageBytes {
+                page: self.pages.len() + 1,
+                bytes: raster.bytes(),
+                at,
+                length: tiff.length,
+            }));
         }
         self.memory_bytes = self.memory_bytes.max(raster.memory_bytes());
         self.inverted |= raster.inverted;
         self.turned(backwards(tiff.value(directory, ORIENTATION, 1)?).map_err(damaged)?).map_err(damaged)?;
         if self.pages.len() >= Dims::MAX_SIDE as usize {
-            return Err(damaged(format!("it has more than {} pages", Dims::MAX_SIDE)));
+            return Err(damaged(TiffFault::Pages { most: Dims::MAX_SIDE }));
         }
         self.pages.push(Page { file, offset, pixels, endian: tiff.endian });
         Ok(())
@@ -258,14 +264,12 @@ impl Stack {
         let Some(pixels) = first.pixels.filter(|_| images > 1) else { return Ok(()) };
         let bytes = u64::from(shape.size[0]) * u64::from(shape.size[1]) * shape.samples.bytes() as u64;
         if images > u64::from(Dims::MAX_SIDE) {
-            return Err(damaged(format!("its {images} images are out of range")));
+            return Err(damaged(TiffFault::Images { count: images }));
         }
         let end = pixels.saturating_add(images.saturating_mul(bytes));
         if end > tiff.length {
-            return Err(damaged(format!(
-                "its description promises {images} images up to byte {end}, and the file has {}; copy it again",
-                tiff.length
-            )));
+            let length = tiff.length;
+            return Err(damaged(TiffFault::ImagesBytes { count: images, end, length }));
         }
         self.pages.extend((1..images).map(|i| Page { pixels: Some(pixels + i * bytes), ..first }));
         self.contiguous = true;
@@ -273,30 +277,25 @@ impl Stack {
     }
 
     /// Is a slice of the same kind as those before?
-    fn same(&mut self, shape: Shape) -> Result<(), String> {
+    fn same(&mut self, shape: Shape) -> Result<(), TiffFault> {
         let first = *self.shape.get_or_insert(shape);
         if first == shape {
             return Ok(());
         }
-        let say = |s: Shape| format!("{}x{} {}", s.size[0], s.size[1], s.samples.delivered());
-        Err(format!(
-            "a page is {} where the first is {}; slices of a volume are alike in size and type, move the other away",
-            say(shape),
-            say(first)
-        ))
+        let told = |s: Shape| TiffShape { size: s.size, dtype: s.samples.delivered().name() };
+        Err(TiffFault::Unlike { page: told(shape), first: told(first) })
     }
 
     /// Is a slice stored from the same corner as those before?
-    fn turned(&mut self, backwards: [bool; 2]) -> Result<(), String> {
+    fn turned(&mut self, backwards: [bool; 2]) -> Result<(), TiffFault> {
         if *self.backwards.get_or_insert(backwards) == backwards {
             return Ok(());
         }
-        Err("a page is stored from another corner than the first (Orientation); save all of them alike"
-            .into())
+        Err(TiffFault::Corner)
     }
 
     /// Adds the slices of another file.
-    fn append(&mut self, other: Self) -> Result<(), String> {
+    fn append(&mut self, other: Self) -> Result<(), TiffFault> {
         if let Some(shape) = other.shape {
             self.same(shape)?;
         }
@@ -314,17 +313,14 @@ impl Stack {
 
     fn volume(self, list: FileList, name: String) -> Result<Box<dyn VolumeSource>, SourceError> {
         let path = list.path(0);
-        let refuse = |reason: String| unusable(&path, reason);
-        let shape = self.shape.ok_or_else(|| refuse("has no page".into()))?;
+        let refuse = |fault: TiffFault| unusable(&path, fault);
+        let shape = self.shape.ok_or_else(|| refuse(TiffFault::NoSlice))?;
         let nz = u32::try_from(self.pages.len()).unwrap_or(u32::MAX);
         let dims = Dims::new(shape.size[0], shape.size[1], nz)
-            .ok_or_else(|| refuse(format!("{nz} pages are out of range")))?;
+            .ok_or_else(|| refuse(TiffFault::PagesOutOfRange { count: nz }))?;
         let bytes = dims.voxels() * shape.samples.bytes() as u64;
         if bytes > self.file_bytes.saturating_mul(MOST_EXPANSION) {
-            return Err(refuse(format!(
-                "its pages promise {bytes} bytes, more than {} bytes of file can hold",
-                self.file_bytes
-            )));
+            return Err(refuse(TiffFault::Promise { bytes, file_bytes: self.file_bytes }));
         }
         let spacing_mm = self.spacing_mm.unwrap_or([1.0; 3]);
         let mut notes = Vec::new();
@@ -374,14 +370,12 @@ impl Stack {
 }
 
 /// Whether columns, and rows, are stored from the other end, by the tag Orientation.
-fn backwards(orientation: u64) -> Result<[bool; 2], String> {
+fn backwards(orientation: u64) -> Result<[bool; 2], TiffFault> {
     match orientation {
         2 => Ok([true, false]),
         3 => Ok([true, true]),
         4 => Ok([false, true]),
-        5..=8 => Err(format!(
-            "its pictures are stored turned by 90 degrees (Orientation {orientation}); save them upright"
-        )),
+        5..=8 => Err(TiffFault::Turned { orientation }),
         // Others mean nothing.
         _ => Ok([false, false]),
     }
@@ -422,20 +416,18 @@ impl Unroll for Pages {
                 // Held against the survey: the file may have been changed since.
                 let size = [info.dims.nx(), info.dims.ny()];
                 if [raster.width, raster.height] != size || raster.samples.delivered() != info.scalar {
-                    return Err(damaged("it is not the page that it was a moment ago"));
+                    return Err(damaged(TiffFault::Changed));
                 }
                 result = raster.unroll(&tiff, z, target)?;
                 Ok(())
             };
             self.files.with(index, unroll).map_err(|cause| {
                 let path = self.files.list().path(index);
-                let page = format!("page {}", z + 1);
+                let page = z + 1;
                 match cause.kind() {
-                    io::ErrorKind::UnexpectedEof => {
-                        unusable(&path, format!("{page} ends early; the file was cut short, copy it again"))
-                    }
+                    io::ErrorKind::UnexpectedEof => unusable(&path, TiffFault::PageEnds { page }),
                     _ if cause.raw_os_error().is_some() => unreadable(&path, cause),
-                    _ => unusable(&path, format!("{page} is damaged ({cause}); copy the file again")),
+                    _ => unusable(&path, TiffFault::PageDamaged { page, damage: Damage::of(cause) }),
                 }
             })?;
             result?;

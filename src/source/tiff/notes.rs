@@ -1,5 +1,6 @@
 //! What ImageJ and OME write into the description of a TIFF file.
 
+use crate::facts::tiff::TiffFault;
 use crate::source::header::unit_mm;
 
 /// What a description says.
@@ -10,7 +11,7 @@ pub(super) struct Notes {
     /// Distance in mm of neighbours along x, y, z.
     pub(super) spacing_mm: Option<[f64; 3]>,
     /// Why the pictures are no volume.
-    pub(super) refused: Option<String>,
+    pub(super) refused: Option<TiffFault>,
 }
 
 impl Notes {
@@ -32,12 +33,8 @@ impl Notes {
             lines.find(|(k, _)| *k == key).map(|(_, v)| v.trim())
         };
         let count = |key: &str| value(key).and_then(|v| v.parse::<u64>().ok()).unwrap_or(1);
-        let refused =
-            ["channels", "frames"].into_iter().map(|key| (key, count(key))).find(|(_, n)| *n > 1).map(
-                |(key, n)| {
-                    format!("is an ImageJ hyperstack of {n} {key}; save one of them as a stack of its own")
-                },
-            );
+        let several = ["channels", "frames"].into_iter().map(|of| (of, count(of))).find(|(_, n)| *n > 1);
+        let refused = several.map(|(of, count)| TiffFault::Hyperstack { count, of });
         let spacing = |mm: f64| {
             let depth = value("spacing").and_then(|v| v.parse::<f64>().ok()).map_or(1.0, f64::abs);
             let across = resolution[0].or(resolution[1])?;
@@ -55,12 +52,9 @@ impl Notes {
             rest.split_once('"').map(|(value, _)| value)
         };
         let count = |key: &str| value(key).and_then(|v| v.parse::<u64>().ok()).unwrap_or(1);
-        let refused = [("SizeC", "channels"), ("SizeT", "time points")]
-            .into_iter()
-            .find(|(k, _)| count(k) > 1)
-            .map(|(key, what)| {
-                format!("is an OME file of {} {what}; save one of them as a stack of its own", count(key))
-            });
+        let several =
+            [("SizeC", "channels"), ("SizeT", "time points")].into_iter().find(|(k, _)| count(k) > 1);
+        let refused = several.map(|(key, of)| TiffFault::Ome { count: count(key), of });
         let length = |axis: &str| {
             let size: f64 = value(&format!("PhysicalSize{axis}"))?.parse().ok()?;
             let unit = value(&format!("PhysicalSize{axis}Unit"));
@@ -93,7 +87,7 @@ mod tests {
         assert_eq!(Notes::read("ImageJ=1\nunit=pixel\n", [Some(1.0); 2]).spacing_mm, None);
         assert_eq!(Notes::read("ImageJ=1\nunit=mm\n", [None; 2]).spacing_mm, None);
         for text in ["ImageJ=1\nimages=6\nchannels=2\nslices=3\n", "ImageJ=1\nimages=6\nframes=6\n"] {
-            assert!(Notes::read(text, [None; 2]).refused.unwrap().contains("hyperstack"));
+            assert!(matches!(Notes::read(text, [None; 2]).refused, Some(TiffFault::Hyperstack { .. })));
         }
     }
 
@@ -102,7 +96,8 @@ mod tests {
         let text = "<?xml?><OME><Image><Pixels BigEndian=\"false\" PhysicalSizeX=\"0.5\" PhysicalSizeY=\"0.25\" PhysicalSizeYUnit=\"mm\" PhysicalSizeZ=\"3\" SizeC=\"1\" SizeZ=\"9\"><TiffData/></Pixels></Image></OME>";
         assert_eq!(Notes::read(text, [None; 2]).spacing_mm, Some([0.0005, 0.25, 0.003]));
         let channels = text.replace("SizeC=\"1\"", "SizeC=\"3\"");
-        assert!(Notes::read(&channels, [None; 2]).refused.unwrap().contains("3 channels"));
+        let fault = TiffFault::Ome { count: 3, of: "channels" };
+        assert_eq!(Notes::read(&channels, [None; 2]).refused, Some(fault));
         assert_eq!(
             Notes::read("<OME><Pixels PhysicalSizeX=\"nan\" PhysicalSizeY=\"1\">", [None; 2]).spacing_mm,
             None

@@ -1,0 +1,114 @@
+//! From what a solid says of a voxel to what is stored: the items of a channel, before and after all are known.
+//!
+//! Values of 8 and 16 bits are stored as they are (shifted to unsigned), so the channel is lossless for
+//! them. Wider types are swapped as singles and stored in 16 bits between the smallest and the largest
+//! value found on the skin.
+
+use super::range::Ordered;
+use crate::format::Channel;
+use crate::volume::{Rescale, ScalarType};
+
+/// How the items of a channel, which a solid gives while it is scanned, are stored in the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ItemForm {
+    /// As they are.
+    AsIs {
+        /// Bytes of an item.
+        bytes: usize,
+    },
+    /// Singles (little-endian), as 16-bit numbers of steps above the lowest.
+    Scaled {
+        /// Single of number 0.
+        low: f64,
+        /// From one number to the next.
+        step: f64,
+    },
+}
+
+impl ItemForm {
+    /// Singles of `extent` spread over 16 bits.
+    pub fn scaled(extent: (f32, f32)) -> Self {
+        let (low, high) = (f64::from(extent.0), f64::from(extent.1));
+        Self::Scaled { low, step: if high > low { (high - low) / 65535.0 } else { 1.0 } }
+    }
+
+    /// Bytes of an item in the scratch file.
+    pub fn swapped_bytes(self) -> usize {
+        match self {
+            Self::AsIs { bytes } => bytes,
+            Self::Scaled { .. } => size_of::<f32>(),
+        }
+    }
+
+    /// Bytes of an item in the model.
+    pub fn stored_bytes(self) -> usize {
+        match self {
+            Self::AsIs { bytes } => bytes,
+            Self::Scaled { .. } => size_of::<u16>(),
+        }
+    }
+
+    /// Appends the stored form of swapped items.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=65535")]
+    pub(super) fn store(self, swapped: &[u8], out: &mut Vec<u8>) {
+        match self {
+            Self::AsIs { .. } => out.extend_from_slice(swapped),
+            Self::Scaled { low, step } => {
+                out.extend(swapped.as_chunks::<4>().0.iter().flat_map(|single| {
+                    let v = f64::from(f32::from_le_bytes(*single));
+                    let number = ((v - low) / step + 0.5).floor().clamp(0.0, 65535.0) as u16;
+                    number.to_le_bytes()
+                }));
+            }
+        }
+    }
+}
+
+/// A channel to be stored, and the form of its items.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ChannelForm {
+    pub(super) channel: Channel,
+    pub(super) form: ItemForm,
+}
+
+/// Bytes of a volume's value while it is scanned.
+pub(super) fn value_bytes(scalar: ScalarType) -> usize {
+    scalar.bytes().min(4)
+}
+
+/// How a volume's values are stored.
+pub(super) fn value_form(scalar: ScalarType, extent: (f32, f32)) -> ItemForm {
+    match scalar.bytes() {
+        1 | 2 => ItemForm::AsIs { bytes: scalar.bytes() },
+        _ => ItemForm::scaled(extent),
+    }
+}
+
+/// `[scale, offset]` of the metadata: physical = scale x stored + offset.
+pub(super) fn value_scale(scalar: ScalarType, extent: (f32, f32), rescale: Rescale) -> [f64; 2] {
+    let (low, step) = match (scalar, value_form(scalar, extent)) {
+        (_, ItemForm::Scaled { low, step }) => (low, step),
+        (ScalarType::I8, _) => (-128.0, 1.0),
+        (ScalarType::I16, _) => (-32768.0, 1.0),
+        _ => (0.0, 1.0),
+    };
+    [rescale.slope * step, rescale.apply(low)]
+}
+
+/// Appends the swapped form of a sample and widens `extent` by it.
+#[inline]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "integers within their type")]
+pub(super) fn push_swapped<T: Ordered>(sample: T, out: &mut Vec<u8>, extent: &mut (f32, f32)) {
+    let v = sample.to_f64();
+    match T::TYPE {
+        ScalarType::U8 => out.push(v as u8),
+        ScalarType::I8 => out.push((v + 128.0) as u8),
+        ScalarType::U16 => out.extend((v as u16).to_le_bytes()),
+        ScalarType::I16 => out.extend(((v + 32768.0) as u16).to_le_bytes()),
+        _ => {
+            let v = (v as f32).clamp(f32::MIN, f32::MAX);
+            *extent = (extent.0.min(v), extent.1.max(v));
+            out.extend(v.to_le_bytes());
+        }
+    }
+}

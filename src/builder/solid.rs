@@ -1,0 +1,311 @@
+//! What the builder builds: a solid says which voxels are inside, and describes those at its surface.
+//!
+//! ```text
+//! driver                                    worker of a solid (one per thread)
+//!   start(column)                      -->  a tile of the volume's columns, some rows high, walked along z
+//!   cover(box of voxels)               -->  all outside | all inside | mixed     (once per slab of 32 slices)
+//!   occupancy(rows of a slice)         -->  bits, only where the box is mixed    (slice by slice)
+//!   describe(skin voxels of a slice)   -->  items(channel), only at skin voxels  (two slices behind)
+//! ```
+//!
+//! Skin, records, swapping, merging and the file follow from that alone. A box that is all in or all out
+//! is never asked for bits, so a solid that knows its boxes is built at the cost of its surface.
+
+use std::ops::Range;
+use std::time::Duration;
+
+use super::error::BuildError;
+use super::item::ItemForm;
+use super::skin::{BitRows, Exposed, exposed};
+use crate::format::{Channel, Channels, Metadata};
+use crate::geom::Dims;
+use crate::volume::SourceError;
+
+/// Edge of a brick: skin voxels are described a row of bricks at a time.
+pub(super) const BRICK: u32 = 32;
+const BRICK_ROWS: usize = BRICK as usize;
+
+/// Slices by which [`SolidWorker::occupancy`] is ahead of [`SolidWorker::describe`].
+pub const LOOKAHEAD: u32 = 2;
+
+/// A box of voxels, each range below the side of the solid's dims.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VoxelBox {
+    /// Columns.
+    pub x: Range<u32>,
+    /// Rows.
+    pub y: Range<u32>,
+    /// Slices.
+    pub z: Range<u32>,
+}
+
+/// Where the voxels of a box lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cover {
+    /// Every voxel is outside.
+    Outside,
+    /// Every voxel is inside.
+    Inside,
+    /// Some are inside and some are not, or the solid cannot tell at this price.
+    Mixed,
+}
+
+/// What a worker is made for: its buffers are reserved from this.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tile {
+    /// Most columns (x) of a [`VoxelBox`] that is walked.
+    pub columns: u32,
+    /// The channels that will be asked for.
+    pub channels: Channels,
+}
+
+/// What workers found while they described the skin.
+#[derive(Clone, Copy, Debug)]
+pub struct Found {
+    /// Smallest and largest single of a channel of [`ItemForm::Scaled`]; infinity and its negative if none.
+    pub extent: (f32, f32),
+    /// Time spent waiting for input.
+    pub reading: Duration,
+}
+
+impl Default for Found {
+    fn default() -> Self {
+        Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO }
+    }
+}
+
+impl Found {
+    /// What two workers found.
+    #[must_use]
+    pub fn join(self, other: Self) -> Self {
+        Self {
+            extent: (self.extent.0.min(other.extent.0), self.extent.1.max(other.extent.1)),
+            reading: self.reading + other.reading,
+        }
+    }
+}
+
+/// A set of voxels with attributes at its surface: a volume with a threshold, or anything that can say as much.
+///
+/// What it says of a voxel must not depend on the order or the size of the boxes asked for: the bytes of the
+/// model would.
+pub trait Solid: Sync {
+    /// What one thread works with.
+    type Worker<'a>: SolidWorker
+    where
+        Self: 'a;
+
+    /// Size of the grid of voxels; what lies beyond is outside.
+    fn dims(&self) -> Dims;
+
+    /// What the model says of its origin, once the skin has been described. The builder fills in the program
+    /// and the connectivity, and clears what belongs to channels that are not stored.
+    fn metadata(&self, found: &Found) -> Metadata;
+
+    /// How the items of a channel, as [`SolidWorker::items`] gives them, are stored; `None` for a channel that
+    /// the solid does not have. Before the scan it is asked with nothing found, for the number of bytes alone.
+    fn form(&self, channel: Channel, found: &Found) -> Option<ItemForm>;
+
+    /// Bytes that one worker holds.
+    fn worker_bytes(&self, tile: &Tile) -> u64;
+
+    /// Bytes that a thread holds for the inputs of the solid, while it works and possibly after.
+    fn input_bytes(&self) -> u64 {
+        0
+    }
+
+    /// A worker for columns as wide as the tile at most. Called on the thread that uses it.
+    fn worker(&self, tile: &Tile) -> Self::Worker<'_>;
+
+    /// Why no voxel is inside, for the user.
+    fn nothing_inside(&self) -> BuildError {
+        BuildError::NothingInside { name: self.metadata(&Found::default()).source.name }
+    }
+}
+
+/// One thread's view of a [`Solid`]: owns its buffers and walks one column of voxels after the other.
+pub trait SolidWorker {
+    /// Begins a column. Until the next call, [`SolidWorker::occupancy`] is asked for slices that rise from
+    /// [`LOOKAHEAD`] before the column to as many after it, as far as they exist.
+    ///
+    /// # Errors
+    /// The solid cannot be read.
+    fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError>;
+
+    /// Where the voxels of a box lie. [`Cover::Mixed`] is always right, other answers save work.
+    fn cover(&mut self, region: &VoxelBox) -> Cover {
+        let _ = region;
+        Cover::Mixed
+    }
+
+    /// Sets the bits of the rows asked for.
+    ///
+    /// # Errors
+    /// The solid cannot be read.
+    fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError>;
+
+    /// Computes the items of skin voxels, of all channels of the tile; the occupancy of the next
+    /// [`LOOKAHEAD`] slices has been asked for (but for boxes whose cover was told).
+    ///
+    /// # Errors
+    /// The solid cannot be read.
+    fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError>;
+
+    /// The items of a channel that [`SolidWorker::describe`] has computed, in the order of
+    /// [`SkinSlice::voxels`].
+    fn items(&self, channel: Channel) -> &[u8];
+
+    /// What was found since the worker was made.
+    fn found(&self) -> Found {
+        Found::default()
+    }
+}
+
+/// Rows of one slice whose occupancy is wanted, one bit a voxel.
+pub struct OccupancyRows<'a> {
+    /// Columns asked for.
+    pub(super) x: Range<u32>,
+    /// Rows asked for.
+    pub(super) y: Range<u32>,
+    pub(super) z: u32,
+    /// x of bit 0 of a row's first word.
+    pub(super) origin: i64,
+    /// Words of the rows, and from one row to the next.
+    pub(super) width: usize,
+    pub(super) pitch: usize,
+    pub(super) words: &'a mut [u64],
+}
+
+impl OccupancyRows<'_> {
+    /// Columns asked for.
+    #[inline]
+    pub fn x(&self) -> Range<u32> {
+        self.x.clone()
+    }
+
+    /// Rows asked for.
+    #[inline]
+    pub fn y(&self) -> Range<u32> {
+        self.y.clone()
+    }
+
+    /// The slice.
+    #[inline]
+    pub fn z(&self) -> u32 {
+        self.z
+    }
+
+    /// x of bit 0 of a row's first word; before [`OccupancyRows::x`], below 0 at the border.
+    #[inline]
+    pub fn origin(&self) -> i64 {
+        self.origin
+    }
+
+    /// The words of row `y`, one of those asked for: bit i of word k is the voxel at `origin + 64 k + i`. Every
+    /// bit of a column asked for has to be written; the others may become anything.
+    ///
+    /// # Panics
+    /// If the row was not asked for.
+    #[inline]
+    pub fn row_mut(&mut self, y: u32) -> &mut [u64] {
+        assert!(self.y.contains(&y), "a row that was not asked for");
+        &mut self.words[(y - self.y.start) as usize * self.pitch..][..self.width]
+    }
+
+    /// Writes row `y`: the columns of `inside` are inside, those before and after are not.
+    ///
+    /// # Panics
+    /// As [`OccupancyRows::row_mut`].
+    pub fn set_row(&mut self, y: u32, inside: Range<u32>) {
+        let (start, end) = (inside.start.max(self.x.start), inside.end.min(self.x.end));
+        let bit = |x: u32| u64::try_from(i64::from(x) - self.origin).unwrap_or(0);
+        let (first, last) = (bit(start), bit(end.max(start)));
+        for (word, base) in self.row_mut(y).iter_mut().zip((0..).step_by(64)) {
+            // Bits below a position, of this word.
+            let below = |at: u64| match at.saturating_sub(base) {
+                0 => 0,
+                n => u64::MAX >> 64_u64.saturating_sub(n),
+            };
+            *word = below(last) & !below(first);
+        }
+    }
+}
+
+/// Skin voxels of one brick in one slice: at most 32 x 32, row by row.
+pub struct SkinSlice<'a> {
+    pub(super) corner: [u32; 3],
+    pub(super) rows: &'a [u32; BRICK_ROWS],
+    pub(super) count: usize,
+    /// Occupancy around the slice, and which brick of the tile this is.
+    pub(super) bits: BitRows<'a>,
+    pub(super) brick: usize,
+}
+
+impl SkinSlice<'_> {
+    /// Most voxels of one.
+    pub const MOST: usize = BRICK_ROWS * BRICK_ROWS;
+
+    /// Voxel of bit 0 of the first row.
+    #[inline]
+    pub fn corner(&self) -> [u32; 3] {
+        self.corner
+    }
+
+    /// Skin voxels of every row: bit i of row j is the voxel at `corner + (i, j, 0)`.
+    #[inline]
+    pub fn rows(&self) -> &[u32; BRICK_ROWS] {
+        self.rows
+    }
+
+    /// Number of voxels; never 0.
+    #[inline]
+    #[expect(clippy::len_without_is_empty, reason = "it is never empty")]
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// The voxels: x fastest, then y.
+    pub fn voxels(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        let [x, y, z] = self.corner;
+        (y..).zip(self.rows).flat_map(move |(y, row)| {
+            let mut left = *row;
+            std::iter::from_fn(move || {
+                let at = left.trailing_zeros();
+                left &= left.wrapping_sub(1);
+                (at < BRICK).then_some([x + at, y, z])
+            })
+        })
+    }
+
+    /// Faces of row `j`'s voxels that look outside.
+    #[inline]
+    pub fn exposed(&self, j: usize) -> Exposed {
+        if self.rows[j] == 0 { Exposed::default() } else { exposed(&self.bits.around(j), self.brick) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_is_written_within_what_was_asked_for() {
+        let mut words = [u64::MAX; 6];
+        let mut rows =
+            OccupancyRows { x: 63..200, y: 5..7, z: 0, origin: 0, width: 3, pitch: 3, words: &mut words };
+        rows.set_row(5, 0..500);
+        rows.set_row(6, 70..64);
+        assert_eq!(words, [1 << 63, u64::MAX, u64::MAX, 0, 0, 0]);
+        let mut rows = OccupancyRows {
+            x: 0..200,
+            y: 0..1,
+            z: 0,
+            origin: -64,
+            width: 5,
+            pitch: 5,
+            words: &mut words[..5],
+        };
+        rows.set_row(0, 3..130);
+        assert_eq!(words[..5], [0, u64::MAX << 3, u64::MAX, 0b11, 0]);
+    }
+}
