@@ -296,7 +296,7 @@ fn behaviour_15_colour_becomes_luminance_or_is_refused() {
     ] {
         assert_eq!(frames_of(&file).unwrap(), [&expected[..]], "{what}");
         let image = Image::of(&header_of(&file)).unwrap();
-        assert!(!image.rescales() && image.warning().unwrap().contains("luminance"), "{what}");
+        assert!(!image.rescales() && image.note().unwrap().to_string().contains("luminance"), "{what}");
         let header = header_of(&file);
         let raw = Image::of_components(&header).unwrap();
         let mut collected = Collected::default();

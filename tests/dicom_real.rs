@@ -274,13 +274,13 @@ fn classify(path: &Path) -> String {
     let header = match scan(&File::open(path).unwrap()) {
         Ok(header) => header,
         Err(ScanError::NotDicom) => return "no DICOM".into(),
-        Err(ScanError::Damaged { reason, .. }) => return format!("damaged: {reason}"),
+        Err(ScanError::Damaged { damage, .. }) => return format!("damaged: {damage}"),
         Err(e) => panic!("{e}"),
     };
     match Image::of(&header) {
         Ok(image) => {
             let way = if image.access == Access::Unrolled { ", unrolled" } else { "" };
-            let note = image.warning().map(|text| format!("; {text}")).unwrap_or_default();
+            let note = image.note().map(|text| format!("; {text}")).unwrap_or_default();
             let layout = image.layout;
             let syntax = &header.transfer_syntax;
             format!("{}x{} {}, {syntax}{way}{note}", layout.columns, layout.rows, layout.scalar())

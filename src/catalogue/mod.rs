@@ -254,8 +254,8 @@ impl Catalogue {
                 let recognised = File::open(&path).map(|f| recognise(&f));
                 let error = match recognised {
                     Err(cause) => SourceError::Unreadable { path: path.clone(), cause },
-                    Ok(Recognised::Damaged(reason)) => {
-                        SourceError::Dicom { path: path.clone(), fault: DicomFault::Damaged(reason) }
+                    Ok(Recognised::Damaged(error)) => {
+                        SourceError::Dicom { path: path.clone(), fault: DicomFault::Header(error) }
                     }
                     Ok(_) => changed_meanwhile(&path),
                 };

@@ -4,7 +4,10 @@
 //! one component come from its most significant byte down, component after component, so that the bytes of
 //! one sample lie far apart: all segments are read at once, each through a small buffer of its own.
 
+pub(super) mod fault;
+
 use super::{CodecError, FrameBytes, FrameFormat, RowSink};
+pub use fault::{Damage, Feature};
 
 /// Bytes of the header: sixteen little-endian words.
 const HEADER_BYTES: usize = 64;
@@ -49,16 +52,16 @@ pub(crate) fn decode(
 ) -> Result<(), CodecError> {
     let &RleFormat { columns, rows, components, bytes_per_sample } = format;
     if !(1..=4).contains(&bytes_per_sample) {
-        return Err(CodecError::Unsupported(format!("RLE samples of {bytes_per_sample} bytes")));
+        return Err(Feature::SampleBytes { bytes: bytes_per_sample }.into());
     }
     let wanted = usize::from(components) * usize::from(bytes_per_sample);
     if wanted == 0 || wanted > MOST_SEGMENTS {
-        return Err(CodecError::Unsupported(format!("RLE pixels of {wanted} bytes")));
+        return Err(Feature::PixelBytes { bytes: wanted }.into());
     }
     let mut segments = open_segments(input, wanted)?;
     sink.begin(&FrameFormat { columns, rows, components, precision: 8 * bytes_per_sample, signed: false })?;
     let samples = usize::try_from(u64::from(columns) * u64::from(components))
-        .map_err(|_| CodecError::Unsupported(format!("lines of {columns} samples")))?;
+        .map_err(|_| Feature::LineSamples { columns })?;
     let mut row = vec![0_i32; samples];
     let mut chunk = [0; CHUNK_BYTES];
     for _ in 0..rows {
@@ -83,28 +86,24 @@ pub(crate) fn decode(
 
 /// Reads the header, and compares it with what the format asks for and the frame has.
 fn open_segments(input: &dyn FrameBytes, wanted: usize) -> Result<Vec<Segment>, CodecError> {
-    let damaged = |what: String| Err(CodecError::Damaged(what));
     let mut header = [0; HEADER_BYTES];
     if read_full(input, &mut header, 0)? < HEADER_BYTES {
-        return damaged(format!("{} bytes are too few for an RLE header", input.len()));
+        return Err(Damage::ShortHeader { bytes: input.len() }.into());
     }
     let mut words = header
         .chunks_exact(4)
         .map(|word| word.iter().rev().fold(0_u64, |value, &byte| value << 8 | u64::from(byte)));
     let count = words.next().unwrap_or_default();
     if count != wanted as u64 {
-        return damaged(format!("its RLE header has {count} segments, where the pixels need {wanted}"));
+        return Err(Damage::Segments { count, wanted }.into());
     }
     let starts: Vec<u64> = words.take(wanted).collect();
     let mut segments = Vec::with_capacity(wanted);
     for (number, &start) in starts.iter().enumerate() {
         let end = starts.get(number + 1).copied().unwrap_or(input.len());
         if start < HEADER_BYTES as u64 || start > end || end > input.len() {
-            return damaged(format!(
-                "its RLE segment {} lies at {start} to {end} in a frame of {} bytes",
-                number + 1,
-                input.len()
-            ));
+            let (segment, bytes) = (number + 1, input.len());
+            return Err(Damage::SegmentPlace { segment, start, end, bytes }.into());
         }
         segments.push(Segment::new(start, end, number + 1));
     }
@@ -164,7 +163,7 @@ impl Segment {
         self.filled = read_full(input, &mut self.buffer[..wanted], self.next)?;
         self.next += self.filled as u64;
         if self.filled == 0 {
-            return Err(CodecError::Damaged(format!("its RLE segment {} ends early", self.number)));
+            return Err(Damage::ShortSegment { segment: self.number }.into());
         }
         Ok(())
     }
@@ -285,7 +284,9 @@ mod tests {
         assert_eq!(kept.rows, [[9, 9, 9], [9, 9, 9], [9, 5, 6]]);
         frame.truncate(frame.len() - 2);
         let result = decode(&frame, &format, &mut Kept::default());
-        assert!(matches!(result, Err(CodecError::Damaged(what)) if what.contains("segment 1 ends early")));
+        assert!(
+            matches!(result, Err(CodecError::Damaged(what)) if what.to_string().contains("segment 1 ends early"))
+        );
     }
 
     #[test]
@@ -298,7 +299,7 @@ mod tests {
             frame[at..at + 4].copy_from_slice(&value.to_le_bytes());
             let mut kept = Kept::default();
             match decode(&frame, &format, &mut kept) {
-                Err(CodecError::Damaged(what)) => assert!(what.contains(words), "{what}"),
+                Err(CodecError::Damaged(what)) => assert!(what.to_string().contains(words), "{what}"),
                 other => panic!("{other:?}"),
             }
             assert!(kept.format.is_none(), "found before the frame begins");

@@ -3,7 +3,7 @@
 use std::io;
 use std::sync::Arc;
 
-use super::dicom::NotImage;
+use super::dicom::Obstacle;
 use super::error::SourceError;
 use super::sidecar::Unparsed;
 
@@ -16,7 +16,7 @@ pub enum NotVolume {
     /// The system refused.
     Unreadable(io::ErrorKind),
     /// DICOM, but not an image.
-    Dicom(NotImage),
+    Dicom(Obstacle),
     /// The picture of a model.
     ModelPicture,
     /// One picture alone.

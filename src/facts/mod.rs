@@ -7,11 +7,14 @@
 //! | [`Note`] | what was guessed, left out, replaced or odd |
 //! | [`SourceError`] | why a volume cannot be used: which file, and a [`Fault`] of it or a [`Misuse`] by the caller |
 //! | [`NotVolume`], [`Choice`] | why files are left out, and which of several volumes is taken |
+//! | [`SystemError`] | what the operating system said |
 //! | [`dicom`] | what is odd or wrong about DICOM |
+//! | [`codec`] | why compressed frames cannot be decoded |
 //! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
 //! | [`samples`] | faults of samples in files, with a header and without |
 //! | [`sidecar`] | faults of side-cars |
 
+pub mod codec;
 pub mod dicom;
 mod error;
 mod found;
@@ -24,9 +27,11 @@ pub mod nrrd;
 pub mod png;
 pub mod samples;
 pub mod sidecar;
+mod system;
 pub mod tiff;
 
 pub use dicom::DicomNote;
 pub use error::{Fault, Instead, Misuse, SourceError};
 pub use found::{Candidate, Choice, Known, NotVolume, Refusal};
 pub use note::{Carrier, Form, Note, Packing, StatedBy};
+pub use system::SystemError;

@@ -2,7 +2,7 @@
 
 use super::super::CodecError;
 use super::bytes::{Bytes, ends_early};
-use super::damaged;
+use super::fault::Damage;
 use super::huffman::Huffman;
 
 /// Bytes between the end of a scan's data and the next marker that are taken for padding. More mean that
@@ -151,7 +151,7 @@ impl<'b, 'r> Bits<'b, 'r> {
         while let Some(byte) = self.data_byte()? {
             left_over += u32::from(byte != 0);
             if left_over > MOST_PADDING {
-                return Err(damaged("its data go on after the last pixel"));
+                return Err(Damage::GoesOn.into());
             }
         }
         Ok(self.marker)
@@ -160,7 +160,7 @@ impl<'b, 'r> Bits<'b, 'r> {
     /// Passes over the restart marker of the given number, which must come next.
     fn restart(&mut self, number: u8) -> Result<(), CodecError> {
         if self.finish()? != Some(0xD0 + number) {
-            return Err(damaged(format!("restart marker {number} is missing")));
+            return Err(Damage::NoRestart { number }.into());
         }
         self.marker = None;
         Ok(())
@@ -170,7 +170,7 @@ impl<'b, 'r> Bits<'b, 'r> {
 /// Kept out of the hot path.
 #[cold]
 fn no_such_code() -> CodecError {
-    damaged("it holds a code that its Huffman table does not have")
+    Damage::UnknownCode.into()
 }
 
 /// Counts the units of a scan towards its restart markers (T.81, B.2.4.4).

@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 
 use super::super::CodecError;
-use super::damaged;
+use super::fault::Damage;
 
 /// Bytes read ahead. Larger buys nothing: the sources below are memory or pieces of a file.
 pub(super) const BUFFER_BYTES: usize = 8192;
@@ -77,7 +77,7 @@ impl<'r> Bytes<'r> {
         let length = self.pair()?;
         match length.checked_sub(2) {
             Some(left) => Ok(Segment { bytes: self, left }),
-            None => Err(damaged(format!("a marker segment claims a length of {length} bytes"))),
+            None => Err(Damage::ShortLength { length }.into()),
         }
     }
 
@@ -111,10 +111,7 @@ impl Segment<'_, '_> {
 
     /// The next byte of the segment.
     pub(super) fn byte(&mut self) -> Result<u8, CodecError> {
-        self.left = self
-            .left
-            .checked_sub(1)
-            .ok_or_else(|| damaged("a marker segment is shorter than its contents"))?;
+        self.left = self.left.checked_sub(1).ok_or(Damage::ShortSegment)?;
         self.bytes.byte()
     }
 
@@ -141,7 +138,7 @@ impl Segment<'_, '_> {
 /// The input stops inside the image.
 #[cold]
 pub(super) fn ends_early() -> CodecError {
-    damaged("it ends early")
+    Damage::EndsEarly.into()
 }
 
 #[cfg(test)]

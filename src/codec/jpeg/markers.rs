@@ -2,8 +2,8 @@
 
 use super::super::{CodecError, FrameFormat};
 use super::bytes::{Bytes, ends_early};
-use super::damaged;
 use super::dct::{Steps, ZIGZAG};
+use super::fault::{Damage, Feature};
 use super::huffman::Huffman;
 
 /// T.81 B.2.3: an interleaved scan has at most this many data units in one MCU.
@@ -109,22 +109,20 @@ impl Frame {
             _ => precision == 8 || (precision == 12 && !baseline),
         };
         if !legal {
-            return Err(CodecError::Unsupported(format!("JPEG with {precision} bits in a sample")));
+            return Err(Feature::Precision { bits: precision }.into());
         }
         let (rows, columns) = (u32::from(segment.pair()?), u32::from(segment.pair()?));
         if columns == 0 {
-            return Err(damaged("its width is 0"));
+            return Err(Damage::NoWidth.into());
         }
         if rows == 0 {
-            return Err(CodecError::Unsupported(
-                "a JPEG height given only after the pixels (DNL)".to_owned(),
-            ));
+            return Err(Feature::LateHeight.into());
         }
         let count = segment.byte()?;
         match count {
-            0 => return Err(damaged("it has no components")),
+            0 => return Err(Damage::NoComponents.into()),
             1..=4 => {}
-            _ => return Err(CodecError::Unsupported(format!("JPEG with {count} components"))),
+            _ => return Err(Feature::Components { count }.into()),
         }
         let mut components: Vec<Component> = Vec::with_capacity(4);
         for _ in 0..count {
@@ -132,10 +130,10 @@ impl Frame {
             let (h, v) = segment.nibbles()?;
             let steps = usize::from(segment.byte()?);
             if !(1..=4).contains(&h) || !(1..=4).contains(&v) {
-                return Err(damaged(format!("component {id} of the frame makes no sense")));
+                return Err(Damage::Component { id }.into());
             }
             if components.iter().any(|other| other.id == id) {
-                return Err(damaged(format!("component {id} comes twice in the frame")));
+                return Err(Damage::ComponentTwice { id }.into());
             }
             components.push(Component { id, h: h.into(), v: v.into(), steps });
         }
@@ -155,18 +153,16 @@ impl Scan {
         let mut segment = bytes.segment()?;
         let count = segment.byte()?;
         if !(1..=4).contains(&count) {
-            return Err(damaged(format!("a scan has {count} components")));
+            return Err(Damage::ScanComponents { count }.into());
         }
         let mut components: Vec<ScanComponent> = Vec::with_capacity(4);
         for _ in 0..count {
             let id = segment.byte()?;
             let (dc, ac) = segment.nibbles()?;
             let index =
-                frame.components.iter().position(|c| c.id == id).ok_or_else(|| {
-                    damaged(format!("a scan names component {id}, which the frame has not"))
-                })?;
+                frame.components.iter().position(|c| c.id == id).ok_or(Damage::ScanOfUnknown { id })?;
             if components.iter().any(|other| other.index == index) {
-                return Err(damaged(format!("a scan names component {id} twice")));
+                return Err(Damage::ScanOfTwice { id }.into());
             }
             components.push(ScanComponent { index, dc: dc.into(), ac: ac.into() });
         }
@@ -175,7 +171,7 @@ impl Scan {
         segment.skip()?;
         let units = |c: &ScanComponent| frame.components.get(c.index).map_or(0, |c| c.h * c.v);
         if count > 1 && components.iter().map(units).sum::<u32>() > MOST_UNITS_IN_MCU {
-            return Err(damaged(format!("a scan has more than {MOST_UNITS_IN_MCU} units in an MCU")));
+            return Err(Damage::ScanUnits { most: MOST_UNITS_IN_MCU }.into());
         }
         Ok(Self { components, start, end, high, low })
     }
@@ -220,13 +216,13 @@ impl Tables {
                 }
                 0xD9 => return Ok(Event::End { marked: true }),
                 0xDA => {
-                    let frame = frame.ok_or_else(|| damaged("a scan comes before the frame header"))?;
+                    let frame = frame.ok_or(Damage::ScanBeforeFrame)?;
                     return Scan::read(bytes, frame).map(Event::Scan);
                 }
-                0xC9..=0xCB => return unsupported("arithmetic coding (JPEG)"),
-                0xC5..=0xC7 | 0xCD..=0xCF | 0xDE | 0xDF => return unsupported("hierarchical JPEG"),
-                0xF7 => return unsupported("JPEG-LS inside a JPEG transfer syntax"),
-                0xD8 => return Err(damaged("another image begins before it is complete")),
+                0xC9..=0xCB => return Err(Feature::Arithmetic.into()),
+                0xC5..=0xC7 | 0xCD..=0xCF | 0xDE | 0xDF => return Err(Feature::Hierarchical.into()),
+                0xF7 => return Err(Feature::JpegLs.into()),
+                0xD8 => return Err(Damage::SecondImage.into()),
                 // Restart markers behind a scan, and TEM, stand alone.
                 0x01 | 0xD0..=0xD7 => continue,
                 // Application data, comments, conditioning of arithmetic coding, a height known already.
@@ -234,10 +230,10 @@ impl Tables {
                     bytes.segment()?.skip()?;
                     continue;
                 }
-                _ => return Err(damaged(format!("it holds the unknown marker 0x{code:02X}"))),
+                _ => return Err(Damage::UnknownMarker { code }.into()),
             };
             if frame.is_some() {
-                return Err(damaged("it has two frame headers"));
+                return Err(Damage::SecondFrame.into());
             }
             return Frame::read(bytes, process, code == 0xC0).map(Event::Frame);
         }
@@ -250,11 +246,9 @@ impl Tables {
             let tables = match class {
                 0 => &mut self.dc,
                 1 => &mut self.ac,
-                _ => return Err(damaged(format!("a Huffman table has the class {class}"))),
+                _ => return Err(Damage::TableClass { class }.into()),
             };
-            let place = tables
-                .get_mut(usize::from(slot))
-                .ok_or_else(|| damaged(format!("a Huffman table has the number {slot}")))?;
+            let place = tables.get_mut(usize::from(slot)).ok_or(Damage::TableNumber { number: slot })?;
             *place = Some(Box::new(Huffman::read(&mut segment)?));
         }
         Ok(())
@@ -272,7 +266,7 @@ impl Tables {
             let place = self.steps.get_mut(usize::from(slot));
             match place {
                 Some(place) if wide < 2 && !steps.contains(&0) => *place = Some(Box::new(steps)),
-                _ => return Err(damaged("a quantisation table makes no sense")),
+                _ => return Err(Damage::Quantisation.into()),
             }
         }
         Ok(())
@@ -280,17 +274,17 @@ impl Tables {
 
     /// The Huffman table of DC differences (or lossless ones) that a scan names.
     pub(super) fn dc(&self, slot: usize) -> Result<&Huffman, CodecError> {
-        self.dc.get(slot).and_then(Option::as_deref).ok_or_else(|| missing("Huffman"))
+        self.dc.get(slot).and_then(Option::as_deref).ok_or_else(|| Damage::NoHuffmanTable.into())
     }
 
     /// The Huffman table of AC coefficients that a scan names.
     pub(super) fn ac(&self, slot: usize) -> Result<&Huffman, CodecError> {
-        self.ac.get(slot).and_then(Option::as_deref).ok_or_else(|| missing("Huffman"))
+        self.ac.get(slot).and_then(Option::as_deref).ok_or_else(|| Damage::NoHuffmanTable.into())
     }
 
     /// The quantisation table that a component names.
     pub(super) fn steps(&self, slot: usize) -> Result<&Steps, CodecError> {
-        self.steps.get(slot).and_then(Option::as_deref).ok_or_else(|| missing("quantisation"))
+        self.steps.get(slot).and_then(Option::as_deref).ok_or_else(|| Damage::NoQuantisationTable.into())
     }
 }
 
@@ -299,14 +293,6 @@ pub(super) fn start(bytes: &mut Bytes<'_>) -> Result<(), CodecError> {
     match (bytes.next()?, bytes.next()?) {
         (Some(0xFF), Some(0xD8)) => Ok(()),
         (_, None) => Err(ends_early()),
-        _ => Err(damaged("it does not begin as a JPEG image does")),
+        _ => Err(Damage::NoStart.into()),
     }
-}
-
-fn missing(kind: &str) -> CodecError {
-    damaged(format!("a {kind} table that it needs is missing"))
-}
-
-fn unsupported<T>(what: &str) -> Result<T, CodecError> {
-    Err(CodecError::Unsupported(what.to_owned()))
 }

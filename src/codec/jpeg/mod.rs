@@ -24,9 +24,11 @@ mod dct;
 #[cfg(test)]
 #[path = "../../../tests/support/codec/jpeg.rs"]
 mod encoder;
+pub(super) mod fault;
 mod huffman;
 mod lossless;
 mod markers;
+mod memory;
 mod progressive;
 mod sequential;
 mod strip;
@@ -36,8 +38,10 @@ mod tests;
 use std::io::Read;
 
 use super::{CodecError, RowSink};
-use bytes::{BUFFER_BYTES, Bytes};
+use bytes::Bytes;
+pub use fault::{Damage, Feature};
 use markers::{Event, Process, Tables};
+use memory::reserve;
 
 /// Decodes one frame.
 ///
@@ -56,11 +60,11 @@ pub(crate) fn decode(
     let mut tables = Tables::default();
     markers::start(&mut bytes)?;
     let Event::Frame(frame) = tables.next(&mut bytes, None, None)? else {
-        return Err(damaged("it ends before its image begins"));
+        return Err(Damage::EndsBeforeImage.into());
     };
     sink.begin(&frame.format())?;
     let Event::Scan(scan) = tables.next(&mut bytes, None, Some(&frame))? else {
-        return Err(damaged("it ends before its pixels begin"));
+        return Err(Damage::EndsBeforePixels.into());
     };
     let in_one_scan = scan.components.len() == frame.components.len();
     match frame.process {
@@ -69,20 +73,5 @@ pub(crate) fn decode(
             sequential::decode(&mut bytes, &tables, &frame, &scan, memory_bytes, sink)
         }
         _ => progressive::decode(&mut bytes, &mut tables, &frame, scan, memory_bytes, sink),
-    }
-}
-
-/// The image is not what the standard asks for.
-fn damaged(what: impl Into<String>) -> CodecError {
-    CodecError::Damaged(what.into())
-}
-
-/// Checks what is about to be allocated, with tables and input buffer, against what is allowed.
-fn reserve(bytes: u64, allowed_bytes: u64) -> Result<(), CodecError> {
-    let needed_bytes = bytes + Tables::MOST_BYTES + BUFFER_BYTES as u64;
-    if needed_bytes <= allowed_bytes {
-        Ok(())
-    } else {
-        Err(CodecError::Memory { needed_bytes, allowed_bytes })
     }
 }

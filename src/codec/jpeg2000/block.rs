@@ -1,10 +1,12 @@
 //! Bit-plane decoding of code-blocks (ISO/IEC 15444-1 Annex D), and their way into the tile.
 
+use super::allowance::Allowance;
 use super::geometry::Orientation;
 use super::header::Coding;
 use super::mq::{Contexts, Decoder, RUN_LENGTH, RawBits, UNIFORM};
 use super::packets::{Block, Tile, segment_capacity, style};
-use super::{Allowance, CodecError, ht, wavelet};
+use super::{ht, wavelet};
+use crate::codec::CodecError;
 
 /// Samples of a code-block at most, by the standard.
 const MAX_SAMPLES: usize = 4096;

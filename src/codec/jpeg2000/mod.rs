@@ -26,11 +26,14 @@ use std::io::Read;
 
 use super::{CodecError, FrameFormat, RowSink};
 
+mod allowance;
 mod block;
+pub(super) mod fault;
 mod geometry;
 mod header;
 mod ht;
 mod ht_tables;
+mod limits;
 mod mq;
 mod packets;
 mod progression;
@@ -41,23 +44,11 @@ mod tests;
 mod vectors;
 mod wavelet;
 
+use allowance::Allowance;
+pub use fault::{Damage, Feature};
 use geometry::TileLayout;
 use header::{ImageSize, Parameters, TileParts};
-
-/// Magnitude bit planes of a coefficient: one more bit holds the half for the middle of an interval, and
-/// one the sign.
-const MAX_PLANES: u32 = 30;
-
-/// Resolution levels above the lowest, by the standard.
-const MAX_LEVELS: usize = 32;
-
-fn damaged(what: &str) -> CodecError {
-    CodecError::Damaged(what.to_owned())
-}
-
-fn unsupported(what: &str) -> CodecError {
-    CodecError::Unsupported(what.to_owned())
-}
+use limits::MAX_PLANES;
 
 /// Visits of code-blocks and precincts that a frame may take besides [`VISITS_PER_SAMPLE`]: less than a second,
 /// far more than any encoder's choices lead to.
@@ -68,70 +59,6 @@ const VISITS_PER_SAMPLE: u64 = 4;
 
 /// Bytes for lists of a few dozen bytes each, which are not counted one by one.
 const SMALL_LISTS: u64 = 4096;
-
-/// Counts what is held against what may be held, and work that no byte of the input pays for.
-struct Allowance {
-    used: u64,
-    allowed: u64,
-    visits: u64,
-}
-
-impl Allowance {
-    fn reserve(&mut self, bytes: u64) -> Result<(), CodecError> {
-        let needed = self.used.saturating_add(bytes);
-        if needed > self.allowed {
-            return Err(CodecError::Memory { needed_bytes: needed, allowed_bytes: self.allowed });
-        }
-        self.used = needed;
-        Ok(())
-    }
-
-    fn visit(&mut self, count: usize) -> Result<(), CodecError> {
-        self.visits =
-            self.visits.checked_sub(count as u64).ok_or_else(|| damaged("its packets lead nowhere"))?;
-        Ok(())
-    }
-
-    fn release(&mut self, bytes: u64) {
-        self.used = self.used.saturating_sub(bytes);
-    }
-
-    /// An empty vector that can take `count` values without growing.
-    fn room<T>(&mut self, count: usize) -> Result<Vec<T>, CodecError> {
-        let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
-        self.reserve(bytes)?;
-        let mut room = Vec::new();
-        room.try_reserve_exact(count)
-            .map_err(|_| CodecError::Memory { needed_bytes: self.used, allowed_bytes: self.allowed })?;
-        Ok(room)
-    }
-
-    fn filled<T: Clone>(&mut self, count: usize, value: T) -> Result<Vec<T>, CodecError> {
-        let mut filled = self.room(count)?;
-        filled.resize(count, value);
-        Ok(filled)
-    }
-
-    /// Appends, doubling the room when it is full.
-    fn push<T>(&mut self, list: &mut Vec<T>, value: T) -> Result<(), CodecError> {
-        if list.len() == list.capacity() {
-            let old = list.capacity();
-            let new = old.saturating_mul(2).max(64);
-            let size = size_of::<T>() as u64;
-            self.reserve((new as u64).saturating_mul(size))?;
-            list.try_reserve_exact(new - old)
-                .map_err(|_| CodecError::Memory { needed_bytes: self.used, allowed_bytes: self.allowed })?;
-            self.release((old as u64).saturating_mul(size));
-        }
-        list.push(value);
-        Ok(())
-    }
-
-    fn drop_list<T>(&mut self, list: Vec<T>) {
-        self.release((list.capacity() as u64).saturating_mul(size_of::<T>() as u64));
-        drop(list);
-    }
-}
 
 /// Decodes one frame of `compressed_bytes` bytes, holding at most `memory_bytes`.
 ///
@@ -168,7 +95,7 @@ pub(crate) fn decode(
     })?;
     // Arithmetic on coefficients is in 32 bits; medical images have 16 at most.
     if u32::from(size.precision) > MAX_PLANES - 2 {
-        return Err(unsupported("samples of more than 28 bits"));
+        return Err(Feature::Precision.into());
     }
     allowance.reserve(Parameters::bytes(size.components).saturating_mul(2))?;
     let (parameters, at) = Parameters::parse_main(codestream, at, size.components)?;
@@ -277,7 +204,7 @@ fn finish_samples(
         if parameters.component(1)?.reversible != reversible
             || parameters.component(2)?.reversible != reversible
         {
-            return Err(damaged("components transformed together are of different wavelets"));
+            return Err(Damage::MixedWavelets.into());
         }
         let (first, rest) = samples.split_at_mut(plane);
         let (second, rest) = rest.split_at_mut(plane);

@@ -1,8 +1,8 @@
 //! The order of packets (ISO/IEC 15444-1 B.12).
 
-use super::CodecError;
 use super::header::Progression;
 use super::packets::{Reader, Tile};
+use crate::codec::CodecError;
 
 /// Visits the packets of a progression in order (B.12.1).
 pub(super) fn walk(

@@ -1,7 +1,8 @@
 //! Inverse wavelet transforms in place (ISO/IEC 15444-1 Annex F).
 
+use super::allowance::Allowance;
 use super::geometry::TileLayout;
-use super::{Allowance, CodecError};
+use crate::codec::CodecError;
 
 /// Columns transformed together: a cache line's half.
 const LANES: usize = 8;

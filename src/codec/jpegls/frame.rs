@@ -1,5 +1,6 @@
 //! Marker segments before a scan: the frame, its preset parameters, and which components a scan holds.
 
+use super::fault::{Damage, Feature, SegmentKind};
 use super::parameters::Preset;
 use super::stream::Stream;
 use crate::codec::CodecError;
@@ -67,18 +68,18 @@ pub(super) struct Header {
 struct Segment<'s, 'a> {
     stream: &'s mut Stream<'a>,
     left: u32,
-    what: &'static str,
+    kind: SegmentKind,
 }
 
 impl<'s, 'a> Segment<'s, 'a> {
-    fn begin(stream: &'s mut Stream<'a>, what: &'static str) -> Result<Segment<'s, 'a>, CodecError> {
+    fn begin(stream: &'s mut Stream<'a>, kind: SegmentKind) -> Result<Segment<'s, 'a>, CodecError> {
         let length = stream.word()?;
-        let left = u32::from(length).checked_sub(2).ok_or_else(|| wrong_length(what))?;
-        Ok(Segment { stream, left, what })
+        let left = u32::from(length).checked_sub(2).ok_or_else(|| wrong_length(kind))?;
+        Ok(Segment { stream, left, kind })
     }
 
     fn byte(&mut self) -> Result<u8, CodecError> {
-        self.left = self.left.checked_sub(1).ok_or_else(|| wrong_length(self.what))?;
+        self.left = self.left.checked_sub(1).ok_or_else(|| wrong_length(self.kind))?;
         self.stream.byte()
     }
 
@@ -95,20 +96,12 @@ impl<'s, 'a> Segment<'s, 'a> {
     }
 
     fn end(&self) -> Result<(), CodecError> {
-        if self.left == 0 { Ok(()) } else { Err(wrong_length(self.what)) }
+        if self.left == 0 { Ok(()) } else { Err(wrong_length(self.kind)) }
     }
 }
 
-fn wrong_length(what: &str) -> CodecError {
-    CodecError::Damaged(format!("the segment of {what} has a wrong length"))
-}
-
-fn damaged<T>(what: impl Into<String>) -> Result<T, CodecError> {
-    Err(CodecError::Damaged(what.into()))
-}
-
-fn unsupported<T>(what: impl Into<String>) -> Result<T, CodecError> {
-    Err(CodecError::Unsupported(what.into()))
+fn wrong_length(segment: SegmentKind) -> CodecError {
+    Damage::SegmentLength { segment }.into()
 }
 
 impl Header {
@@ -117,24 +110,24 @@ impl Header {
         loop {
             match code {
                 SOS => return self.scan(stream),
-                EOI => return damaged("it ends before all its components came"),
+                EOI => return Err(Damage::MissingComponents.into()),
                 SOF_55 => self.frame(stream)?,
                 LSE => self.preset(stream)?,
                 DRI => {
-                    let mut segment = Segment::begin(stream, "the restart interval")?;
+                    let mut segment = Segment::begin(stream, SegmentKind::RestartInterval)?;
                     if !(2..=4).contains(&segment.left) {
-                        return Err(wrong_length(segment.what));
+                        return Err(wrong_length(segment.kind));
                     }
                     self.restart_lines = segment.number(segment.left)?;
                 }
-                DNL => return unsupported("a number of lines after the first scan"),
-                0xC4 => Segment::begin(stream, "Huffman tables")?.skip()?,
-                0xCC => Segment::begin(stream, "arithmetic conditioning")?.skip()?,
-                0xF9 => return unsupported("the extensions of JPEG-LS part 2"),
-                0xC0..=0xCF => return unsupported(format!("the JPEG process SOF{}", code - 0xC0)),
+                DNL => return Err(Feature::LateLines.into()),
+                0xC4 => Segment::begin(stream, SegmentKind::HuffmanTables)?.skip()?,
+                0xCC => Segment::begin(stream, SegmentKind::ArithmeticConditioning)?.skip()?,
+                0xF9 => return Err(Feature::Part2.into()),
+                0xC0..=0xCF => return Err(Feature::Process { number: code - 0xC0 }.into()),
                 APP8 => colour_transform(stream)?,
-                0xE0..=0xEF | 0xFE => Segment::begin(stream, "application data")?.skip()?,
-                _ => return damaged(format!("the marker {code:#04x} is out of place")),
+                0xE0..=0xEF | 0xFE => Segment::begin(stream, SegmentKind::ApplicationData)?.skip()?,
+                _ => return Err(Damage::Marker { code }.into()),
             }
             code = stream.marker()?;
         }
@@ -143,21 +136,21 @@ impl Header {
     /// SOF55 (T.87 section C.2.2).
     fn frame(&mut self, stream: &mut Stream<'_>) -> Result<(), CodecError> {
         if self.frame.is_some() {
-            return damaged("it has two frame headers");
+            return Err(Damage::SecondFrame.into());
         }
-        let mut segment = Segment::begin(stream, "the frame")?;
+        let mut segment = Segment::begin(stream, SegmentKind::Frame)?;
         let precision = segment.byte()?;
         let rows = segment.number(2)?;
         let columns = segment.number(2)?;
         let count = usize::from(segment.byte()?);
         if !(2..=16).contains(&precision) {
-            return damaged(format!("{precision} bits per sample, where 2 to 16 are possible"));
+            return Err(Damage::Precision { bits: precision }.into());
         }
         if count == 0 {
-            return damaged("it has no components");
+            return Err(Damage::NoComponents.into());
         }
         if count > MOST_COMPONENTS {
-            return unsupported(format!("{count} components"));
+            return Err(Feature::Components { count }.into());
         }
         let mut components = Vec::with_capacity(count);
         for _ in 0..count {
@@ -166,10 +159,10 @@ impl Header {
             segment.byte()?;
             // With one component its sampling factors mean nothing.
             if count > 1 && sampling != 0x11 {
-                return unsupported("components of different sizes");
+                return Err(Feature::Subsampling.into());
             }
             if components.contains(&identifier) {
-                return damaged("two components have the same identifier");
+                return Err(Damage::ComponentTwice.into());
             }
             components.push(identifier);
         }
@@ -180,7 +173,7 @@ impl Header {
 
     /// LSE (T.87 section C.2.4).
     fn preset(&mut self, stream: &mut Stream<'_>) -> Result<(), CodecError> {
-        let mut segment = Segment::begin(stream, "preset parameters")?;
+        let mut segment = Segment::begin(stream, SegmentKind::Presets)?;
         match segment.byte()? {
             1 => {
                 self.preset = Preset {
@@ -189,40 +182,40 @@ impl Header {
                     reset: segment.number(2)?,
                 };
             }
-            2 | 3 => return unsupported("mapping tables (palettes)"),
+            2 | 3 => return Err(Feature::Palettes.into()),
             4 => {
                 let bytes = u32::from(segment.byte()?);
                 if !(2..=4).contains(&bytes) {
-                    return damaged(format!("image sizes of {bytes} bytes"));
+                    return Err(Damage::SizeBytes { bytes }.into());
                 }
                 let rows = segment.number(bytes)?;
                 self.oversize = Some((segment.number(bytes)?, rows));
             }
-            other => return unsupported(format!("preset parameters of type {other}")),
+            kind => return Err(Feature::Presets { kind }.into()),
         }
         segment.end()
     }
 
     /// SOS (T.87 section C.2.3).
     fn scan(&mut self, stream: &mut Stream<'_>) -> Result<Scan, CodecError> {
-        let Some(frame) = &mut self.frame else { return damaged("its scan has no frame header") };
-        let mut segment = Segment::begin(stream, "the scan")?;
+        let Some(frame) = &mut self.frame else { return Err(Damage::NoFrame.into()) };
+        let mut segment = Segment::begin(stream, SegmentKind::Scan)?;
         let count = usize::from(segment.byte()?);
         if count == 0 || count > frame.components.len() {
-            return damaged(format!("a scan of {count} components"));
+            return Err(Damage::ScanComponents { count }.into());
         }
         let mut components = Vec::with_capacity(count);
         for _ in 0..count {
             let identifier = segment.byte()?;
             let Some(place) = frame.components.iter().position(|&other| other == identifier) else {
-                return damaged(format!("a scan of the unknown component {identifier}"));
+                return Err(Damage::ScanOfUnknown { id: identifier }.into());
             };
             if components.contains(&place) {
-                return damaged(format!("a scan has the component {identifier} twice"));
+                return Err(Damage::ScanOfTwice { id: identifier }.into());
             }
             components.push(place);
             if segment.byte()? != 0 {
-                return unsupported("mapping tables (palettes)");
+                return Err(Feature::Palettes.into());
             }
         }
         let near = segment.byte()?;
@@ -230,12 +223,12 @@ impl Header {
             0 if count == 1 => Interleave::Line,
             // One component is coded alike in every mode but for the ends of runs.
             1 => Interleave::Line,
-            2 if count == 1 => return unsupported("sample interleaving of one component"),
+            2 if count == 1 => return Err(Feature::InterleaveOfOne.into()),
             2 => Interleave::Sample,
-            other => return damaged(format!("the interleave mode {other} of {count} components")),
+            mode => return Err(Damage::Interleave { mode, count }.into()),
         };
         if segment.byte()? & 0x0F != 0 {
-            return unsupported("a point transform");
+            return Err(Feature::PointTransform.into());
         }
         segment.end()?;
         if let Some((columns, rows)) = self.oversize {
@@ -243,10 +236,10 @@ impl Header {
             frame.rows = if frame.rows == 0 { rows } else { frame.rows };
         }
         if frame.rows == 0 {
-            return unsupported("a number of lines after the first scan");
+            return Err(Feature::LateLines.into());
         }
         if frame.columns == 0 {
-            return damaged("it has no columns");
+            return Err(Damage::NoColumns.into());
         }
         Ok(Scan { components, near, interleave })
     }
@@ -254,11 +247,11 @@ impl Header {
 
 /// Refuses the colour transforms of one vendor, which are no part of the standard.
 fn colour_transform(stream: &mut Stream<'_>) -> Result<(), CodecError> {
-    let mut segment = Segment::begin(stream, "application data")?;
+    let mut segment = Segment::begin(stream, SegmentKind::ApplicationData)?;
     if segment.left == 5 && segment.number(4)? == u32::from_be_bytes(*b"mrfx") {
         let transform = segment.byte()?;
         if transform != 0 {
-            return unsupported(format!("the colour transform {transform}"));
+            return Err(Feature::ColourTransform { number: transform }.into());
         }
     }
     segment.skip()

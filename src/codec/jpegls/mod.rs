@@ -11,6 +11,7 @@
 #[cfg(test)]
 #[path = "../../../tests/support/codec/jpegls.rs"]
 mod encoder;
+pub(super) mod fault;
 mod frame;
 mod parameters;
 mod scan;
@@ -25,6 +26,7 @@ mod vectors;
 use std::io::Read;
 
 use super::{CodecError, FrameFormat, RowSink};
+pub use fault::{Damage, Feature, Parameter, SegmentKind};
 use frame::{Frame, Header, Interleave, SOI, Scan};
 use parameters::Parameters;
 use scan::{Coder, Lines, line_bytes};
@@ -50,13 +52,13 @@ pub(crate) fn decode(
 ) -> Result<(), CodecError> {
     let mut stream = Stream::new(input);
     if stream.marker()? != SOI {
-        return Err(CodecError::Damaged("it does not begin as a JPEG image".into()));
+        return Err(Damage::NoStart.into());
     }
     let mut header = Header::default();
     let code = stream.marker()?;
     let mut scan = header.next_scan(&mut stream, code)?;
     let Some(frame) = header.frame.clone() else {
-        return Err(CodecError::Damaged("its scan has no frame header".into()));
+        return Err(Damage::NoFrame.into());
     };
     sink.begin(&FrameFormat {
         columns: frame.columns,
@@ -87,8 +89,8 @@ struct Image {
 
 impl Image {
     fn new(frame: Frame, memory_bytes: u64) -> Result<Image, CodecError> {
-        let columns = usize::try_from(frame.columns)
-            .map_err(|_| CodecError::Unsupported(format!("lines of {} samples", frame.columns)))?;
+        let columns =
+            usize::try_from(frame.columns).map_err(|_| Feature::LineSamples { columns: frame.columns })?;
         let planes = frame.components.iter().map(|_| None).collect();
         Ok(Image { frame, columns, memory_bytes, planes })
     }
@@ -108,7 +110,7 @@ impl Image {
         sink: &mut dyn RowSink,
     ) -> Result<bool, CodecError> {
         if scan.components.iter().any(|&place| self.planes.get(place).is_none_or(Option::is_some)) {
-            return Err(CodecError::Damaged("a component comes in two scans".into()));
+            return Err(Damage::ScanAgain.into());
         }
         let held = self.planes.iter().flatten().count();
         let last = held + scan.components.len() == self.planes.len();
@@ -182,7 +184,7 @@ fn restart(stream: &mut Stream<'_>, interval: u32) -> Result<(), CodecError> {
     let expected = 0xD0 | u8::try_from((interval - 1) % 8).unwrap_or_default();
     let code = stream.end_bits()?;
     if code != expected {
-        return Err(CodecError::Damaged(format!("the marker {code:#04x} instead of a restart marker")));
+        return Err(Damage::NoRestart { code }.into());
     }
     stream.begin_bits();
     Ok(())

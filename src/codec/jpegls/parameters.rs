@@ -1,5 +1,6 @@
 //! The coding parameters of a scan: what the stream states, what it leaves to the defaults, and what follows.
 
+use super::fault::{Damage, Parameter};
 use crate::codec::CodecError;
 
 /// The values of a preset parameters segment (T.87 section C.2.4.1.1); 0 stands for the default.
@@ -32,17 +33,16 @@ pub(super) struct Parameters {
 impl Parameters {
     /// Joins what the stream states with the defaults (T.87 sections A.2.1, C.2.4.1.1).
     pub(super) fn new(precision: u8, near: u8, preset: &Preset) -> Result<Parameters, CodecError> {
-        let wrong = |what: &str, value: u32| {
-            Err(CodecError::Damaged(format!("{what} {value} is not possible at {precision} bits")))
-        };
+        let wrong =
+            |parameter, value: u32| Err(Damage::Parameter { parameter, value, bits: precision }.into());
         let largest = (1_u32 << precision.min(16)) - 1;
         let maximum = if preset.maximum == 0 { largest } else { preset.maximum };
         if maximum > largest {
-            return wrong("the largest sample", maximum);
+            return wrong(Parameter::LargestSample, maximum);
         }
         let near = u32::from(near);
         if near > maximum / 2 {
-            return wrong("the error bound", near);
+            return wrong(Parameter::ErrorBound, near);
         }
         let mut thresholds = default_thresholds(maximum, near);
         let mut least = near + 1;
@@ -51,13 +51,13 @@ impl Parameters {
                 *threshold = stated;
             }
             if *threshold < least || *threshold > maximum {
-                return wrong("the gradient threshold", *threshold);
+                return wrong(Parameter::GradientThreshold, *threshold);
             }
             least = *threshold;
         }
         let reset = if preset.reset == 0 { 64 } else { preset.reset };
         if reset < 3 || reset > maximum.max(255) {
-            return wrong("the reset interval", reset);
+            return wrong(Parameter::ResetInterval, reset);
         }
         let range = (maximum + 2 * near) / (2 * near + 1) + 1;
         let sample_bits = (maximum + 1).next_power_of_two().trailing_zeros().max(2);

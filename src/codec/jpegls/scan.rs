@@ -1,5 +1,6 @@
 //! Samples of one scan: context modelling, prediction and runs (T.87 annex A).
 
+use super::fault::Damage;
 use super::parameters::Parameters;
 use super::stream::{Stream, ends_early};
 use crate::codec::CodecError;
@@ -335,9 +336,7 @@ fn golomb_order(count: u32, magnitude: u32) -> u32 {
 fn checked(parameters: &Parameters, code: u64) -> Result<i32, CodecError> {
     match i32::try_from(code) {
         Ok(value) if value <= 1 << parameters.error_bits => Ok(value),
-        _ => Err(CodecError::Damaged(format!(
-            "a prediction error of {code} is larger than any at this precision"
-        ))),
+        _ => Err(Damage::PredictionError { code }.into()),
     }
 }
 
@@ -374,7 +373,7 @@ fn run_length(stream: &mut Stream<'_>, run_index: &mut usize, rest: usize) -> Re
     let tail = stream.bits(u32::from(RUN_ORDERS[*run_index]))?;
     run = usize::try_from(tail).map_err(|_| ends_early())?.saturating_add(run);
     if run >= rest {
-        return Err(CodecError::Damaged("a run goes past the end of its line".into()));
+        return Err(Damage::LongRun.into());
     }
     Ok(run)
 }

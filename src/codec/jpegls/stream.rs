@@ -2,6 +2,7 @@
 
 use std::io::{ErrorKind, Read};
 
+use super::fault::Damage;
 use crate::codec::CodecError;
 
 /// Bytes that are read ahead.
@@ -79,13 +80,13 @@ impl<'a> Stream<'a> {
     pub(super) fn marker(&mut self) -> Result<u8, CodecError> {
         let first = self.byte()?;
         if first != 0xFF {
-            return Err(CodecError::Damaged(format!("a marker was expected, not the byte {first:#04x}")));
+            return Err(Damage::NoMarker { byte: first }.into());
         }
         loop {
             match self.byte()? {
                 0xFF => {}
                 0 => {
-                    return Err(CodecError::Damaged("a marker was expected, not the bytes 0xff 0x00".into()));
+                    return Err(Damage::StuffedByte.into());
                 }
                 code => return Ok(code),
             }
@@ -228,7 +229,7 @@ impl<'a> Stream<'a> {
             let run = self.window.leading_zeros().min(self.bits);
             zeros += run;
             if zeros > escape {
-                return Err(CodecError::Damaged("a code word is longer than any that JPEG-LS has".into()));
+                return Err(Damage::LongCode.into());
             }
             self.bits -= run;
             self.window = self.window.checked_shl(run).unwrap_or(0);
@@ -247,5 +248,5 @@ impl<'a> Stream<'a> {
 
 /// The input or the coded data end before the image does.
 pub(super) fn ends_early() -> CodecError {
-    CodecError::Damaged("it ends early".into())
+    Damage::EndsEarly.into()
 }

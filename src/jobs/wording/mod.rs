@@ -15,6 +15,7 @@
 //! | `dicom` | DICOM |
 
 mod binary;
+mod codec;
 mod dicom;
 mod error;
 mod found;

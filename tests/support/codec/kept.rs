@@ -23,7 +23,7 @@ impl RowSink for Kept {
         assert!(self.format.replace(*format).is_none(), "begun twice");
         let samples = u64::from(format.columns) * u64::from(format.rows);
         if samples.saturating_mul(format.components.into()) > self.most_samples {
-            return Err(CodecError::Unsupported("a size that the receiver refuses".into()));
+            return Err(super::rle::Feature::LineSamples { columns: format.columns }.into());
         }
         Ok(())
     }

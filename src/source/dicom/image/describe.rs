@@ -1,0 +1,267 @@
+//! What a file's pixels are, and how they are reached: by position, or by decoding
+//! (PS3.3 C.7.6.3; PS3.5 section 8 and annex A).
+
+use super::pixels::{PixelLayout, Stored};
+use crate::facts::dicom::{Combination, DicomNote, Obstacle, Required, TransferSyntax};
+use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
+use crate::source::dicom::parse::syntax::Codec;
+use crate::volume::{Endian, ScalarType};
+
+/// How a volume gets at the samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Row r of frame f begins at byte `offset + f * frame_bytes + r * columns * width` of the file and
+    /// becomes samples by [`PixelLayout::decode`].
+    Native {
+        /// Offset of the first frame.
+        offset: u64,
+        /// Distance of frames.
+        frame_bytes: u64,
+    },
+    /// Frames have to be decoded from front to back: see [`fn@super::unroll::unroll`].
+    Unrolled,
+}
+
+/// How cells lie in the pixel element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Storage {
+    /// Whole bytes, one frame right after the other.
+    Plain,
+    /// One bit a pixel, no gap between frames.
+    Bits,
+    /// Fragments of compressed frames.
+    Coded(Codec),
+}
+
+/// How cells become delivered samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Mapping {
+    /// As they are.
+    Values,
+    /// Through the Modality LUT.
+    ModalityLut,
+    /// Through the palette, then luminance.
+    Palette,
+    /// Luminance of red, green and blue.
+    Rgb,
+    /// The first of three components is luminance.
+    Luma,
+    /// As Luma, in the native order Y Y Cb Cr of two pixels.
+    Luma422,
+    /// All components side by side, as stored.
+    Components,
+}
+
+/// The image (one frame or many) of one file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// Size of a frame and type of the delivered samples.
+    pub layout: PixelLayout,
+    /// By position, or by decoding.
+    pub access: Access,
+    /// Number of frames, at least 1.
+    pub frames: u32,
+    pub(crate) storage: Storage,
+    pub(crate) mapping: Mapping,
+    /// Cells a pixel.
+    pub(crate) samples: u8,
+    /// Are components stored one plane after another?
+    pub(crate) planar: bool,
+    /// Are neighbouring bytes swapped (8-bit cells in big-endian words)?
+    pub(crate) swapped: bool,
+}
+
+impl Image {
+    /// What the pixels of a file are.
+    ///
+    /// # Errors
+    /// The [`Obstacle`] that is in the way.
+    pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
+        let syntax = &header.transfer_syntax;
+        let Some(pixels) = header.pixels else { return Err(Obstacle::NoPixels { object: header.kind() }) };
+        if header.rows.is_none() && header.columns.is_none() && header.bits_allocated.is_none() {
+            return Err(Obstacle::NoDescription { bytes: pixels.available });
+        }
+        let codec = match syntax {
+            TransferSyntax::Unknown(_) => return Err(Obstacle::UnknownSyntax(syntax.clone())),
+            TransferSyntax::Encapsulated(_) => {
+                Some(syntax.codec().ok_or_else(|| Obstacle::Codec(syntax.clone()))?)
+            }
+            _ if pixels.declared.is_none() => return Err(Obstacle::NoLength(syntax.clone())),
+            _ => None,
+        };
+        let frames = match header.frames {
+            None => 1,
+            Some(Ok(n)) if n > 0 => n,
+            Some(_) => return Err(Obstacle::BadFrames),
+        };
+        let side = |side: Option<u16>, what| side.filter(|n| *n > 0).ok_or(Obstacle::Missing(what));
+        let (rows, columns) = (side(header.rows, Required::Rows)?, side(header.columns, Required::Columns)?);
+        let allocated = header.bits_allocated.ok_or(Obstacle::Missing(Required::BitsAllocated))?;
+        let samples = header.samples.unwrap_or(1);
+        let mapping = mapping_of(header, samples, codec)?;
+        let stored = stored_of(header, allocated, samples)?;
+        let storage = match codec {
+            Some(_) if stored.is_float() => {
+                return Err(Obstacle::Combination(Combination::CompressedFloats));
+            }
+            Some(_) if allocated == 1 => return Err(Obstacle::Combination(Combination::CompressedBits)),
+            Some(codec) => Storage::Coded(codec),
+            None if allocated == 1 => Storage::Bits,
+            None => Storage::Plain,
+        };
+        let mut image = Self {
+            layout: PixelLayout::new(columns.into(), rows.into(), delivered(mapping, stored), stored),
+            access: Access::Unrolled,
+            frames,
+            storage,
+            mapping,
+            // 1 or 3, see `mapping_of`.
+            samples: u8::try_from(samples).unwrap_or(1),
+            planar: samples > 1 && header.planar == Some(1) && mapping != Mapping::Luma422,
+            swapped: *syntax == TransferSyntax::ExplicitBe && allocated == 8 && pixels.words,
+        };
+        image.check_length(pixels.available)?;
+        let by_position = syntax.is_native()
+            && image.storage == Storage::Plain
+            && mapping == Mapping::Values
+            && !image.swapped;
+        if by_position {
+            let frame_bytes = image.frame_bytes();
+            image.access = Access::Native { offset: pixels.offset, frame_bytes };
+        }
+        Ok(image)
+    }
+
+    /// As [`Image::of`], but delivers what is stored: no table, no luminance. A row then has
+    /// [`Image::row_samples`] samples, those of a pixel side by side, whichever way they were stored.
+    ///
+    /// # Errors
+    /// As [`Image::of`].
+    pub fn of_components(header: &DicomHeader) -> Result<Self, Obstacle> {
+        let mut image = Self::of(header)?;
+        if image.mapping == Mapping::Luma422 && image.storage == Storage::Plain {
+            return Err(Obstacle::Combination(Combination::SubsampledComponents));
+        }
+        if image.mapping != Mapping::Values {
+            image.mapping = Mapping::Components;
+            let stored = *image.layout.stored();
+            image.layout = PixelLayout::new(image.layout.columns, image.layout.rows, stored.scalar(), stored);
+        }
+        Ok(image)
+    }
+
+    /// Samples of a delivered row.
+    pub fn row_samples(&self) -> usize {
+        let each = if self.mapping == Mapping::Components { usize::from(self.samples) } else { 1 };
+        self.layout.columns as usize * each
+    }
+
+    /// Do rescale slope and intercept apply to the delivered samples? Not where a table or luminance made
+    /// them, nor to floating-point pixels, which are physical.
+    pub fn rescales(&self) -> bool {
+        self.mapping == Mapping::Values && !self.layout.stored().is_float() && self.storage != Storage::Bits
+    }
+
+    /// What has to be said of the delivered samples, where they are not plain.
+    pub fn note(&self) -> Option<DicomNote> {
+        match self.mapping {
+            Mapping::Rgb | Mapping::Luma | Mapping::Luma422 => Some(DicomNote::Luminance),
+            Mapping::Palette => Some(DicomNote::PaletteLuminance),
+            Mapping::ModalityLut => Some(DicomNote::ModalityLut),
+            Mapping::Values | Mapping::Components => None,
+        }
+    }
+
+    /// Bytes of one frame where frames are [`Storage::Plain`].
+    pub(crate) fn frame_bytes(&self) -> u64 {
+        let pixels = u64::from(self.layout.columns) * u64::from(self.layout.rows);
+        let cell = self.layout.stored().bytes() as u64;
+        match self.mapping {
+            Mapping::Luma422 => 2 * pixels * cell,
+            _ => pixels * cell * u64::from(self.samples),
+        }
+    }
+
+    /// Is there room for all frames in the pixel element? Of a deflated file only an upper bound is known;
+    /// what it lacks is noticed when it is unrolled.
+    fn check_length(&self, got: u64) -> Result<(), Obstacle> {
+        let needed = match self.storage {
+            Storage::Coded(_) => {
+                // Every frame has at least the head of one item.
+                let room = (got / 8).max(1);
+                if u64::from(self.frames) > room {
+                    return Err(Obstacle::TooManyFrames { stated: self.frames, room });
+                }
+                return Ok(());
+            }
+            Storage::Plain => self.frame_bytes().saturating_mul(self.frames.into()),
+            Storage::Bits => {
+                let frame = u64::from(self.layout.columns) * u64::from(self.layout.rows);
+                frame.saturating_mul(self.frames.into()).div_ceil(8)
+            }
+        };
+        if got < needed { Err(Obstacle::Truncated { needed, got }) } else { Ok(()) }
+    }
+}
+
+/// Type of what is delivered. Entries of tables have up to 16 bits and are unsigned (PS3.3 C.11.1.1.1,
+/// C.7.6.3.1.6).
+fn delivered(mapping: Mapping, stored: Stored) -> ScalarType {
+    match mapping {
+        Mapping::ModalityLut | Mapping::Palette => ScalarType::U16,
+        _ => stored.scalar(),
+    }
+}
+
+/// How the samples of a pixel become one, by photometric interpretation (PS3.3 C.7.6.3.1.2).
+fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Result<Mapping, Obstacle> {
+    let photometric = header.photometric.as_str();
+    match (photometric, samples) {
+        ("" | "MONOCHROME1" | "MONOCHROME2", 1) if header.modality_lut => Ok(Mapping::ModalityLut),
+        ("" | "MONOCHROME1" | "MONOCHROME2", 1) => Ok(Mapping::Values),
+        // The palette only colours the labels (PS3.3 C.8.20.2).
+        ("PALETTE COLOR", 1) if header.is_segmentation() => Ok(Mapping::Values),
+        ("PALETTE COLOR", 1) => {
+            let places = &header.places;
+            let all = places.palettes.iter().chain(&places.palette_descriptors).all(Option::is_some);
+            if all { Ok(Mapping::Palette) } else { Err(Obstacle::Palette) }
+        }
+        ("RGB", 3) => Ok(Mapping::Rgb),
+        // The transform into these is part of the codestream and undone by its decoder.
+        ("YBR_RCT" | "YBR_ICT", 3) if codec.is_some_and(Codec::is_jpeg2000) => Ok(Mapping::Rgb),
+        ("YBR_FULL", 3) => Ok(Mapping::Luma),
+        // Decoders deliver every component of every pixel.
+        ("YBR_FULL_422", 3) if codec.is_some_and(|codec| codec != Codec::None) => Ok(Mapping::Luma),
+        ("YBR_FULL_422", 3) => Ok(Mapping::Luma422),
+        _ => Err(Obstacle::Colour { photometric: photometric.into(), samples }),
+    }
+}
+
+/// How a cell holds its value.
+fn stored_of(header: &DicomHeader, allocated: u16, samples: u16) -> Result<Stored, Obstacle> {
+    let big = header.transfer_syntax == TransferSyntax::ExplicitBe;
+    let endian = if big { Endian::Big } else { Endian::Little };
+    let element = header.pixels.map_or(PixelElement::Integer, |p| p.element);
+    match element {
+        PixelElement::Float if allocated == 32 && samples == 1 => return Ok(Stored::float(endian)),
+        PixelElement::Double if allocated == 64 && samples == 1 => return Ok(Stored::double(endian)),
+        PixelElement::Integer => {}
+        _ => return Err(Obstacle::BitsAllocated(allocated)),
+    }
+    let signed = header.pixel_representation.unwrap_or(0) & 1 == 1;
+    match (allocated, samples) {
+        (1, 1) => return Ok(Stored::integer(8, 1, 0, false, Endian::Little)),
+        (8 | 16, _) | (32, 1) => {}
+        _ => return Err(Obstacle::BitsAllocated(allocated)),
+    }
+    if samples > 1 && signed {
+        return Err(Obstacle::Combination(Combination::SignedColour));
+    }
+    let stored = header.bits_stored.unwrap_or(allocated);
+    let high = header.high_bit.unwrap_or(stored.saturating_sub(1));
+    if stored == 0 || high >= allocated || stored > high + 1 {
+        return Err(Obstacle::BadBits { allocated, stored, high });
+    }
+    Ok(Stored::integer(allocated.into(), stored.into(), u32::from(high + 1 - stored), signed, endian))
+}

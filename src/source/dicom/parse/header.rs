@@ -1,0 +1,508 @@
+//! The elements of one image that a volume needs, parsed (PS3.3 C.7.6, C.11.1; PS3.5 section 6.2).
+
+use super::private::Private;
+use super::value::{
+    Tag, double, doubles, integer, number, numbers, raw_double, raw_single, single, text, time_of, word_of,
+};
+use crate::facts::dicom::TransferSyntax;
+use crate::source::finding::BurnedIn;
+use crate::volume::Endian;
+
+/// Longest value that is looked at; every kept element is far shorter in a sound file.
+pub(crate) const MAX_VALUE_BYTES: usize = 1024;
+
+/// SOP class of label map segmentations, without the root of the standard's own.
+const LABEL_MAP: &str = "5.1.4.1.1.66.7";
+
+/// SOP classes of ultrasound, likewise.
+const ULTRASOUND: [&str; 5] =
+    ["5.1.4.1.1.3", "5.1.4.1.1.3.1", "5.1.4.1.1.6", "5.1.4.1.1.6.1", "5.1.4.1.1.6.2"];
+
+/// Which of the three pixel elements a file has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PixelElement {
+    /// (7FE0,0010) Pixel Data: integers or encapsulated frames.
+    Integer,
+    /// (7FE0,0008) Float Pixel Data.
+    Float,
+    /// (7FE0,0009) Double Float Pixel Data.
+    Double,
+}
+
+/// Tags of [`Places::frame_vectors`].
+const FRAME_VECTORS: [Tag; 8] =
+    [0x0054_0010, 0x0054_0020, 0x0054_0030, 0x0054_0050, 0x0054_0060, 0x0054_0070, 0x0054_0090, 0x0054_0100];
+
+/// Where the pixels lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelData {
+    /// Which element.
+    pub element: PixelElement,
+    /// Offset of the first byte of the value in the file.
+    pub offset: u64,
+    /// Declared length in bytes; `None` for undefined, which means encapsulated frames.
+    pub declared: Option<u32>,
+    /// Bytes of the value that the file really has.
+    pub available: u64,
+    /// Is the value representation OW (words)? Matters for 8-bit pixels in big-endian files only.
+    pub words: bool,
+}
+
+/// How elements are written at some place of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Encoding {
+    /// Does each element state its VR?
+    pub explicit: bool,
+    /// Byte order of tags, lengths and binary values.
+    pub endian: Endian,
+}
+
+/// Offsets of the heads of longer elements; `None` where the file has no such element.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Places {
+    /// (5200,9229) Shared Functional Groups Sequence.
+    pub shared_groups: Option<u64>,
+    /// (5200,9230) Per-Frame Functional Groups Sequence.
+    pub frame_groups: Option<u64>,
+    /// (0054,0022) Detector Information Sequence, which has the geometry of nuclear medicine images.
+    pub detectors: Option<u64>,
+    /// (3004,000C) Grid Frame Offset Vector.
+    pub grid_offsets: Option<u64>,
+    /// (0054,0080) Slice Vector of nuclear medicine.
+    pub slice_vector: Option<u64>,
+    /// The other vectors that number the frames of nuclear medicine: energy windows, detectors, phases,
+    /// rotations, R-R intervals, time slots, angular views, time slices.
+    pub frame_vectors: [Option<u64>; 8],
+    /// (0028,3000) Modality LUT Sequence.
+    pub modality_lut: Option<u64>,
+    /// (0028,1101) to (0028,1103): descriptors of the red, green and blue palette.
+    pub palette_descriptors: [Option<u64>; 3],
+    /// (0028,1201) to (0028,1203): data of the red, green and blue palette.
+    pub palettes: [Option<u64>; 3],
+    /// (0029,xx10) of the block `SIEMENS CSA HEADER`.
+    pub csa: Option<u64>,
+    /// (7FE0,0001) Extended Offset Table.
+    pub offset_table: Option<u64>,
+}
+
+impl Places {
+    /// Remembers where an element begins, if it is one of these.
+    pub(crate) fn keep(&mut self, tag: Tag, at: u64) {
+        let slot = match tag {
+            0x5200_9229 => &mut self.shared_groups,
+            0x5200_9230 => &mut self.frame_groups,
+            0x0054_0022 => &mut self.detectors,
+            0x3004_000c => &mut self.grid_offsets,
+            0x0054_0080 => &mut self.slice_vector,
+            _ if FRAME_VECTORS.contains(&tag) => {
+                let at = FRAME_VECTORS.iter().position(|vector| *vector == tag);
+                match at.and_then(|at| self.frame_vectors.get_mut(at)) {
+                    Some(slot) => slot,
+                    None => return,
+                }
+            }
+            0x0028_3000 => &mut self.modality_lut,
+            0x0028_1101..=0x0028_1103 | 0x0028_1201..=0x0028_1203 => {
+                let list = if tag < 0x0028_1200 { &mut self.palette_descriptors } else { &mut self.palettes };
+                match list.get_mut((tag & 0xf) as usize - 1) {
+                    Some(slot) => slot,
+                    None => return,
+                }
+            }
+            0x7fe0_0001 => &mut self.offset_table,
+            _ => return,
+        };
+        slot.get_or_insert(at);
+    }
+}
+
+/// What one DICOM file says of its image; `None` where an element is missing or illegible.
+///
+/// No patient data is kept: no names, no numbers of patients, no dates, no free text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DicomHeader {
+    /// How elements and pixels are encoded.
+    pub transfer_syntax: TransferSyntax,
+    /// SOP class UID (0008,0016), or the meta header's.
+    pub sop_class: String,
+    /// Study Instance UID.
+    pub study_uid: String,
+    /// Series Instance UID.
+    pub series_uid: String,
+    /// Image Type, values joined by backslashes.
+    pub image_type: String,
+    /// Modality, for example `CT`.
+    pub modality: String,
+    /// Photometric Interpretation, for example `MONOCHROME2`.
+    pub photometric: String,
+    /// Series Number.
+    pub series_number: Option<i32>,
+    /// SOP Instance UID: the same in copies of one image.
+    pub instance_uid: String,
+    /// Acquisition Number.
+    pub acquisition: Option<i32>,
+    /// Instance Number.
+    pub instance: Option<i32>,
+    /// Samples per Pixel.
+    pub samples: Option<u16>,
+    /// Planar Configuration.
+    pub planar: Option<u16>,
+    /// Rows (height).
+    pub rows: Option<u16>,
+    /// Columns (width).
+    pub columns: Option<u16>,
+    /// Bits Allocated.
+    pub bits_allocated: Option<u16>,
+    /// Bits Stored.
+    pub bits_stored: Option<u16>,
+    /// High Bit.
+    pub high_bit: Option<u16>,
+    /// Pixel Representation: 0 unsigned, 1 two's complement.
+    pub pixel_representation: Option<u16>,
+    /// Number of Frames; `Some(Err)` when present but not a number.
+    pub frames: Option<Result<u32, ()>>,
+    /// Frame Increment Pointer, the first tag.
+    pub frame_increment: Option<u32>,
+    /// Image Position (Patient): centre of the first pixel in LPS mm.
+    pub position: Option<[f64; 3]>,
+    /// Image Orientation (Patient): direction along a row, then down a column.
+    pub orientation: Option<[f64; 6]>,
+    /// Pixel Spacing in mm: between rows, then between columns.
+    pub pixel_spacing: Option<[f64; 2]>,
+    /// Slice Thickness in mm; not the distance of slices.
+    pub slice_thickness: Option<f64>,
+    /// Spacing Between Slices in mm.
+    pub spacing_between: Option<f64>,
+    /// Rescale Slope.
+    pub slope: Option<f64>,
+    /// Rescale Intercept.
+    pub intercept: Option<f64>,
+    /// Dose Grid Scaling: Gy (or a part of the prescription) for each step of an RT dose's stored values.
+    pub dose_scaling: Option<f64>,
+    /// Pixel Padding Value, as its 16 bits in the file.
+    pub padding: Option<u16>,
+    /// Pixel Padding Range Limit, as its 16 bits.
+    pub padding_limit: Option<u16>,
+    /// Float or Double Float Pixel Padding Value, which may be NaN.
+    pub float_padding: Option<f64>,
+    /// Float or Double Float Pixel Padding Range Limit.
+    pub float_padding_limit: Option<f64>,
+    /// Echo Time in ms.
+    pub echo_time: Option<f64>,
+    /// Echo Number(s), the first.
+    pub echo_number: Option<i32>,
+    /// Repetition Time in ms.
+    pub repetition_time: Option<f64>,
+    /// Inversion Time in ms.
+    pub inversion_time: Option<f64>,
+    /// Flip Angle in degrees.
+    pub flip_angle: Option<f64>,
+    /// Trigger Time in ms.
+    pub trigger_time: Option<f64>,
+    /// Temporal Position Identifier.
+    pub temporal_position: Option<i32>,
+    /// Diffusion b-value in s/mm2.
+    pub b_value: Option<f64>,
+    /// Complex Image Component: `MAGNITUDE`, `PHASE`, ...
+    pub complex_component: String,
+    /// Diffusion Gradient Orientation, a unit vector in patient coordinates.
+    pub gradient: Option<[f64; 3]>,
+    /// Nominal Percentage of Cardiac Phase.
+    pub cardiac_phase: Option<f64>,
+    /// Acquisition Time, or the time of Acquisition DateTime, as the number HHMMSS.FFFFFF; only to tell
+    /// images apart.
+    pub acquisition_time: Option<f64>,
+    /// Private elements of mosaics.
+    pub private: Private,
+    /// Frame Reference Time of PET in ms; only to tell images apart.
+    pub frame_reference_time: Option<f64>,
+    /// Does Burned In Annotation say YES?
+    pub burned_in: bool,
+    /// Is a Conversion Type stated, as it is for secondary captures?
+    pub converted: bool,
+    /// Is there a Modality LUT Sequence? Then values are not linear.
+    pub modality_lut: bool,
+    /// How elements are written.
+    pub encoding: Encoding,
+    /// Where the elements after the meta header begin. In a deflated file, offsets from here on count
+    /// bytes of the inflated stream.
+    pub dataset: u64,
+    /// Where some longer elements lie, which are read only when needed.
+    pub places: Places,
+    /// Pixels, if the file has any.
+    pub pixels: Option<PixelData>,
+}
+
+impl DicomHeader {
+    pub(crate) fn new(transfer_syntax: TransferSyntax) -> Self {
+        Self {
+            transfer_syntax,
+            sop_class: String::new(),
+            study_uid: String::new(),
+            series_uid: String::new(),
+            image_type: String::new(),
+            modality: String::new(),
+            photometric: String::new(),
+            series_number: None,
+            instance_uid: String::new(),
+            acquisition: None,
+            instance: None,
+            samples: None,
+            planar: None,
+            rows: None,
+            columns: None,
+            bits_allocated: None,
+            bits_stored: None,
+            high_bit: None,
+            pixel_representation: None,
+            frames: None,
+            frame_increment: None,
+            position: None,
+            orientation: None,
+            pixel_spacing: None,
+            slice_thickness: None,
+            spacing_between: None,
+            slope: None,
+            intercept: None,
+            dose_scaling: None,
+            padding: None,
+            padding_limit: None,
+            float_padding: None,
+            float_padding_limit: None,
+            echo_time: None,
+            echo_number: None,
+            repetition_time: None,
+            inversion_time: None,
+            flip_angle: None,
+            trigger_time: None,
+            temporal_position: None,
+            b_value: None,
+            complex_component: String::new(),
+            gradient: None,
+            cardiac_phase: None,
+            acquisition_time: None,
+            private: Private::default(),
+            frame_reference_time: None,
+            burned_in: false,
+            converted: false,
+            modality_lut: false,
+            encoding: Encoding { explicit: true, endian: Endian::Little },
+            dataset: 0,
+            places: Places::default(),
+            pixels: None,
+        }
+    }
+
+    /// What the object is, in words without patient data: `CT image`, `DICOMDIR`, ...
+    pub fn kind(&self) -> String {
+        let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
+        let known = match class {
+            "1.3.10" => "DICOMDIR",
+            "5.1.4.1.1.1" => "CR image",
+            "5.1.4.1.1.2" => "CT image",
+            "5.1.4.1.1.2.1" => "enhanced CT",
+            "5.1.4.1.1.4" => "MR image",
+            "5.1.4.1.1.4.1" => "enhanced MR",
+            "5.1.4.1.1.3.1" | "5.1.4.1.1.6.1" => "ultrasound image",
+            "5.1.4.1.1.7" => "secondary capture",
+            "5.1.4.1.1.7.1" | "5.1.4.1.1.7.2" | "5.1.4.1.1.7.3" | "5.1.4.1.1.7.4" => {
+                "multi-frame secondary capture"
+            }
+            "5.1.4.1.1.13.1.1" | "5.1.4.1.1.13.1.2" | "5.1.4.1.1.13.1.3" => "X-ray 3D image",
+            "5.1.4.1.1.20" => "NM image",
+            "5.1.4.1.1.130" => "enhanced PET",
+            "5.1.4.1.1.66.4" | LABEL_MAP => "segmentation",
+            "5.1.4.1.1.30" => "parametric map",
+            "5.1.4.1.1.128" => "PET image",
+            "5.1.4.1.1.481.2" => "RT dose",
+            "5.1.4.1.1.481.3" => "RT structure set",
+            "5.1.4.1.1.481.5" => "RT plan",
+            _ if class.starts_with("5.1.4.1.1.88.") => "structured report",
+            _ if self.modality.is_empty() => "DICOM object",
+            _ => return format!("{} object", self.modality),
+        };
+        known.into()
+    }
+
+    /// Is it an RT dose? Its values are scaled by Dose Grid Scaling, and by nothing else (PS3.3 C.8.8.3).
+    pub fn is_dose(&self) -> bool {
+        self.sop_class == "1.2.840.10008.5.1.4.1.1.481.2" || self.modality == "RTDOSE"
+    }
+
+    /// Is it a parametric map, whose values are what its Real World Value Mapping makes of the numbers?
+    pub fn is_parametric_map(&self) -> bool {
+        self.sop_class == "1.2.840.10008.5.1.4.1.1.30"
+    }
+
+    /// Do frames follow each other by Frame Time or Frame Time Vector?
+    pub fn is_film(&self) -> bool {
+        matches!(self.frame_increment, Some(0x0018_1063 | 0x0018_1065))
+    }
+
+    /// Why its pixels may carry text, if there is a reason to think so.
+    pub fn may_show_text(&self) -> Option<BurnedIn> {
+        let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
+        let is_screen = |part: &str| {
+            ["SCREEN", "SAVE", "CAPTURE"].iter().any(|word| part.to_ascii_uppercase().contains(word))
+        };
+        if self.burned_in {
+            Some(BurnedIn::Stated)
+        } else if ULTRASOUND.contains(&class) || ["US", "IVUS"].contains(&self.modality.as_str()) {
+            Some(BurnedIn::Ultrasound)
+        } else if class == "5.1.4.1.1.7" || class.starts_with("5.1.4.1.1.7.") || self.converted {
+            Some(BurnedIn::SecondaryCapture)
+        } else if self.image_type.split('\\').any(is_screen) {
+            Some(BurnedIn::ScreenCapture)
+        } else {
+            None
+        }
+    }
+
+    /// Is it a segmentation, whose numbers are labels whatever colours they are shown in?
+    pub fn is_segmentation(&self) -> bool {
+        self.kind() == "segmentation"
+    }
+
+    /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
+    /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
+    pub(crate) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
+        let word = || word_of(value, endian);
+        match tag {
+            0x0008_0008 => self.image_type = text(value),
+            0x0008_0016 => self.sop_class = text(value),
+            0x0008_0018 => self.instance_uid = text(value),
+            0x0008_9208 => self.complex_component = text(value),
+            0x0008_002a => self.acquisition_time = self.acquisition_time.or(time_of(value)),
+            // It comes behind the other, and is preferred.
+            0x0008_0032 => self.acquisition_time = number(value).or(self.acquisition_time),
+            0x0054_1300 => self.frame_reference_time = number(value),
+            0x0008_0064 => self.converted = !text(value).is_empty(),
+            0x0028_0301 => self.burned_in = text(value) == "YES",
+            0x0018_9089 => self.gradient = doubles(value, endian),
+            0x0020_9241 => self.cardiac_phase = single(value, endian),
+            0x0008_0060 => self.modality = text(value),
+            0x0018_0050 => self.slice_thickness = number(value),
+            0x0018_0080 => self.repetition_time = number(value),
+            0x0018_0081 => self.echo_time = number(value),
+            0x0018_0082 => self.inversion_time = number(value),
+            0x0018_0086 => self.echo_number = integer(value),
+            0x0018_0088 => self.spacing_between = number(value),
+            0x0018_1060 => self.trigger_time = number(value),
+            0x0018_1314 => self.flip_angle = number(value),
+            0x0018_9087 => self.b_value = double(value, endian),
+            0x0020_0011 => self.series_number = integer(value),
+            0x0020_0100 => self.temporal_position = integer(value),
+            0x0020_000d => self.study_uid = text(value),
+            0x0020_000e => self.series_uid = text(value),
+            0x0020_0012 => self.acquisition = text(value).parse().ok(),
+            0x0020_0013 => self.instance = text(value).parse().ok(),
+            0x0020_0032 => self.position = numbers(value),
+            0x0020_0037 => self.orientation = numbers(value),
+            0x0028_0002 => self.samples = word(),
+            0x0028_0004 => self.photometric = text(value),
+            0x0028_0006 => self.planar = word(),
+            0x0028_0008 => {
+                let digits = text(value);
+                self.frames = (!digits.is_empty()).then(|| digits.parse().map_err(|_| ()));
+            }
+            0x0028_0009 => {
+                let element = value.get(2..).and_then(|rest| word_of(rest, endian));
+                self.frame_increment =
+                    word().zip(element).map(|(group, element)| u32::from(group) << 16 | u32::from(element));
+            }
+            0x0028_0010 => self.rows = word(),
+            0x0028_0011 => self.columns = word(),
+            0x0028_0030 => self.pixel_spacing = numbers(value),
+            0x0028_0100 => self.bits_allocated = word(),
+            0x0028_0101 => self.bits_stored = word(),
+            0x0028_0102 => self.high_bit = word(),
+            0x0028_0103 => self.pixel_representation = word(),
+            0x0028_0120 => self.padding = word(),
+            0x0028_0121 => self.padding_limit = word(),
+            0x0028_0122 => self.float_padding = raw_single(value, endian),
+            0x0028_0123 => self.float_padding = raw_double(value, endian),
+            0x0028_0124 => self.float_padding_limit = raw_single(value, endian),
+            0x0028_0125 => self.float_padding_limit = raw_double(value, endian),
+            0x0028_1052 => self.intercept = number(value),
+            0x0028_1053 => self.slope = number(value),
+            0x0028_3000 => self.modality_lut = true,
+            0x3004_000e => self.dose_scaling = number(value),
+            _ => self.private.keep(tag, value, endian),
+        }
+    }
+
+    /// Does [`DicomHeader::keep`] look at this tag?
+    pub(crate) fn wants(tag: Tag) -> bool {
+        if Private::wants(tag) {
+            return true;
+        }
+        matches!(
+            tag,
+            0x0008_0008
+                | 0x0008_0016
+                | 0x0008_0018
+                | 0x0008_0060
+                | 0x0008_0064
+                | 0x0008_9208
+                | 0x0008_002a
+                | 0x0008_0032
+                | 0x0054_1300
+                | 0x0018_9089
+                | 0x0020_9241
+                | 0x0018_0050
+                | 0x0018_0080
+                | 0x0018_0081
+                | 0x0018_0082
+                | 0x0018_0086
+                | 0x0018_0088
+                | 0x0018_1060
+                | 0x0018_1314
+                | 0x0018_9087
+                | 0x0020_000d
+                | 0x0020_000e
+                | 0x0020_0011
+                | 0x0020_0012
+                | 0x0020_0013
+                | 0x0020_0032
+                | 0x0020_0037
+                | 0x0020_0100
+                | 0x0028_0002
+                | 0x0028_0004
+                | 0x0028_0006
+                | 0x0028_0008
+                | 0x0028_0009
+                | 0x0028_0010
+                | 0x0028_0011
+                | 0x0028_0030
+                | 0x0028_0100
+                ..=0x0028_0103
+                    | 0x0028_0120..=0x0028_0125
+                    | 0x0028_0301
+                    | 0x0028_1052
+                    | 0x0028_1053
+                    | 0x0028_3000
+                    | 0x3004_000e
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kept_tag_is_wanted() {
+        let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
+        let untouched = header.clone();
+        for tag in
+            (0x0002_0000..0x0030_0000).chain(0x3004_0000..0x3005_0000).filter(|tag| !DicomHeader::wants(*tag))
+        {
+            // Long enough for a binary double, and a text that is a number.
+            header.keep(tag, b"1\0", Endian::Little);
+            header.keep(tag, b"1.000000", Endian::Little);
+        }
+        assert_eq!(header, untouched);
+        header.keep(0x0028_0010, &[2, 0], Endian::Big);
+        assert_eq!(header.rows, Some(512));
+    }
+}

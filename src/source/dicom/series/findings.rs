@@ -1,0 +1,227 @@
+//! The volumes of a series, one finding for each, named without patient data.
+
+use std::path::{Path, PathBuf};
+
+use super::assemble::assemble;
+use super::axes::plane;
+use super::group::{Group, Kind, NO_OBSTACLE, Series, Shared, Slice};
+use super::layer::Stack;
+use super::split::{Part, split};
+use super::survey::{folder_of, load, path_of};
+use super::volume::DicomVolume;
+use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageName, SeriesFault, SetApart};
+use crate::source::files::FileList;
+use crate::source::finding::safe_name;
+use crate::source::stable_hash::StableHash;
+use crate::source::{Finding, InputFiles, OpenOptions};
+use crate::volume::{SourceError, VolumeSource};
+
+/// Attributes named in one note.
+const NAMED: usize = 4;
+
+/// The volumes of a series, refused ones included; `facts` are size and time of change of each file.
+pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenOptions) -> Vec<Finding> {
+    let series = load(files, facts);
+    let mut parts: Vec<(&Group, Part)> = Vec::new();
+    let labels = group_labels(&series.groups);
+    for (group, label) in series.groups.iter().zip(labels) {
+        for mut part in split(group, &series.image_types) {
+            part.label = format!("{label} {}", part.label).trim().to_owned();
+            parts.push((group, part));
+        }
+    }
+    make_distinct(&mut parts);
+    let notes = notes(&series, &parts);
+    let finding = |(group, part): &(&Group, Part)| finding(&series, group, part, &notes, options);
+    let mut findings: Vec<Finding> = parts.iter().map(finding).collect();
+    if findings.is_empty()
+        && let Some((path, error)) = &series.lost
+    {
+        findings.push(Finding {
+            path: path.clone(),
+            id: String::new(),
+            format: "dicom",
+            kind: "DICOM image".into(),
+            part: None,
+            size: None,
+            files: InputFiles::default(),
+            burned_in: None,
+            volume: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
+        });
+    }
+    findings
+}
+
+/// What sets each group of a series apart from the others.
+fn group_labels(groups: &[Group]) -> Vec<String> {
+    let differ = |f: &dyn Fn(&Shared) -> String| {
+        let mut all = groups.iter().map(|g| f(&g.shared));
+        let first = all.next();
+        all.any(|other| Some(other) != first)
+    };
+    let kind = |s: &Shared| match s.kind {
+        Kind::Image => String::new(),
+        Kind::Derived => "derived".to_owned(),
+        Kind::Localizer => "localizer".to_owned(),
+    };
+    let size = |s: &Shared| format!("{}x{}", s.size[0], s.size[1]);
+    let view = |s: &Shared| s.orientation.and_then(plane).unwrap_or("unplaced").to_owned();
+    let object = |s: &Shared| s.object.clone();
+    let facts: [&dyn Fn(&Shared) -> String; 4] = [&object, &kind, &size, &view];
+    let used: Vec<_> = facts.into_iter().filter(|f| differ(f)).collect();
+    let label = |g: &Group| {
+        let words: Vec<String> = used.iter().map(|f| f(&g.shared)).filter(|w| !w.is_empty()).collect();
+        words.join(" ")
+    };
+    groups.iter().map(label).collect()
+}
+
+/// Two parts of a series never have one label; the first that needs none has none.
+fn make_distinct(parts: &mut [(&Group, Part)]) {
+    if parts.len() < 2 {
+        return;
+    }
+    let mut seen = std::collections::HashMap::new();
+    for (_, part) in parts.iter_mut() {
+        let times: &mut u32 = seen.entry(part.label.clone()).or_insert(0);
+        *times += 1;
+        if *times > 1 {
+            part.label = format!("{} set {times}", part.label).trim().to_owned();
+        }
+    }
+}
+
+fn finding(
+    series: &Series,
+    group: &Group,
+    part: &Part,
+    notes: &[DicomNote],
+    options: &OpenOptions,
+) -> Finding {
+    let shared = &group.shared;
+    let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
+    let mut numbers: Vec<u32> = slices.iter().map(|s| s.file).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let mut files = InputFiles::default();
+    for file in &numbers {
+        let (size, changed) = series.facts.get(*file as usize).copied().unwrap_or_default();
+        files.add(series.files.name(*file as usize), size, changed);
+    }
+    let path = match numbers.as_slice() {
+        [only] => series.files.path(*only as usize),
+        _ => folder_of(series, &mut numbers.iter().copied()),
+    };
+    let id = id(shared, &part.label);
+    let volume = open(series, group, part, &path, options).and_then(|stack| {
+        DicomVolume::build(series, group, stack, &id, &part.label, notes)
+            .map_err(|fault| SourceError::Dicom { path: path.clone(), fault: DicomFault::Series(fault) })
+    });
+    let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
+    let each = shared.mosaic.map_or(1, |mosaic| mosaic.slices);
+    let images = u32::try_from(slices.len()).unwrap_or(u32::MAX).saturating_mul(each);
+    Finding {
+        path,
+        id,
+        format: "dicom",
+        kind: shared.object.clone(),
+        part: Some(part.label.clone()).filter(|label| !label.is_empty()),
+        size: Some(opened.unwrap_or([shared.size[0], shared.size[1], images])),
+        files,
+        burned_in: shared.burned_in,
+        volume: volume.map(|v| Box::new(v) as Box<dyn VolumeSource>),
+    }
+}
+
+/// Orders the images of a part, unless one of them stands in the way.
+fn open(
+    series: &Series,
+    group: &Group,
+    part: &Part,
+    path: &Path,
+    options: &OpenOptions,
+) -> Result<Stack, SourceError> {
+    let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
+    let refuse = |path: &Path, fault| Err(SourceError::Dicom { path: path.to_path_buf(), fault });
+    let images = slices.len();
+    let bad: Vec<&&Slice> = slices.iter().filter(|s| s.obstacle != NO_OBSTACLE).collect();
+    if let Some(first) = bad.first() {
+        let Some(fault) = series.obstacles.get(first.obstacle as usize).cloned() else {
+            return refuse(path, DicomFault::Series(SeriesFault::Incomplete));
+        };
+        let file = path_of(series, first);
+        return match bad.len() {
+            1 if images == 1 => refuse(&file, DicomFault::Image(fault)),
+            bad if bad == images => refuse(path, DicomFault::EveryImage { images, first: fault }),
+            // Without it the volume would silently lack a slice.
+            _ => refuse(&file, DicomFault::OneImage(fault)),
+        };
+    }
+    let frames = slices.iter().any(|s| s.frame > 0);
+    let name = |s: &Slice| ImageName {
+        file: series.files.name(s.file as usize).to_path_buf(),
+        frame: Some(s.frame).filter(|_| frames),
+    };
+    assemble(group, &part.chosen, options.gaps, &name).or_else(|mut fault| {
+        if let SeriesFault::Uneven(gaps) = &mut fault {
+            gaps.set_apart = set_apart(series, group);
+        }
+        refuse(path, DicomFault::Series(fault))
+    })
+}
+
+/// The images of the series that went into other groups, as the missing ones may be among them. Overviews
+/// are left out: they never fill a gap.
+fn set_apart(series: &Series, group: &Group) -> Option<SetApart> {
+    let others: Vec<&Group> = series
+        .groups
+        .iter()
+        .filter(|g| !std::ptr::eq(*g, group) && g.shared.kind != Kind::Localizer)
+        .collect();
+    let first = others.first().and_then(|g| g.slices.first())?;
+    let mut by: Vec<Attribute> = Vec::new();
+    for attribute in others.iter().flat_map(|g| group.shared.differences(&g.shared)) {
+        if !by.contains(&attribute) {
+            by.push(attribute);
+        }
+    }
+    let images = others.iter().map(|g| g.slices.len()).sum();
+    Some(SetApart { images, by, first: series.files.name(first.file as usize).to_path_buf() })
+}
+
+/// Modality, number and hash of the series, and the part: never a name of a file or of a patient.
+fn id(shared: &Shared, label: &str) -> String {
+    let hash = StableHash::new().part(shared.series_uid.as_bytes()).finish();
+    let modality = if shared.modality.is_empty() { "dicom" } else { &shared.modality };
+    let number = shared.series_number.map_or_else(String::new, |n| format!("-{n:03}"));
+    let part: String =
+        label.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '.' || *c == '-').collect();
+    let part = if part.is_empty() { part } else { format!("-{}", part.to_ascii_lowercase()) };
+    safe_name(&format!("{}{number}-{:08x}{part}", modality.to_ascii_lowercase(), hash >> 32))
+}
+
+/// What was dropped, and by which attributes a series was split.
+fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<DicomNote> {
+    let mut notes = Vec::new();
+    if series.duplicates > 0 {
+        notes.push(DicomNote::Duplicates { images: series.duplicates });
+    }
+    if let Some((path, error)) = &series.lost {
+        let file = path.file_name().map(PathBuf::from).unwrap_or_default();
+        notes.push(DicomNote::Lost { file, error: error.clone() });
+    }
+    if parts.len() > 1 {
+        let mut all: Vec<Attribute> = parts.iter().flat_map(|(_, p)| p.by.iter().copied()).collect();
+        if let Some((first, others)) = series.groups.split_first() {
+            all.extend(others.iter().flat_map(|other| first.shared.differences(&other.shared)));
+        }
+        let mut by: Vec<Attribute> = Vec::new();
+        for attribute in all {
+            if !by.contains(&attribute) && by.len() < NAMED {
+                by.push(attribute);
+            }
+        }
+        notes.push(DicomNote::Volumes { volumes: parts.len(), by });
+    }
+    notes
+}

@@ -1,0 +1,26 @@
+//! What the slices of a volume are.
+
+use crate::facts::dicom::DicomNote;
+use crate::geom::Affine;
+
+/// Images in order, with their place in the patient.
+#[derive(Debug)]
+pub(crate) struct Stack {
+    /// What each slice of the volume is, by increasing position.
+    pub(crate) layers: Vec<Layer>,
+    pub(crate) affine: Affine,
+    pub(crate) notes: Vec<DicomNote>,
+}
+
+/// A slice of the volume; numbers are indices into the group's slices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Layer {
+    /// An image.
+    Image(usize),
+    /// A tile of an image.
+    Tile(usize, u32),
+    /// Nothing: a slice that a segmentation leaves out.
+    Empty,
+    /// No image lies here: so much of the way from the first to the second.
+    Between(usize, usize, f64),
+}

@@ -1,0 +1,167 @@
+//! Siemens mosaics: one picture that holds the slices of a volume as tiles.
+//!
+//! ```text
+//!   tile 0 | tile 1 | tile 2        as many tiles in a row as in a column: the square root of the number
+//!   tile 3 | tile 4 | tile 5        of slices, rounded up; what is left over at the end is empty
+//!   tile 6 |        |
+//! ```
+//!
+//! Image Type says that a picture is one; how many slices it holds, and on which side of a slice the next
+//! one lies, are only in private elements (see [`crate::source::dicom::parse::csa`]). The stated position is that of the first
+//! pixel of a picture as large as all tiles together with the first slice in its centre, so that of the
+//! first slice lies half the difference of the sizes further along the rows and down the columns.
+//!
+//! An enhanced image has frames of its own and is no mosaic, whatever it says.
+
+use super::axes::{directions, dot};
+use super::layer::{Layer, Stack};
+use crate::facts::dicom::{CsaFault, DicomNote, MosaicFault, SeriesFault, TransferSyntax};
+use crate::geom::Affine;
+use crate::source::dicom::parse::csa::{self, Csa};
+use crate::source::dicom::parse::deflated::Inflated;
+use crate::source::dicom::parse::element::Parser;
+use crate::source::dicom::parse::frames::FrameGeometry;
+use crate::source::dicom::parse::header::DicomHeader;
+use crate::source::dicom::parse::window::ReadAt;
+
+/// Cosine of the largest angle between the stated normal and that of the image: they are the same but for
+/// rounding, and one that is not belongs to another image.
+const PARALLEL: f64 = 0.99;
+
+/// How the slices of a volume lie in a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Mosaic {
+    /// Tiles in a row, and in a column.
+    pub(crate) across: u32,
+    /// Slices; never more than tiles.
+    pub(crate) slices: u32,
+    /// Distance of neighbouring slices.
+    pub(crate) distance_mm: f64,
+    /// Do slices follow each other against the normal, rows x columns?
+    pub(crate) backwards: bool,
+}
+
+/// A mosaic, and what has to be said of it.
+#[derive(Debug)]
+pub(crate) struct Found {
+    pub(crate) mosaic: Mosaic,
+    /// Size of a tile: columns and rows.
+    pub(crate) size: [u32; 2],
+    pub(crate) notes: Vec<DicomNote>,
+}
+
+/// Is the image a mosaic?
+pub(crate) fn is_one(header: &DicomHeader) -> bool {
+    let enhanced = header.places.frame_groups.is_some() || header.places.shared_groups.is_some();
+    !enhanced && header.image_type.split('\\').any(|part| part.trim() == "MOSAIC")
+}
+
+/// How the slices lie in an image that [`is_one`]; or why that is not known.
+pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Found, MosaicFault> {
+    if header.frames.is_some_and(|frames| frames != Ok(1)) {
+        return Err(MosaicFault::SeveralFrames);
+    }
+    let mut notes = Vec::new();
+    let (csa, fault) = match private_header(input, header) {
+        Ok(csa) => (csa, None),
+        Err(fault) => (Csa::default(), Some(fault)),
+    };
+    let stated = |images: Option<u32>| images.filter(|n| *n > 0);
+    let slices = match (stated(csa.images), stated(header.private.images)) {
+        (Some(a), Some(b)) if a != b => {
+            return Err(MosaicFault::SlicesDisagree { stated: [a, b] });
+        }
+        (Some(slices), _) | (None, Some(slices)) => slices,
+        (None, None) => {
+            return Err(MosaicFault::NoSliceNumber { header: fault });
+        }
+    };
+    let across = slices.isqrt() + u32::from(slices.isqrt().pow(2) < slices);
+    let [columns, rows] = [header.columns, header.rows].map(|side| u32::from(side.unwrap_or(0)));
+    if columns == 0 || rows == 0 || columns % across != 0 || rows % across != 0 {
+        return Err(MosaicFault::Tiles { slices, across, columns, rows });
+    }
+    let positive = |mm: Option<f64>| mm.filter(|mm| *mm > 0.0);
+    let distance_mm = positive(header.spacing_between).or_else(|| {
+        let thickness = positive(header.slice_thickness);
+        notes.push(DicomNote::MosaicSpacing { thickness_mm: thickness });
+        thickness
+    });
+    let normal = header.orientation.and_then(directions).map(|(.., normal)| normal);
+    let backwards = match (csa.normal, normal) {
+        (Some(stated), Some(normal)) => {
+            let cosine = dot(stated, normal);
+            if cosine.abs() < PARALLEL {
+                return Err(MosaicFault::OtherNormal);
+            }
+            cosine < 0.0
+        }
+        (None, Some(_)) if slices > 1 => {
+            notes.push(DicomNote::MosaicDirection { header: fault });
+            false
+        }
+        _ => false,
+    };
+    let mosaic = Mosaic { across, slices, distance_mm: distance_mm.unwrap_or(1.0), backwards };
+    Ok(Found { mosaic, size: [columns / across, rows / across], notes })
+}
+
+/// The private header, if there is one.
+fn private_header<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Csa, CsaFault> {
+    let Some(at) = header.places.csa else { return Ok(Csa::default()) };
+    if header.transfer_syntax == TransferSyntax::Deflated {
+        let inflated = Inflated::new(input, header.dataset)?;
+        return read_csa(&inflated, header, at);
+    }
+    read_csa(input, header, at)
+}
+
+fn read_csa<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, at: u64) -> Result<Csa, CsaFault> {
+    let mut parser = Parser::new(input)?;
+    let element = parser.element(at, header.encoding)?;
+    let end = parser.end(&element, at)?;
+    csa::read(&mut parser.window, element.value_at, end - element.value_at)
+}
+
+impl Found {
+    /// Geometry of the first slice, from that of the picture.
+    pub(crate) fn first_slice(&self, mut picture: FrameGeometry) -> FrameGeometry {
+        let axes = picture.orientation.and_then(directions);
+        if let (Some(position), Some((row, column, _))) = (picture.position, axes) {
+            let [dy, dx] = picture.pixel_spacing.filter(|[a, b]| *a > 0.0 && *b > 0.0).unwrap_or([1.0; 2]);
+            let more = f64::from(self.mosaic.across - 1) / 2.0;
+            let [right, down] = [0, 1].map(|i| more * self.size.map(f64::from)[i] * [dx, dy][i]);
+            picture.position = Some([0, 1, 2].map(|i| position[i] + right * row[i] + down * column[i]));
+        }
+        picture
+    }
+}
+
+/// The volume of one mosaic, the `index`-th image of a group: pixels `dx` and `dy` apart, directions and
+/// position of the first slice where both are stated.
+pub(crate) fn assemble(
+    mosaic: &Mosaic,
+    index: usize,
+    [dx, dy]: [f64; 2],
+    place: Option<([f64; 6], [f64; 3])>,
+    mut notes: Vec<DicomNote>,
+) -> Result<Stack, SeriesFault> {
+    let dz = mosaic.distance_mm;
+    let tiles = 0..mosaic.slices;
+    let Some((axes, first)) = place else {
+        notes.push(DicomNote::MosaicUnplaced { step_mm: dz });
+        let layers = tiles.map(|tile| Layer::Tile(index, tile)).collect();
+        return Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), notes });
+    };
+    let (row, column, normal) = directions(axes).ok_or(SeriesFault::Orientation)?;
+    let last = mosaic.slices.saturating_sub(1);
+    let before = if mosaic.backwards { dz * f64::from(last) } else { 0.0 };
+    let rows =
+        [0, 1, 2].map(|i| [row[i] * dx, column[i] * dy, normal[i] * dz, first[i] - before * normal[i]]);
+    let affine = Affine { rows };
+    if affine.inverse().is_none() {
+        return Err(SeriesFault::Flat);
+    }
+    let tile = |tile: u32| Layer::Tile(index, if mosaic.backwards { last - tile } else { tile });
+    Ok(Stack { layers: tiles.map(tile).collect(), affine, notes })
+}

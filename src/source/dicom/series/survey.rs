@@ -1,0 +1,332 @@
+//! Tells images from other files, and loads the images of one series.
+//!
+//! Memory: one header at a time, some 250 bytes per image, the names once.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
+use super::mosaic::{Found, is_one, look};
+use crate::facts::dicom::{DicomNote, ImageFault, Obstacle, ScanError};
+use crate::source::dicom::image::describe::{Access, Image, Storage};
+use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
+use crate::source::dicom::image::pixels::StatedPadding;
+use crate::source::dicom::parse::frames::{FrameGeometry, Origin, visit};
+use crate::source::dicom::parse::header::DicomHeader;
+use crate::source::dicom::parse::scan::scan;
+use crate::source::files::FileList;
+use crate::source::stable_hash::StableHash;
+
+/// What is known of a frame while a series is put in order; measured, with some room.
+const FRAME_BYTES: u64 = 400;
+/// What is known of a mosaic, whose slices are a volume of their own.
+const MOSAIC_BYTES: u64 = 2600;
+
+/// What a file is, as far as DICOM is concerned.
+#[derive(Debug)]
+pub(crate) enum Recognised {
+    /// An image, of the series with this UID (empty if it names none).
+    Image {
+        /// Series Instance UID.
+        series: String,
+        /// Its frames.
+        frames: u32,
+        /// Memory that is taken for a moment when the series is opened, about.
+        opening_bytes: u64,
+    },
+    /// A report, a plan, a directory, ...
+    NoImage(Obstacle),
+    /// It begins as DICOM, but cannot be followed.
+    Damaged(ScanError),
+    /// The system refused.
+    Unreadable(io::Error),
+    /// Something else.
+    Foreign,
+}
+
+/// Looks at the header of a file.
+pub(crate) fn recognise(file: &File) -> Recognised {
+    match scan(file) {
+        // An image that ends before its pixels is still an image; it is refused when it is opened.
+        Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
+            // No more than lie in the file.
+            let frames = Image::of(&header).map_or(1, |image| image.frames);
+            let each = if is_one(&header) { MOSAIC_BYTES } else { FRAME_BYTES };
+            Recognised::Image { series: header.series_uid, frames, opening_bytes: u64::from(frames) * each }
+        }
+        Ok(header) => Recognised::NoImage(Obstacle::NoPixels { object: header.kind() }),
+        Err(ScanError::Io(fault)) => Recognised::Unreadable(fault.into()),
+        Err(ScanError::NotDicom) => Recognised::Foreign,
+        Err(error @ ScanError::Damaged { .. }) => Recognised::Damaged(error),
+    }
+}
+
+/// Reads the headers of the files of one series; `facts` are size and time of change of each.
+pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
+    let mut series = Series::new(files, facts.to_vec());
+    for file in 0..series.files.len() {
+        let path = series.files.path(file);
+        let opened = File::open(&path).map_err(ScanError::from);
+        let scanned = opened.and_then(|f| scan(&f).map(|header| (f, header)));
+        match scanned {
+            Ok((input, header)) => add_file(&mut series, file, &input, &header),
+            Err(error) => series.lost(path, error),
+        }
+    }
+    series.finish();
+    series
+}
+
+/// Adds every frame of a file.
+fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader) {
+    let image = Image::of(header);
+    let frames = image.as_ref().map_or(1, |image| image.frames);
+    let mut obstacle = image.as_ref().err().cloned().map(ImageFault::Pixels);
+    let mut mosaic = None;
+    if is_one(header) {
+        match look(input, header) {
+            Ok(found) => mosaic = Some(found),
+            Err(fault) => obstacle = obstacle.or(Some(ImageFault::Mosaic(fault))),
+        }
+    }
+    let image = image.ok().filter(|_| obstacle.is_none());
+    let note = image.as_ref().and_then(|image| end_note(input, header, image));
+    let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
+    if plain || image.is_none() {
+        let mut own = FrameGeometry::of_file(header);
+        if let Some(mosaic) = &mosaic {
+            own = mosaic.first_slice(own);
+        }
+        let shared =
+            add_frame(series, file, header, image.as_ref(), mosaic.as_ref(), &own, obstacle.as_ref());
+        shared.note(note);
+        for note in mosaic.iter().flat_map(|mosaic| &mosaic.notes) {
+            shared.note(Some(note.clone()));
+        }
+        return;
+    }
+    if let Ok(true) = is_planar(input, header) {
+        let fault = ImageFault::FramesWithoutSlices;
+        add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&fault));
+        return;
+    }
+    let mut seen = 0;
+    let visited = visit(input, header, &mut |frame| {
+        add_frame(series, file, header, image.as_ref(), None, frame, None).note(note.clone());
+        seen += 1;
+        seen < frames
+    });
+    if let Err(error) = visited {
+        let fault = ImageFault::Frames(error);
+        add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&fault));
+    }
+}
+
+/// Do the frames of nuclear medicine differ in anything but their slice, which none of them states?
+fn is_planar(input: &File, header: &DicomHeader) -> Result<bool, ScanError> {
+    let places = &header.places;
+    if places.slice_vector.is_some() || places.frame_vectors.iter().all(Option::is_none) {
+        return Ok(false);
+    }
+    let (mut first, mut differ) = (None, false);
+    visit(input, header, &mut |frame| {
+        differ = *first.get_or_insert(frame.vectors) != frame.vectors;
+        !differ
+    })?;
+    Ok(differ)
+}
+
+/// Is the end of compressed pixels missing? A file that cannot be read says so when it is decoded.
+fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<DicomNote> {
+    let Storage::Coded(codec) = image.storage else { return None };
+    let MissingEnd { fragments, lacking } = missing_end(input, &header.pixels?, codec).ok().flatten()?;
+    let all = lacking == 0 && image.frames > 1 && fragments >= image.frames.into();
+    Some(DicomNote::EndMissing { lacking, all_frames: Some(image.frames).filter(|_| all) })
+}
+
+/// Adds a frame; returns what its group shares.
+fn add_frame<'s>(
+    series: &'s mut Series,
+    file: usize,
+    header: &DicomHeader,
+    image: Option<&Image>,
+    mosaic: Option<&Found>,
+    frame: &FrameGeometry,
+    obstacle: Option<&ImageFault>,
+) -> &'s mut Shared {
+    let kind = kind_of(&frame.frame_type);
+    let mut key = StableHash::new().part(header.series_uid.as_bytes());
+    let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
+    for number in [
+        header.rows.map_or(0, u64::from),
+        header.columns.map_or(0, u64::from),
+        header.bits_allocated.map_or(0, u64::from),
+        header.pixel_representation.map_or(0, u64::from),
+        header.samples.map_or(1, u64::from),
+        kind as u64,
+        frame.position.is_some().into(),
+        frame.orientation.is_some().into(),
+        frame.pixel_spacing.is_some().into(),
+        header.modality_lut.into(),
+        header.pixels.map_or(0, |p| p.element as u64),
+    ] {
+        key = key.number(number);
+    }
+    // Volumes of their own have directions of their own, to the last digit.
+    let exact = mosaic.map(|found| (found.mosaic, frame.orientation, frame.pixel_spacing));
+    if let Some((mosaic, orientation, spacing)) = exact {
+        key = key.number(mosaic.across.into()).number(mosaic.slices.into()).number(mosaic.backwards.into());
+        let numbers =
+            orientation.iter().flatten().chain(spacing.iter().flatten()).chain([&mosaic.distance_mm]);
+        key = numbers.fold(key, |key, number| key.number((number + 0.0).to_bits()));
+    }
+    let key = key.part(photometric.as_bytes()).finish();
+    let rescale = if header.is_dose() {
+        header.dose_scaling.map(|scaling| (scaling, 0.0))
+    } else {
+        // Parametric maps have an identity as rescale, and their meaning in the mapping.
+        frame.mapping.filter(|_| header.is_parametric_map()).or_else(|| stated_rescale(frame))
+    };
+    let rescales = image.is_none_or(Image::rescales);
+    let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
+    let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
+    let mut keys = [f32::NAN; Key::KEPT];
+    for (slot, value) in keys.iter_mut().zip([
+        series.stack_index(&frame.stack_id),
+        frame.segment.map_or(f64::NAN, f64::from),
+        number(header.echo_number),
+        value(frame.echo_time),
+        value(header.inversion_time),
+        value(header.flip_angle),
+        number(frame.temporal_position),
+        value(frame.b_value),
+        series.direction_index(frame.gradient),
+        value(frame.trigger_time),
+        value(header.cardiac_phase),
+        number(frame.acquisition),
+        value(frame.acquisition_time),
+        value(header.frame_reference_time),
+        series.vectors_index(frame.vectors),
+    ]) {
+        #[expect(clippy::cast_possible_truncation, reason = "seven digits tell images apart")]
+        let short = value as f32;
+        *slot = short;
+    }
+    let native = match image.map(|i| i.access) {
+        Some(Access::Native { offset, frame_bytes }) => {
+            offset.checked_add(frame_bytes.saturating_mul(frame.index.into()))
+        }
+        _ => None,
+    };
+    let slice = Slice {
+        file: u32::try_from(file).unwrap_or(u32::MAX),
+        frame: frame.index,
+        layout: image.map_or(u32::MAX, |i| {
+            series.layout_index(mosaic.map_or(i.layout, |m| i.layout.tile(m.mosaic.across)))
+        }),
+        image_type: series.type_index(&frame.frame_type, &frame.complex_component),
+        obstacle: obstacle.map_or(NO_OBSTACLE, |fault| series.obstacle_index(fault)),
+        identity: if header.instance_uid.is_empty() {
+            0
+        } else {
+            StableHash::new().part(header.instance_uid.as_bytes()).finish()
+        },
+        instance: header.instance,
+        at: frame.position.unwrap_or([f64::NAN; 3]),
+        native: native.unwrap_or(u64::MAX),
+        pixels: header
+            .pixels
+            .filter(|_| image.is_some_and(|i| i.frames == 1))
+            .map_or((0, 0), |p| (p.offset, p.available)),
+        linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
+        rescales,
+        padding: StatedPadding::of(header),
+        keys,
+        dimensions: frame.dimensions.map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
+    };
+    let shared = Shared {
+        kind,
+        object: header.kind(),
+        modality: header.modality.clone(),
+        series_uid: header.series_uid.clone(),
+        series_number: header.series_number,
+        size: mosaic
+            .map_or([header.columns.unwrap_or(0).into(), header.rows.unwrap_or(0).into()], |m| m.size),
+        mosaic: mosaic.map(|m| m.mosaic),
+        orientation: frame.orientation,
+        pixel_spacing: frame.pixel_spacing,
+        slice_thickness: frame.slice_thickness,
+        spacing_between: frame.spacing_between,
+        leaves_out_empty: header.is_segmentation(),
+        burned_in: header.may_show_text(),
+        unroll_bytes: 0,
+        notes: Vec::new(),
+    };
+    let burned_in = shared.burned_in;
+    let group = series.group_of(key, shared);
+    group.shared.burned_in = group.shared.burned_in.or(burned_in);
+    if let Some(image) = image {
+        group.shared.unroll_bytes =
+            group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
+        group.shared.note(image.note());
+    }
+    if header.is_dose() && header.dose_scaling.is_none() && rescales {
+        group.shared.note(Some(DicomNote::DoseUnscaled));
+    }
+    group.shared.note(match frame.origin {
+        Origin::Stated if frame.position.is_none() && frame.index > 0 && header.is_film() => {
+            Some(DicomNote::FramesInTime)
+        }
+        Origin::Stated => None,
+        Origin::Grid => Some(DicomNote::GridPositions),
+        Origin::Stepped => Some(DicomNote::SteppedPositions),
+    });
+    group.slices.push(slice);
+    &mut group.shared
+}
+
+/// Rescale slope and intercept; one that is missing beside the other changes nothing.
+fn stated_rescale(frame: &FrameGeometry) -> Option<(f64, f64)> {
+    (frame.slope.is_some() || frame.intercept.is_some())
+        .then(|| (frame.slope.unwrap_or(1.0), frame.intercept.unwrap_or(0.0)))
+}
+
+fn native_of(image: &Image) -> bool {
+    matches!(image.access, Access::Native { .. })
+}
+
+/// Kinds of images that never lie in one volume, by Image Type (PS3.3 C.7.6.1.1.2).
+fn kind_of(image_type: &str) -> Kind {
+    const OVERVIEWS: [&str; 5] = ["LOCALIZER", "SCOUT", "SCANOGRAM", "TOPOGRAM", "OVERVIEW"];
+    let mut parts = image_type.split('\\').map(str::trim);
+    let derived = parts.clone().next() == Some("DERIVED");
+    if parts.any(|part| OVERVIEWS.contains(&part)) {
+        Kind::Localizer
+    } else if derived {
+        Kind::Derived
+    } else {
+        Kind::Image
+    }
+}
+
+/// Path of a file of a series, for messages.
+pub(crate) fn path_of(series: &Series, slice: &Slice) -> PathBuf {
+    series.files.path(slice.file as usize)
+}
+
+/// The folder that all files lie in.
+pub(crate) fn folder_of(series: &Series, files: &mut dyn Iterator<Item = u32>) -> PathBuf {
+    let mut shared: Option<PathBuf> = None;
+    for file in files {
+        let path = series.files.path(file as usize);
+        let folder = path.parent().unwrap_or(Path::new(""));
+        shared = Some(match shared {
+            None => folder.to_path_buf(),
+            Some(known) => {
+                known.ancestors().find(|a| folder.starts_with(a)).unwrap_or(Path::new("")).to_path_buf()
+            }
+        });
+    }
+    shared.unwrap_or_default()
+}

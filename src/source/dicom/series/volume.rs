@@ -1,0 +1,485 @@
+//! A DICOM series as a volume.
+
+use std::fs::File;
+use std::io;
+use std::ops::Range;
+use std::path::Path;
+
+use super::group::{Group, Series, Slice};
+use super::layer::{Layer, Stack};
+use crate::facts::Note;
+use crate::facts::dicom::{DicomFault, DicomNote, ImageFault, SeriesFault};
+use crate::geom::Dims;
+use crate::progress::Progress;
+use crate::source::dicom::image::describe::Image;
+use crate::source::dicom::image::pixels::{Padding, PixelLayout};
+use crate::source::dicom::image::unroll::{FrameSink, unroll};
+use crate::source::dicom::parse::scan::scan;
+use crate::source::files::FileSet;
+use crate::volume::Spool;
+use crate::volume::blend;
+use crate::volume::{
+    ImageKind, Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+    Workspace,
+};
+use crate::volume::{check_request, read_block};
+
+/// Physical value that stands for padding in CT (air, in HU); elsewhere it is 0.
+const CT_BACKGROUND: f64 = -1000.0;
+
+/// Bytes of the second neighbour that are held while a missing slice is made.
+const NEIGHBOUR_BYTES: usize = 64 << 10;
+
+/// A DICOM series, uncompressed images read by position, others unrolled first.
+///
+/// x runs along the rows of an image, y down its columns, z along the images' normal (x cross y) by
+/// increasing position, so the affine is right-handed. The step between slices is the mean step from
+/// the first to the last; with a tilted gantry it is not parallel to the normal.
+///
+/// Samples are the stored values (masked to Bits Stored, sign-extended) with one rescale for all; if
+/// slices differ in rescale, they are physical values as `F32`. MONOCHROME1 numbers are kept. Pixels
+/// that equal the Pixel Padding Value (or lie in the padding range) become the stored value nearest to
+/// -1000 HU in CT and to 0 elsewhere, as far as Bits Stored reach: background, but no outlier. So do
+/// floating-point pixels that equal theirs, which may be NaN.
+///
+/// Slices that a segmentation leaves out are 0.
+///
+/// Slices that are missing, and are to be filled, are made when they are read: linear between their two
+/// neighbours in what is delivered, integers rounded half away from zero.
+///
+/// A Siemens mosaic is a volume by itself, its slices the tiles of its picture; they are read by position
+/// where the picture can be.
+///
+/// Holds some 90 bytes a slice with its name (nothing for a tile), and no pixels; where slices are made,
+/// 64 KiB (or one row) for each thread that reads.
+#[derive(Debug)]
+pub struct DicomVolume {
+    info: VolumeInfo,
+    files: FileSet,
+    layouts: Vec<PixelLayout>,
+    paddings: Vec<Option<Padding>>,
+    places: Vec<Place>,
+    /// One for each slice; indices into `places`. Empty for a mosaic, see [`DicomVolume::layer`].
+    layers: Vec<Layer>,
+    /// Is the last tile of a mosaic the first slice?
+    backwards: bool,
+    /// Deliver physical `f32`s?
+    physical: bool,
+    /// Slices that have to be decoded first.
+    coded: u32,
+    unroll_bytes: u64,
+    spool: Option<Spool>,
+    modality: String,
+}
+
+/// Where an image lies.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    /// Index in the volume's files.
+    file: u32,
+    frame: u32,
+    at: At,
+    slope: f64,
+    intercept: f64,
+    layout: u32,
+    padding: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum At {
+    /// Offset in the file.
+    File(u64),
+    /// Slice of the spool.
+    Spool(u32),
+}
+
+impl DicomVolume {
+    /// The volume of a stack of images of a group; `name` is remembered as the source's, `notes` are those
+    /// of the whole series.
+    pub(crate) fn build(
+        series: &Series,
+        group: &Group,
+        stack: Stack,
+        name: &str,
+        part: &str,
+        notes: &[DicomNote],
+    ) -> Result<Self, SeriesFault> {
+        let Stack { layers, affine, notes: of_stack } = stack;
+        let mut notes = notes.to_vec();
+        notes.extend(group.shared.notes.iter().cloned());
+        notes.extend(of_stack);
+        let shared = &group.shared;
+        let (used, layers) = number_images(layers);
+        let slices: Vec<&Slice> = used.iter().filter_map(|i| group.slices.get(*i)).collect();
+        let rescaled = slices.iter().filter(|s| s.rescales).count();
+        let stated = slices.iter().filter(|s| s.rescales && s.rescale().is_some()).count();
+        if stated > 0 && stated < rescaled {
+            return Err(SeriesFault::RescaleMissing { lacking: rescaled - stated, slices: slices.len() });
+        }
+        let rescale_of = |s: &Slice| s.rescale().unwrap_or((1.0, 0.0));
+        if slices.iter().any(|s| rescale_of(s).0 == 0.0) {
+            return Err(SeriesFault::RescaleZero);
+        }
+        let common = slices.first().map_or((1.0, 0.0), |s| rescale_of(s));
+        let physical = slices.iter().any(|s| rescale_of(s) != common);
+        if physical {
+            notes.push(DicomNote::RescalesDiffer);
+        }
+        if stated == 0 && rescaled > 0 && shared.modality == "CT" {
+            notes.push(DicomNote::NoRescale);
+        }
+        let layout_of = |s: &Slice| series.layouts.get(s.layout as usize).ok_or(SeriesFault::Incomplete);
+        let layout = *layout_of(slices.first().ok_or(SeriesFault::NoImage)?)?;
+        let background = if shared.modality == "CT" { CT_BACKGROUND } else { 0.0 };
+        let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
+        files.sort_unstable();
+        files.dedup();
+        // A volume is one mosaic, or none.
+        let tiles = if layout.across() > 1 { u32::try_from(layers.len()).unwrap_or(u32::MAX) } else { 1 };
+        let mut paddings: Vec<Option<Padding>> = Vec::new();
+        let mut places = Vec::with_capacity(slices.len());
+        let mut coded = 0;
+        for slice in &slices {
+            let (slope, intercept) = rescale_of(slice);
+            let own = layout_of(slice)?;
+            if own.scalar() != layout.scalar() {
+                return Err(SeriesFault::SampleTypes);
+            }
+            let padding = own.padding(slice.padding, background, slope, intercept);
+            let padding = padding.filter(|p| p.matters() && (slice.rescales || own.stored().is_float()));
+            let at = paddings.iter().position(|p| *p == padding).unwrap_or_else(|| {
+                paddings.push(padding);
+                paddings.len() - 1
+            });
+            let padding = u32::try_from(at).map_err(|_| SeriesFault::ManyPaddings)?;
+            let file = files.binary_search(&slice.file).map_err(|_| SeriesFault::Incomplete)?;
+            let at = match slice.native() {
+                Some(offset) => At::File(offset),
+                None => {
+                    coded += tiles;
+                    At::Spool(coded - tiles)
+                }
+            };
+            places.push(Place {
+                file: u32::try_from(file).map_err(|_| SeriesFault::ManyFiles)?,
+                frame: slice.frame,
+                at,
+                slope,
+                intercept,
+                layout: slice.layout,
+                padding,
+            });
+        }
+        let (columns, rows, size) = (layout.columns, layout.rows, layers.len());
+        let dims = layout.dims(size).ok_or(SeriesFault::Size { columns, rows, slices: size })?;
+        let description = SourceDescription {
+            format: "dicom".into(),
+            name: name.into(),
+            kind: ImageKind::Series {
+                object: shared.object.clone(),
+                number: shared.series_number,
+                part: part.into(),
+            },
+            treatments: Vec::new(),
+            files: files.len() as u64,
+            bytes: dims.voxels() * layout.scalar().bytes() as u64,
+        };
+        let info = VolumeInfo {
+            dims,
+            scalar: if physical { ScalarType::F32 } else { layout.scalar() },
+            rescale: if physical {
+                Rescale::IDENTITY
+            } else {
+                Rescale { slope: common.0, intercept: common.1 }
+            },
+            spacing_mm: affine.spacing_mm(),
+            affine,
+            description,
+            notes: notes.into_iter().map(Note::Dicom).collect(),
+        };
+        let files = FileSet::new(series.files.select(files.iter().map(|f| *f as usize)));
+        Ok(Self {
+            info,
+            files,
+            layouts: series.layouts.clone(),
+            paddings,
+            places,
+            backwards: matches!(layers.first(), Some(Layer::Tile(_, first)) if *first > 0),
+            // A study of the brain at work has a thousand mosaics of sixty slices.
+            layers: if layout.across() > 1 { Vec::new() } else { layers },
+            physical,
+            coded,
+            unroll_bytes: shared.unroll_bytes,
+            spool: None,
+            modality: shared.modality.clone(),
+        })
+    }
+
+    /// What slice `z` is.
+    fn layer(&self, z: u32) -> Option<Layer> {
+        if !self.layers.is_empty() {
+            return self.layers.get(z as usize).copied();
+        }
+        let last = self.info.dims.nz() - 1;
+        let tile = if self.backwards { last.checked_sub(z) } else { Some(z) };
+        tile.map(|tile| Layer::Tile(0, tile))
+    }
+
+    /// Size of the images that are unrolled, and type of their samples.
+    fn spool_dims(&self) -> Option<(Dims, ScalarType)> {
+        let first = self.places.first()?;
+        let layout = self.layouts.get(first.layout as usize)?;
+        Some((layout.dims(self.coded as usize)?, layout.scalar()))
+    }
+
+    /// Rows of an image, or of a tile of one, as they are delivered.
+    fn read_place(
+        &self,
+        index: usize,
+        tile: u32,
+        rows: &Range<u32>,
+        cols: &Range<u32>,
+        out: &mut [u8],
+    ) -> io::Result<()> {
+        let place = self.places.get(index).ok_or(io::ErrorKind::InvalidInput)?;
+        let layout = self.layouts.get(place.layout as usize).ok_or(io::ErrorKind::InvalidInput)?;
+        let padding = self.paddings.get(place.padding as usize).copied().flatten();
+        let width = layout.scalar().bytes();
+        // Stored values wait in the tail of `out` when they have to grow to `f32`.
+        let tail = if self.physical { out.len() - out.len() / 4 * width } else { 0 };
+        let stored = out.get_mut(tail..).unwrap_or(&mut []);
+        match place.at {
+            At::File(offset) => {
+                self.files.with(place.file as usize, |f| {
+                    read_block(
+                        f,
+                        offset + layout.tile_offset(tile),
+                        layout.pitch(),
+                        width,
+                        rows,
+                        cols,
+                        stored,
+                    )
+                })?;
+                layout.decode_padded(stored, padding);
+            }
+            At::Spool(slice) => match &self.spool {
+                Some(spool) => spool.read_rows(slice + tile, rows, cols, stored)?,
+                None => return Err(io::Error::other("compressed images are read before they are unrolled")),
+            },
+        }
+        if self.physical {
+            layout.widen(out, place.slope, place.intercept);
+        }
+        Ok(())
+    }
+
+    /// Rows of a slice that lies so much of the way from one image to another.
+    fn read_between(
+        &self,
+        [from, to]: [usize; 2],
+        part: f64,
+        rows: &Range<u32>,
+        cols: &Range<u32>,
+        out: &mut [u8],
+    ) -> io::Result<()> {
+        let row_bytes = cols.len() * self.info.scalar.bytes();
+        if row_bytes == 0 || rows.is_empty() {
+            return Ok(());
+        }
+        self.read_place(from, 0, rows, cols, out)?;
+        let many = (NEIGHBOUR_BYTES / row_bytes).clamp(1, rows.len());
+        let mut beside = vec![0; many * row_bytes];
+        let mut first = rows.start;
+        for own in out.chunks_mut(many * row_bytes) {
+            let end = first + u32::try_from(own.len() / row_bytes).unwrap_or(0);
+            let other = beside.get_mut(..own.len()).unwrap_or(&mut []);
+            self.read_place(to, 0, &(first..end), cols, other)?;
+            blend(self.info.scalar, own, other, part);
+            first = end;
+        }
+        Ok(())
+    }
+
+    /// The file of a slice, for messages.
+    fn file_of(&self, z: u32) -> usize {
+        let place = match self.layer(z) {
+            Some(Layer::Image(at) | Layer::Tile(at, _) | Layer::Between(at, ..)) => self.places.get(at),
+            Some(Layer::Empty) | None => None,
+        };
+        place.map_or(0, |p| p.file as usize)
+    }
+}
+
+/// The images that layers refer to, each once, and the layers in terms of these.
+fn number_images(layers: Vec<Layer>) -> (Vec<usize>, Vec<Layer>) {
+    let mut used: Vec<usize> = Vec::with_capacity(layers.len());
+    // Layers go forwards, so an image that was met lies close to the end.
+    let mut number = |image: usize| match used.iter().rev().take(2).position(|known| *known == image) {
+        Some(back) => used.len() - 1 - back,
+        None => {
+            used.push(image);
+            used.len() - 1
+        }
+    };
+    let renumber = |layer| match layer {
+        Layer::Image(at) => Layer::Image(number(at)),
+        Layer::Tile(at, tile) => Layer::Tile(number(at), tile),
+        Layer::Empty => Layer::Empty,
+        Layer::Between(from, to, part) => {
+            let from = number(from);
+            Layer::Between(from, number(to), part)
+        }
+    };
+    let layers = layers.into_iter().map(renumber).collect();
+    (used, layers)
+}
+
+/// Takes the frames of one file into the spool.
+struct ToSpool<'a> {
+    spool: &'a Spool,
+    paddings: &'a [Option<Padding>],
+    /// Frame, slice of the spool, padding; sorted by frame.
+    wanted: Vec<(u32, u32, u32)>,
+    /// Size of a slice, and how many lie in a row of a picture.
+    layout: PixelLayout,
+    /// Slices in a picture.
+    tiles: u32,
+    progress: &'a dyn Progress,
+}
+
+impl ToSpool<'_> {
+    fn find(&self, frame: u32) -> Option<(u32, u32, u32)> {
+        let at = self.wanted.binary_search_by_key(&frame, |w| w.0).ok()?;
+        self.wanted.get(at).copied()
+    }
+}
+
+impl FrameSink for ToSpool<'_> {
+    fn wants(&mut self, frame: u32) -> bool {
+        self.find(frame).is_some()
+    }
+
+    fn padding(&mut self, frame: u32) -> Option<Padding> {
+        let (.., padding) = self.find(frame)?;
+        self.paddings.get(padding as usize).copied().flatten()
+    }
+
+    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result<(), SourceError> {
+        let Some((_, slice, _)) = self.find(frame) else { return Ok(()) };
+        let (rows, across) = (self.layout.rows, self.layout.across());
+        let (down, row) = (row / rows, row % rows);
+        let bytes = (self.layout.columns as usize * self.layout.scalar().bytes()).max(1);
+        let first = down.saturating_mul(across);
+        for (tile, samples) in
+            (first..self.tiles.min(first.saturating_add(across))).zip(samples.chunks_exact(bytes))
+        {
+            if row + 1 == rows {
+                self.progress.advance(1);
+            }
+            self.spool.write(samples, self.spool.offset(row, slice + tile))?;
+        }
+        Ok(())
+    }
+}
+
+impl VolumeSource for DicomVolume {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn modality(&self) -> Option<&str> {
+        Some(self.modality.as_str()).filter(|m| !m.is_empty())
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.files.list().for_each(each);
+    }
+
+    fn preparation(&self) -> Preparation {
+        match self.spool_dims().filter(|_| self.coded > 0 && self.spool.is_none()) {
+            Some((dims, scalar)) => Preparation {
+                scratch_bytes: dims.voxels() * scalar.bytes() as u64,
+                memory_bytes: self.unroll_bytes,
+            },
+            None => Preparation::default(),
+        }
+    }
+
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        let Some((dims, scalar)) = self.spool_dims().filter(|_| self.coded > 0 && self.spool.is_none())
+        else {
+            return Ok(());
+        };
+        let first = self.places.first().and_then(|p| self.layouts.get(p.layout as usize));
+        let Some(layout) = first.copied() else { return Ok(()) };
+        let tiles = if layout.across() > 1 { self.coded } else { 1 };
+        let spool = Spool::create(workspace.scratch, dims, scalar)?;
+        workspace.progress.stage("decode", self.coded.into());
+        let mut wanted: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(self.coded as usize);
+        for place in &self.places {
+            if let At::Spool(slice) = place.at {
+                wanted.push((place.file, place.frame, slice, place.padding));
+            }
+        }
+        wanted.sort_unstable();
+        for of_file in wanted.chunk_by(|a, b| a.0 == b.0) {
+            let Some((file, ..)) = of_file.first() else { continue };
+            let path = self.files.list().path(*file as usize);
+            let unusable = |fault| SourceError::Dicom { path: path.clone(), fault };
+            let input =
+                File::open(&path).map_err(|cause| SourceError::Unreadable { path: path.clone(), cause })?;
+            let header = scan(&input).map_err(|error| unusable(DicomFault::Header(error)))?;
+            let image = Image::of(&header)
+                .map_err(|obstacle| unusable(DicomFault::Image(ImageFault::Pixels(obstacle))))?;
+            if (image.layout.columns, image.layout.rows, image.layout.scalar())
+                != (layout.pitch(), layout.rows * layout.across(), scalar)
+            {
+                return Err(unusable(DicomFault::Changed));
+            }
+            let mut sink = ToSpool {
+                spool: &spool,
+                paddings: &self.paddings,
+                wanted: of_file.iter().map(|(_, frame, slice, padding)| (*frame, *slice, *padding)).collect(),
+                layout,
+                tiles,
+                progress: workspace.progress,
+            };
+            unroll(&input, &path, &header, &image, workspace.memory_bytes, &mut sink)?;
+        }
+        self.spool = Some(spool);
+        Ok(())
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        let failed = |cause| SourceError::ReadFailed {
+            path: self.files.list().path(self.file_of(z)),
+            slice: z,
+            cause,
+        };
+        check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
+        match self.layer(z) {
+            Some(Layer::Image(at)) => self.read_place(at, 0, &rows, &cols, out),
+            Some(Layer::Tile(at, tile)) => self.read_place(at, tile, &rows, &cols, out),
+            Some(Layer::Empty) => {
+                out.fill(0);
+                Ok(())
+            }
+            Some(Layer::Between(from, to, part)) => self.read_between([from, to], part, &rows, &cols, out),
+            None => Err(io::ErrorKind::InvalidInput.into()),
+        }
+        .map_err(failed)
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        let makes = self.layers.iter().any(|l| matches!(l, Layer::Between(..)));
+        let row = self.info.dims.nx() as usize * self.info.scalar.bytes();
+        if makes { NEIGHBOUR_BYTES.max(row) as u64 } else { 0 }
+    }
+}
