@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::builder::BuildError;
+use crate::facts::SourceError;
 use crate::format::FormatError;
 use crate::load::LoadError;
 use crate::render::RenderError;
-use crate::volume::SourceError;
 
 /// Who has to act on a failure; each kind is one exit code of the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

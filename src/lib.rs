@@ -18,6 +18,7 @@
 //! | [`scratch`] | nameless files for what does not fit into memory |
 //! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
 //! | [`codec`] | compressed images, one frame at a time, row by row |
+//! | [`facts`] | what readers find, assume and refuse, as values |
 //! | [`volume`] | the trait of a volume, its facts, crop, downsample, georeference, spooling |
 //! | [`source`] | where voxels come from: raw files, DICOM series, NRRD, NIfTI and others, the synthetic head |
 //! | [`catalogue`] | what lies in folders: the walk, the survey, side-cars |
@@ -35,6 +36,7 @@ pub mod clean;
 pub mod codec;
 mod cpu;
 pub mod error;
+pub mod facts;
 pub mod format;
 pub mod geom;
 pub mod jobs;

@@ -20,9 +20,10 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("progress", &[]),
     ("resident", &[]),
     ("scratch", &["budget"]),
-    ("volume", &["budget", "error", "geom", "progress", "scratch"]),
-    ("source", &["budget", "codec", "cpu", "error", "geom", "progress", "scratch", "volume"]),
-    ("catalogue", &["error", "geom", "progress", "scratch", "source", "volume"]),
+    ("facts", &["budget", "error"]),
+    ("volume", &["budget", "error", "facts", "geom", "progress", "scratch"]),
+    ("source", &["budget", "codec", "cpu", "error", "facts", "geom", "progress", "scratch", "volume"]),
+    ("catalogue", &["error", "facts", "geom", "progress", "scratch", "source", "volume"]),
     ("builder", &["atomic", "budget", "cpu", "error", "format", "geom", "progress", "scratch", "volume"]),
     ("clean", &["budget", "builder", "error", "format", "geom", "progress", "scratch", "volume"]),
     ("load", &["budget", "cpu", "error", "format", "geom"]),
@@ -48,7 +49,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "volume",
         ],
     ),
-    ("error", &["builder", "format", "load", "render", "volume"]),
+    ("error", &["builder", "facts", "format", "load", "render"]),
 ];
 
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.
