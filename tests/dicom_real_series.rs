@@ -4,6 +4,7 @@
 
 use std::path::PathBuf;
 
+use infobyte::budget::Budget;
 use infobyte::catalogue::Catalogue;
 use infobyte::progress::Silent;
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
@@ -24,8 +25,8 @@ fn findings(path: PathBuf, gaps: GapPolicy) -> Vec<Finding> {
 fn range_of(source: &mut dyn VolumeSource) -> (i64, i64) {
     let scratch = tempfile::tempdir().unwrap();
     let needs = source.preparation();
-    let memory_bytes = needs.memory_bytes.max(8 << 20);
-    source.prepare(&Workspace { scratch: scratch.path(), memory_bytes, progress: &Silent }).unwrap();
+    let memory = Budget::new(needs.memory_bytes.max(8 << 20));
+    source.prepare(&Workspace { scratch: scratch.path(), memory, progress: &Silent }).unwrap();
     let info = source.info().clone();
     let [nx, ny, nz] = info.dims.to_array();
     let width = info.scalar.bytes();

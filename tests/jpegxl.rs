@@ -7,6 +7,7 @@ use std::cell::Cell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use infobyte::budget::Budget;
 use infobyte::codec::{CodecError, FrameFormat, RowSink, jpegxl};
 use infobyte::source::dicom::{Image, unroll};
 use infobyte::volume::{ScalarType, SourceError};
@@ -75,7 +76,7 @@ fn unrolled(file: &[u8], memory_bytes: u64) -> Result<Vec<Vec<u8>>, SourceError>
     let header = header_of(file);
     let image = Image::of(&header).unwrap();
     let mut collected = Collected::default();
-    unroll(file, Path::new("x.dcm"), &header, &image, memory_bytes, &mut collected)?;
+    unroll(file, Path::new("x.dcm"), &header, &image, &Budget::new(memory_bytes), &mut collected)?;
     Ok(collected.frames)
 }
 

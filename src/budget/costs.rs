@@ -88,8 +88,11 @@ pub const DICOM_PALETTE: u64 = 384 << 10;
 /// The table of a modality look-up, 2^16 entries of 16 bits.
 pub const DICOM_LOOKUP: u64 = 128 << 10;
 
-/// The state of an inflater or a bzip2 decoder beside its input and output buffers.
+/// The state of an inflater beside its input and output buffers: its window, twice, and tables.
 pub const INFLATER: u64 = 64 << 10;
+
+/// The state of a bzip2 decoder beside its block, which is 2.5 times as long as its level says.
+pub const BZIP2: u64 = 128 << 10;
 
 /// The decoder of a compressed TIFF page: an inflater's window or a table of LZW codes, and the directory.
 pub const TIFF_DECODER: u64 = 160 << 10;

@@ -252,19 +252,27 @@ impl Budget {
         Ok((count, self.reserve(each_bytes.saturating_mul(count as u64))?))
     }
 
+    /// Takes all that is left, if only 0 bytes.
+    pub fn reserve_rest(&self) -> Reservation {
+        let mut state = self.0.lock();
+        let bytes = self.0.left(&state);
+        state.add(bytes);
+        drop(state);
+        Reservation { account: Arc::clone(&self.0), bytes }
+    }
+
     /// The smallest limit under which all that was reserved so far would have been granted, in steps of
     /// [`costs::STATED_STEP`].
     ///
     /// In a process this is a limit that works in every run: what is resident at the beginning differs between them,
     /// and is read `readings` times by a job; and opening the input has had its peak.
     pub fn smallest_limit(&self, readings: u64) -> u64 {
-        let most = self.0.lock().most;
-        let spread = if self.is_process() { costs::HELD_SPREAD * readings } else { 0 };
-        let passed = match self.0.peak_bytes {
-            0 => 0,
-            peak => peak + costs::OPENING_SPREAD,
-        };
-        most.saturating_add(spread).max(passed).next_multiple_of(costs::STATED_STEP)
+        self.0.stated(self.0.lock().most, readings)
+    }
+
+    /// The smallest limit under which so many bytes beside what is reserved now would be granted, likewise.
+    pub fn smallest_limit_with(&self, more_bytes: u64) -> u64 {
+        self.0.stated(self.reserved_bytes().saturating_add(more_bytes), 1)
     }
 }
 
@@ -275,6 +283,13 @@ impl Account {
 
     fn left(&self, state: &State) -> u64 {
         self.limit_bytes.saturating_sub(state.reserved)
+    }
+
+    /// A limit as it is stated: with room for what differs between runs, in round steps.
+    fn stated(&self, bytes: u64, readings: u64) -> u64 {
+        let spread = if self.alone { costs::HELD_SPREAD * readings } else { 0 };
+        let passed = if self.peak_bytes > 0 { self.peak_bytes + costs::OPENING_SPREAD } else { 0 };
+        bytes.saturating_add(spread).max(passed).next_multiple_of(costs::STATED_STEP)
     }
 }
 

@@ -17,16 +17,24 @@ use super::layout::{BRICK_LEVELS, Census, Layout, SectionChoice, boxes_in_brick}
 use super::swap::{BrickEntry, Scratch};
 use super::value::ValueScale;
 use super::walk::{BrickWalk, Found};
+use crate::budget::costs::MERGE_LISTS;
 use crate::format::SectionKind;
 
 /// Bytes that a run gathers before they are written.
-const RUN_BYTES: usize = 32 << 10;
+pub(super) const RUN_BYTES: usize = 32 << 10;
 /// Runs of one worker at most: five levels of infobytes, four of means twice, two channels.
 const RUNS: u64 = 15;
 /// Memory of one worker.
-pub(super) const WORKER_BYTES: u64 = BrickReader::BYTES + RUNS * RUN_BYTES as u64 + (64 << 10);
+pub(super) const WORKER_BYTES: u64 = BrickReader::BYTES + RUNS * RUN_BYTES as u64 + MERGE_LISTS;
 /// Bytes of a brick's summary in the scratch file.
 const SUMMARY_BYTES: usize = 56;
+/// Summaries read at a time.
+const SUMMARIES: usize = 512;
+/// Memory of what lies above the bricks: three runs for each of the levels up to 2^16, and summaries.
+pub(super) const UPPER_BYTES: u64 =
+    (3 * (16 - BRICK_LEVELS as usize) * RUN_BYTES + SUMMARY_BYTES * SUMMARIES) as u64;
+// It follows the workers, in the memory of one of them.
+const _: () = assert!(UPPER_BYTES <= WORKER_BYTES);
 
 /// The output file with the place of every section.
 pub(super) struct Target<'a> {
@@ -178,10 +186,10 @@ impl<'a> Merge<'a> {
     /// What lies above the bricks, after all workers are done.
     pub(super) fn crown(&self) -> Result<(), BuildError> {
         let mut queue = MergeQueue::new(self.target, self.census);
-        let mut bytes = vec![0; SUMMARY_BYTES * 512];
+        let mut bytes = vec![0; SUMMARY_BYTES * SUMMARIES];
         let mut done = 0;
         while done < self.census.bricks {
-            let now = (self.census.bricks - done).min(512) as usize;
+            let now = (self.census.bricks - done).min(SUMMARIES as u64) as usize;
             let part = &mut bytes[..now * SUMMARY_BYTES];
             self.scratch.read(part, self.summaries + done * SUMMARY_BYTES as u64)?;
             for raw in part.as_chunks::<SUMMARY_BYTES>().0 {

@@ -47,7 +47,6 @@ pub use gradient::ESTIMATOR;
 pub use skin::Connectivity;
 
 pub(crate) use occupancy::{RangeTest, for_each_block, range_test, worker_bytes as occupancy_worker_bytes};
-pub(crate) use plan::fixed_bytes;
 
 pub use crate::progress::{Progress, Silent};
 
@@ -57,7 +56,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
-use crate::budget::{MemoryCap, peak_rss_bytes};
+use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::format::{Metadata, Selection, SourceMeta};
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 use choose::{Chooser, describe};
@@ -121,19 +120,39 @@ pub fn smallest_share(source: &dyn VolumeSource, options: &BuildOptions) -> u64 
     smallest_cap(source, options, MemoryCap::Share(0))
 }
 
-/// The smallest cap of the kind of `none`, which allows nothing, within which a model can be built.
-pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, none: MemoryCap) -> u64 {
-    let options = BuildOptions { memory: none, threads: 1, ..options.clone() };
-    match Job::to_plan(source, &options).check_budget() {
-        Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) => minimum_bytes,
-        _ => 0,
-    }
+/// The smallest cap of this kind within which a model can be built.
+pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, kind: MemoryCap) -> u64 {
+    let dry = Budget::dry(kind);
+    let _least = reserve_least(source, options, &dry);
+    dry.smallest_limit(1)
 }
 
-/// Can a model of `source` be built within a cap?
-pub(crate) fn fits(source: &dyn VolumeSource, options: &BuildOptions, memory: MemoryCap) -> bool {
-    let options = BuildOptions { memory, threads: 1, ..options.clone() };
-    Job::to_plan(source, &options).check_budget().is_ok()
+/// Reserves what a model of `source` cannot be built without: the smallest plan for the kindest range of this
+/// sample type. A plan for [`build`] is found from wherever this succeeds.
+///
+/// # Errors
+/// The budget does not have it, or the process has passed its limit before, to open the input: the cap is on the
+/// peak.
+pub(crate) fn reserve_least(
+    source: &dyn VolumeSource,
+    options: &BuildOptions,
+    budget: &Budget,
+) -> Result<Reservation, TooSmall> {
+    Job::to_plan(source, options).reserve_least(budget, kindest_ring(source.info().scalar))
+}
+
+/// How samples stand in the ring, which depends on the range, too.
+#[derive(Clone, Copy)]
+struct RingKind {
+    sample_bytes: usize,
+    /// As they are in the file.
+    direct: bool,
+}
+
+/// The ring for the kindest range of a sample type.
+fn kindest_ring(scalar: ScalarType) -> RingKind {
+    let direct = scalar.bytes() <= 2 || scalar == ScalarType::F32;
+    RingKind { sample_bytes: if direct { scalar.bytes() } else { size_of::<f32>() }, direct }
 }
 
 /// What was built and what it took.
@@ -194,7 +213,7 @@ pub fn build(
 ) -> Result<BuildReport, BuildError> {
     let job = Job { source, options, output, progress };
     // What can be refused at once is refused before the volume is read.
-    job.check_budget()?;
+    drop(job.check_budget(kindest_ring(source.info().scalar))?);
     let files = job.open_files()?;
     match source.info().scalar {
         ScalarType::U8 => job.run_direct::<u8>(files),
@@ -207,10 +226,6 @@ pub fn build(
         ScalarType::F64 => job.run_depths::<f64>(files),
     }
 }
-
-/// By how much the peak differs between two runs that open the same input: code that is touched then is mapped
-/// with its neighbours, which depend on where the program lies in memory.
-const OPENING_SPREAD: u64 = 384 << 10;
 
 struct Job<'a> {
     source: &'a dyn VolumeSource,
@@ -278,7 +293,9 @@ impl<'a> Job<'a> {
         histogram_s: f64,
     ) -> Result<BuildReport, BuildError> {
         let info = self.source.info();
-        let plan = self.plan(size_of::<F::Ring>(), F::DIRECT)?;
+        let ring = RingKind { sample_bytes: size_of::<F::Ring>(), direct: F::DIRECT };
+        let budget = self.check_budget(ring)?;
+        let plan = ColumnPlan::new(&self.plan_request(ring), &budget).map_err(|_| self.too_small(ring))?;
         let mut seconds = StageSeconds { histogram: histogram_s, ..StageSeconds::default() };
         let Files { atomic, scratch } = files;
         let started = Instant::now();
@@ -289,6 +306,7 @@ impl<'a> Job<'a> {
             seconds.read = totals.reading.as_secs_f64() / plan.threads as f64;
         }
         if totals.skin == 0 {
+            drop(plan);
             return Err(self.chooser().empty::<F::File>(&describe(&selection)));
         }
 
@@ -304,10 +322,11 @@ impl<'a> Job<'a> {
         };
         let layout = Layout::new(&census, metadata.len() as u64, choice);
         let target = Target { file: atomic.file(), path: self.output, layout: &layout, choice };
-        self.merge(&target, &census, &scratch, scale, plan.threads)?;
+        self.merge(&target, &census, &scratch, scale, &plan)?;
         seconds.merge = started.elapsed().as_secs_f64();
 
         let started = Instant::now();
+        let _memory = self.part(&plan, seal::MEMORY_BYTES)?;
         let file_bytes = seal::seal(&target, info.dims, &census, &metadata)?;
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
@@ -331,45 +350,57 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// Is there a plan for the kindest range of this sample type? A cap under which none exists, or that
-    /// opening the input has passed already, fails here.
-    fn check_budget(&self) -> Result<(), BuildError> {
-        let scalar = self.source.info().scalar;
-        let direct = scalar.bytes() <= 2 || scalar == ScalarType::F32;
-        let ring_bytes = if direct { scalar.bytes() } else { size_of::<f32>() };
-        self.plan(ring_bytes, direct).map(|_| ())
+    /// The budget of the job from now on, unless not even the smallest plan fits: what can be refused is refused
+    /// at once.
+    fn check_budget(&self, ring: RingKind) -> Result<Budget, BuildError> {
+        let budget = Budget::of_job(self.options.memory);
+        match self.reserve_least(&budget, ring) {
+            Ok(_) => Ok(budget),
+            Err(_) => Err(self.too_small(ring)),
+        }
     }
 
-    fn plan(&self, ring_sample_bytes: usize, direct: bool) -> Result<ColumnPlan, BuildError> {
-        let info = self.source.info();
+    fn reserve_least(&self, budget: &Budget, ring: RingKind) -> Result<Reservation, TooSmall> {
+        let least = ColumnPlan::smallest(&self.plan_request(ring), budget)?;
+        if budget.is_passed() {
+            return Err(TooSmall { needed_bytes: least.bytes(), left_bytes: 0 });
+        }
+        Ok(least)
+    }
+
+    /// The error that names the smallest cap.
+    fn too_small(&self, ring: RingKind) -> BuildError {
+        let dry = Budget::dry(self.options.memory);
+        let _least = self.reserve_least(&dry, ring);
+        BuildError::BudgetTooSmall {
+            name: self.source.info().description.name.clone(),
+            limit_bytes: self.options.memory.bytes(),
+            minimum_bytes: dry.smallest_limit(1),
+        }
+    }
+
+    /// A part of what is reserved for the workers, for one of them or for a stage that works alone.
+    fn part(&self, plan: &ColumnPlan, bytes: u64) -> Result<Reservation, BuildError> {
         let limit_bytes = self.options.memory.bytes();
-        let alone = matches!(self.options.memory, MemoryCap::Process(_));
-        let plan = ColumnPlan::new(&PlanRequest {
+        plan.memory.reserve(bytes).map_err(|refused| BuildError::BudgetTooSmall {
+            name: self.source.info().description.name.clone(),
+            limit_bytes,
+            minimum_bytes: limit_bytes.saturating_add(refused.missing_bytes()),
+        })
+    }
+
+    fn plan_request(&self, ring: RingKind) -> PlanRequest {
+        let info = self.source.info();
+        PlanRequest {
             dims: info.dims,
             file_sample_bytes: info.scalar.bytes(),
-            ring_sample_bytes,
-            direct,
+            ring_sample_bytes: ring.sample_bytes,
+            direct: ring.direct,
             normals: self.options.normals,
             swapped_value_bytes: if self.options.values { value::swapped_bytes(info.scalar) } else { 0 },
             threads: self.options.threads,
-            memory: self.options.memory,
-            fixed_bytes: plan::fixed_bytes(self.options.memory),
             source_bytes: self.source.resident_bytes(),
-        });
-        // The cap is on the peak: what the process has held before, to open the input, counts too.
-        let peak = if alone { peak_rss_bytes() } else { 0 };
-        let told = if peak > 0 { peak + OPENING_SPREAD } else { 0 };
-        let minimum = match plan {
-            Ok(plan) if peak <= limit_bytes => return Ok(plan),
-            Ok(_) => told,
-            Err(minimum) => minimum.max(told),
-        };
-        let name = info.description.name.clone();
-        Err(BuildError::BudgetTooSmall {
-            name,
-            limit_bytes,
-            minimum_bytes: minimum.next_multiple_of(1 << 16),
-        })
+        }
     }
 
     fn scan<F: Flavour>(
@@ -386,6 +417,7 @@ impl<'a> Job<'a> {
         let next = AtomicU64::new(0);
         let totals = Mutex::new(ScanTotals::NONE);
         parallel::run_workers(plan.threads, &|stop| {
+            let _memory = self.part(plan, plan.worker_bytes(F::DIRECT))?;
             let mut worker = ColumnWorker::new(&shared);
             while !stop() {
                 let at = next.fetch_add(1, Ordering::Relaxed);
@@ -409,11 +441,15 @@ impl<'a> Job<'a> {
         census: &Census,
         scratch: &Scratch,
         scale: Option<ValueScale>,
-        threads: usize,
+        plan: &ColumnPlan,
     ) -> Result<(), BuildError> {
         self.progress.stage("merge", census.bricks);
         let merge = Merge::new(self.source.info().dims, scratch, target, census, scale)?;
-        parallel::run_workers(threads, &|stop| merge.work(stop, &|bricks| self.progress.advance(bricks)))?;
+        parallel::run_workers(plan.threads, &|stop| {
+            let _memory = self.part(plan, merge::WORKER_BYTES)?;
+            merge.work(stop, &|bricks| self.progress.advance(bricks))
+        })?;
+        let _memory = self.part(plan, merge::UPPER_BYTES)?;
         merge.crown()
     }
 

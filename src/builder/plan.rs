@@ -7,7 +7,8 @@ use std::ops::Range;
 use super::column::Column;
 use super::gradient::{OVERREAD, REACH, SLICE_VOXELS};
 use super::swap::{ENTRY_BYTES, EXTENT_BYTES};
-use crate::budget::{HELD_SPREAD, MemoryCap};
+use crate::budget::costs::WORKER_OVERHEAD;
+use crate::budget::{Budget, Reservation, TooSmall};
 use crate::geom::Dims;
 
 /// Edge of a brick, the unit of swapping: a column is one brick high.
@@ -22,21 +23,9 @@ const NARROWEST_TILE: u32 = 64;
 const CACHE_LINE: usize = 64;
 /// Chunks for the records of one row of bricks; at least what one brick slice can need.
 const POOL_BYTES: usize = 128 << 10;
-/// A worker's stack as far as it is touched, its allocator arena and small change.
-pub(super) const WORKER_OVERHEAD: u64 = 192 << 10;
-/// What a build holds beside its workers, and what the allocator wastes, in a process of its host.
-const SHARE_OVERHEAD: u64 = 256 << 10;
 
-/// What counts against a cap before any buffer of weight.
-pub(crate) fn fixed_bytes(memory: MemoryCap) -> u64 {
-    match memory {
-        MemoryCap::Process(_) => memory.held(),
-        MemoryCap::Share(_) => SHARE_OVERHEAD,
-    }
-}
-
-/// Sizes of one worker's buffers.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// Sizes of one worker's buffers, and the memory of all workers.
+#[derive(Debug)]
 pub(super) struct ColumnPlan {
     dims: Dims,
     /// Columns (x) of a tile: the whole width, or a multiple of 64.
@@ -53,6 +42,8 @@ pub(super) struct ColumnPlan {
     sample_bytes: (usize, usize),
     /// What the plan promises to stay within, everything included.
     pub(super) total_bytes: u64,
+    /// What is reserved for the workers; each takes its part from it.
+    pub(super) memory: Budget,
 }
 
 /// What a plan is made for.
@@ -66,19 +57,16 @@ pub(super) struct PlanRequest {
     pub(super) normals: bool,
     pub(super) swapped_value_bytes: usize,
     pub(super) threads: usize,
-    pub(super) memory: MemoryCap,
-    /// What counts against it before any buffer of the build.
-    pub(super) fixed_bytes: u64,
     /// What the source may hold per reading thread.
     pub(super) source_bytes: u64,
 }
 
 impl ColumnPlan {
-    /// The widest tiles and most threads that fit the limit.
+    /// The widest tiles and most threads whose memory the budget grants; it is reserved from then on.
     ///
     /// # Errors
-    /// The smallest limit that would do.
-    pub(super) fn new(request: &PlanRequest) -> Result<Self, u64> {
+    /// The narrowest tile of one thread, [`ColumnPlan::smallest`], does not fit.
+    pub(super) fn new(request: &PlanRequest, budget: &Budget) -> Result<Self, TooSmall> {
         let nx = request.dims.nx();
         let narrower = |tile: u32| (tile / 2).next_multiple_of(64).max(NARROWEST_TILE);
         // Workers without a column of their own would only take memory.
@@ -87,27 +75,36 @@ impl ColumnPlan {
         let (mut tile, mut threads) = (nx, request.threads.clamp(1, most));
         loop {
             let plan = Self::sized(request, tile, threads);
-            if plan.total_bytes <= request.memory.bytes() {
-                return Ok(plan);
-            }
-            if tile > COMFORTABLE_TILE {
-                tile = narrower(tile);
-            } else if threads > 1 {
-                threads -= 1;
-            } else if tile > NARROWEST_TILE {
-                tile = narrower(tile);
-            } else {
-                let spread = match request.memory {
-                    MemoryCap::Process(_) => HELD_SPREAD,
-                    MemoryCap::Share(_) => 0,
-                };
-                return Err((plan.total_bytes + spread).next_multiple_of(1 << 16));
+            match plan.reserve(request, budget) {
+                Ok(workers) => {
+                    let total_bytes = budget.reserved_bytes();
+                    return Ok(Self { total_bytes, memory: workers.into_budget(), ..plan });
+                }
+                Err(_) if tile > COMFORTABLE_TILE => tile = narrower(tile),
+                Err(_) if threads > 1 => threads -= 1,
+                Err(_) if tile > NARROWEST_TILE => tile = narrower(tile),
+                Err(refused) => return Err(refused),
             }
         }
     }
 
+    /// The memory of the smallest plan.
+    ///
+    /// # Errors
+    /// Not even that is left.
+    pub(super) fn smallest(request: &PlanRequest, budget: &Budget) -> Result<Reservation, TooSmall> {
+        Self::sized(request, request.dims.nx().min(NARROWEST_TILE), 1).reserve(request, budget)
+    }
+
+    /// Reserves what the workers hold in all stages.
+    fn reserve(&self, request: &PlanRequest, budget: &Budget) -> Result<Reservation, TooSmall> {
+        let buffers = self.worker_bytes(request.direct).max(super::merge::WORKER_BYTES);
+        let worker = buffers + WORKER_OVERHEAD + request.source_bytes;
+        budget.reserve(worker * self.threads as u64)
+    }
+
     fn sized(request: &PlanRequest, tile: u32, threads: usize) -> Self {
-        let mut plan = Self {
+        Self {
             dims: request.dims,
             tile,
             threads,
@@ -116,12 +113,8 @@ impl ColumnPlan {
             pool_bytes: POOL_BYTES,
             sample_bytes: (request.file_sample_bytes, request.ring_sample_bytes),
             total_bytes: 0,
-        };
-        let worker = plan.worker_bytes(request.direct).max(super::merge::WORKER_BYTES)
-            + WORKER_OVERHEAD
-            + request.source_bytes;
-        plan.total_bytes = request.fixed_bytes + worker * threads as u64;
-        plan
+            memory: Budget::new(0),
+        }
     }
 
     /// Bytes of one [`super::column::ColumnWorker`].
@@ -223,7 +216,14 @@ impl ColumnPlan {
 mod tests {
     use super::*;
 
-    fn request(nx: u32, limit_mib: u64, threads: usize) -> PlanRequest {
+    /// A plan of which 4 MiB are taken before.
+    fn plan(nx: u32, limit_bytes: u64, threads: usize) -> Result<ColumnPlan, TooSmall> {
+        let budget = Budget::new(limit_bytes);
+        let _taken = budget.reserve(limit_bytes.min(4 << 20))?;
+        ColumnPlan::new(&request(nx, threads), &budget)
+    }
+
+    fn request(nx: u32, threads: usize) -> PlanRequest {
         PlanRequest {
             dims: Dims::new(nx, 100, 600).unwrap(),
             file_sample_bytes: 4,
@@ -232,8 +232,6 @@ mod tests {
             normals: true,
             swapped_value_bytes: 0,
             threads,
-            memory: MemoryCap::Process(limit_mib << 20),
-            fixed_bytes: 4 << 20,
             source_bytes: 0,
         }
     }
@@ -241,7 +239,7 @@ mod tests {
     #[test]
     fn columns_tile_the_volume_once() {
         for nx in [1, 64, 100, 5000] {
-            let plan = ColumnPlan::new(&request(nx, 8, 2)).unwrap();
+            let plan = plan(nx, 8 << 20, 2).unwrap();
             let voxels: u64 = (0..plan.column_count())
                 .map(|i| plan.column(i))
                 .map(|c| (c.x.len() * c.y.len() * c.z.len()) as u64)
@@ -253,17 +251,16 @@ mod tests {
 
     #[test]
     fn a_small_budget_narrows_tiles_and_drops_threads_and_the_smallest_is_stated() {
-        let wide = ColumnPlan::new(&request(65_536, 1024, 4)).unwrap();
+        let wide = plan(65_536, 1 << 30, 4).unwrap();
         assert_eq!((wide.tile, wide.threads), (65_536, 4));
-        let tight = ColumnPlan::new(&request(65_536, 8, 4)).unwrap();
+        let tight = plan(65_536, 8 << 20, 4).unwrap();
         assert!(tight.tile < 65_536 && tight.total_bytes <= 8 << 20);
-        let Err(minimum_bytes) = ColumnPlan::new(&request(65_536, 2, 4)) else {
-            panic!("2 MiB cannot be enough");
-        };
-        let mut again = request(65_536, 0, 4);
-        again.memory = MemoryCap::Process(minimum_bytes);
-        assert!(ColumnPlan::new(&again).is_ok());
-        again.memory = MemoryCap::Process(minimum_bytes - (1 << 19));
-        assert!(ColumnPlan::new(&again).is_err());
+        assert_eq!(tight.total_bytes, (4 << 20) + tight.memory.limit_bytes());
+        assert!(plan(65_536, 2 << 20, 4).is_err());
+        let dry = Budget::new(u64::MAX);
+        drop(ColumnPlan::smallest(&request(65_536, 4), &dry).unwrap());
+        let minimum_bytes = (4 << 20) + dry.smallest_limit(1);
+        assert!(plan(65_536, minimum_bytes, 4).is_ok());
+        assert!(plan(65_536, minimum_bytes - (1 << 16), 4).is_err());
     }
 }
