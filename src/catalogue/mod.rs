@@ -22,6 +22,7 @@ use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use crate::budget::costs;
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
     FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, base_name, natural_cmp,
@@ -80,7 +81,7 @@ struct Weight {
 
 impl Weight {
     /// A file of which no more is known than that it is there.
-    const FILE: Self = Self { images: 1, opening_bytes: 400 };
+    const FILE: Self = Self { images: 1, opening_bytes: costs::OPENING_FRAME };
 
     fn and(self, other: Self) -> Self {
         Self {

@@ -15,13 +15,9 @@ use super::image::{Access, Image, Obstacle, Storage};
 use super::mosaic::{Found, is_one, look};
 use super::pixels::StatedPadding;
 use super::scan::{ScanError, scan};
+use crate::budget::costs;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
-
-/// What is known of a frame while a series is put in order; measured, with some room.
-const FRAME_BYTES: u64 = 400;
-/// What is known of a mosaic, whose slices are a volume of their own.
-const MOSAIC_BYTES: u64 = 2600;
 
 /// What a file is, as far as DICOM is concerned.
 #[derive(Debug)]
@@ -54,7 +50,7 @@ pub(crate) fn recognise(file: &File) -> Recognised {
         Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
             // No more than lie in the file.
             let frames = Image::of(&header).map_or(1, |image| image.frames);
-            let each = if is_one(&header) { MOSAIC_BYTES } else { FRAME_BYTES };
+            let each = if is_one(&header) { costs::OPENING_MOSAIC } else { costs::OPENING_FRAME };
             Recognised::Image {
                 series: header.series_uid,
                 secrets: header.secrets,
