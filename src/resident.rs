@@ -6,8 +6,7 @@
 
 use std::fs;
 
-/// Buffers from this size on are mapped on their own, so that freeing them returns them at once.
-const MAPPED_FROM: i32 = 128 << 10;
+use crate::budget::costs::MAPPED_FROM;
 
 /// Fixes the size from which buffers are mapped, for programs that promise their resident memory.
 ///
@@ -17,11 +16,12 @@ const MAPPED_FROM: i32 = 128 << 10;
 /// systems, are left as they are.
 pub fn map_large_buffers() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "a small constant")]
     // SAFETY: mallopt takes two integers and changes settings of the allocator only; the man page allows it
     // at any time, and no other thread runs yet that could allocate meanwhile.
     unsafe {
-        libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_FROM);
-        libc::mallopt(libc::M_TRIM_THRESHOLD, MAPPED_FROM);
+        libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_FROM as i32);
+        libc::mallopt(libc::M_TRIM_THRESHOLD, MAPPED_FROM as i32);
         libc::mallopt(libc::M_ARENA_MAX, 2);
     }
 }

@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+use infobyte::budget::Budget;
 use infobyte::source::dicom::{Access, Image, Obstacle, Origin, StatedPadding, unroll};
 use infobyte::volume::{ScalarType, SourceError};
 
@@ -248,7 +249,7 @@ fn behaviour_13_padding_becomes_background_before_rescale() {
         let image = Image::of(&header).unwrap();
         let padding = image.layout.padding(StatedPadding::Integer(0xf830, None), -1000.0, 1.0, -24.0);
         let mut collected = Collected { padding, ..Collected::default() };
-        unroll(file, Path::new("x"), &header, &image, MEMORY, &mut collected).unwrap();
+        unroll(file, Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut collected).unwrap();
         words(&collected.frames[0])
     };
     // -2000 is padding; -1000 HU is stored as -976.
@@ -300,7 +301,7 @@ fn behaviour_15_colour_becomes_luminance_or_is_refused() {
         let header = header_of(&file);
         let raw = Image::of_components(&header).unwrap();
         let mut collected = Collected::default();
-        unroll(&file[..], Path::new("x"), &header, &raw, MEMORY, &mut collected).unwrap();
+        unroll(&file[..], Path::new("x"), &header, &raw, &Budget::new(MEMORY), &mut collected).unwrap();
         assert_eq!(collected.frames, [&flat[..]], "{what}");
     }
     // Swapped bytes, planes of odd length.
@@ -586,14 +587,16 @@ fn too_little_memory_and_a_full_disk_are_told_apart() {
     let header = header_of(&file);
     let image = Image::of(&header).unwrap();
     let mut all = Collected::default();
-    let error = unroll(&file[..], Path::new("x"), &header, &image, 10, &mut all).unwrap_err();
+    let error = unroll(&file[..], Path::new("x"), &header, &image, &Budget::new(10), &mut all).unwrap_err();
     assert!(matches!(error, SourceError::Memory { allowed_bytes: 10, .. }), "{error}");
     assert!(image.unroll_bytes() <= MEMORY);
-    let error = unroll(&file[..], Path::new("x"), &header, &image, MEMORY, &mut Full).unwrap_err();
+    let error =
+        unroll(&file[..], Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut Full).unwrap_err();
     assert!(matches!(error, SourceError::Scratch { .. }), "{error}");
     let plain = deflated(&native(Syntax::ExplicitLe, Spec::default(), &[0; 8]), false);
     let header = header_of(&plain);
     let image = Image::of(&header).unwrap();
-    let error = unroll(&plain[..], Path::new("x"), &header, &image, MEMORY, &mut Full).unwrap_err();
+    let error =
+        unroll(&plain[..], Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut Full).unwrap_err();
     assert!(matches!(error, SourceError::Scratch { .. }), "{error}");
 }

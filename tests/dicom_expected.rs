@@ -6,6 +6,7 @@ use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use infobyte::budget::Budget;
 use infobyte::source::dicom::{
     Access, DicomHeader, FrameGeometry, FrameSink, Image, Obstacle, ScanError, scan, unroll, visit,
 };
@@ -79,7 +80,9 @@ fn summary(file: &File, path: &Path, header: &DicomHeader, image: &Image) -> Res
     let mut summary = Summary::new(image.layout.scalar());
     match image.access {
         // What it says it needs is enough.
-        Access::Unrolled => unroll(file, path, header, image, image.unroll_bytes(), &mut summary)?,
+        Access::Unrolled => {
+            unroll(file, path, header, image, &Budget::new(image.unroll_bytes()), &mut summary)?
+        }
         Access::Native { offset, frame_bytes } => {
             for frame in 0..image.frames {
                 let mut cells = vec![0; usize::try_from(frame_bytes).unwrap()];
@@ -197,7 +200,7 @@ fn the_lossy_slice_is_the_lossless_one_but_for_its_quantisation() {
         let header = scan(&file).unwrap();
         let image = Image::of(&header).unwrap();
         let mut all = Collected::default();
-        unroll(&file, &path, &header, &image, image.unroll_bytes(), &mut all).unwrap();
+        unroll(&file, &path, &header, &image, &Budget::new(image.unroll_bytes()), &mut all).unwrap();
         Some(words(&all.frames[0]))
     };
     let Some(exact) = samples("lossless-70") else { return };
@@ -302,7 +305,8 @@ fn damaged_real_files_end_quickly() {
                     told < 100_000
                 });
                 let memory = image.unroll_bytes().min(8 << 20);
-                let unrolled = unroll(&bytes[..], &path, &header, &image, memory, &mut Anything);
+                let unrolled =
+                    unroll(&bytes[..], &path, &header, &image, &Budget::new(memory), &mut Anything);
                 (visited.is_ok() && unrolled.is_ok()).then_some(())
             });
             tried += 1;

@@ -6,6 +6,7 @@ use std::io::Write as _;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use infobyte::budget::Budget;
 use infobyte::facts::Instead;
 use infobyte::source::dicom::{Access, FrameSink, Image, scan, unroll, visit};
 use infobyte::volume::SourceError;
@@ -72,7 +73,7 @@ fn fragments_make_frames_by_number_table_or_marker() {
         let header = header_of(&file);
         let image = Image::of(&header).unwrap();
         let mut collected = Collected { only: Some(1), ..Collected::default() };
-        unroll(&file[..], Path::new("x"), &header, &image, MEMORY, &mut collected).unwrap();
+        unroll(&file[..], Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut collected).unwrap();
         assert_eq!(collected.frames[1], whole[1], "{what}");
     }
     for (what, table) in [
@@ -236,7 +237,7 @@ fn ten_thousand_frames_cost_no_more_memory_than_ten() {
         let image = Image::of(&header).unwrap();
         let mut counter = Counter::default();
         let ((), unrolled) = peak_of(|| {
-            unroll(&file[..], Path::new("x"), &header, &image, MEMORY, &mut counter).unwrap();
+            unroll(&file[..], Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut counter).unwrap();
         });
         assert_eq!((counter.rows, counter.sum), (2 * frames, u64::from(frames) * u64::from(frames - 1) / 2));
         peaks.push([scanned, visited, unrolled]);
@@ -289,7 +290,7 @@ fn deflated_files_hold_a_small_window_and_bombs_end() {
         let image = Image::of(&header).unwrap();
         let mut counter = Counter::default();
         let ((), peak) = peak_of(|| {
-            unroll(&file[..], Path::new("x"), &header, &image, MEMORY, &mut counter).unwrap();
+            unroll(&file[..], Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut counter).unwrap();
         });
         println!("deflated: {peak} bytes");
         assert!(counter.rows == 800 && peak < 192 << 10, "{peak}");
@@ -324,7 +325,7 @@ fn bounded(file: &[u8]) -> bool {
             told < 100_000
         });
         let mut bytes = Limited { left: 1 << 20 };
-        let unrolled = unroll(file, Path::new("x"), &header, &image, MEMORY, &mut bytes);
+        let unrolled = unroll(file, Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut bytes);
         visited.is_ok() && unrolled.is_ok()
     });
     assert!(peak < 3 << 19, "{peak} bytes held for {} bytes of input", file.len());

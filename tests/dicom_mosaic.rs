@@ -6,6 +6,7 @@ use std::fs;
 use std::ops::Deref;
 use std::path::Path;
 
+use infobyte::budget::Budget;
 use infobyte::catalogue::{Catalogue, open};
 use infobyte::jobs::wording::sentences;
 use infobyte::progress::Silent;
@@ -60,7 +61,9 @@ fn opened(file: &[u8]) -> Result<Opened, SourceError> {
     let folder = tempfile::tempdir().unwrap();
     put(folder.path(), &[file.to_vec()]);
     let mut source = open(&[folder.path().to_path_buf()], &OpenOptions::default())?;
-    source.prepare(&Workspace { scratch: folder.path(), memory_bytes: 1 << 20, progress: &Silent }).unwrap();
+    source
+        .prepare(&Workspace { scratch: folder.path(), memory: Budget::new(1 << 20), progress: &Silent })
+        .unwrap();
     Ok(Opened(source, folder))
 }
 

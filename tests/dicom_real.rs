@@ -7,6 +7,7 @@ use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use infobyte::budget::Budget;
 use infobyte::catalogue::{Catalogue, open};
 use infobyte::jobs::wording::sentences;
 use infobyte::progress::Silent;
@@ -29,8 +30,8 @@ fn findings(path: PathBuf, gaps: GapPolicy) -> Vec<Finding> {
 fn range_of(source: &mut dyn VolumeSource) -> (i64, i64) {
     let scratch = tempfile::tempdir().unwrap();
     let needs = source.preparation();
-    let memory_bytes = needs.memory_bytes.max(8 << 20);
-    source.prepare(&Workspace { scratch: scratch.path(), memory_bytes, progress: &Silent }).unwrap();
+    let memory = Budget::new(needs.memory_bytes.max(8 << 20));
+    source.prepare(&Workspace { scratch: scratch.path(), memory, progress: &Silent }).unwrap();
     let info = source.info().clone();
     let [nx, ny, nz] = info.dims.to_array();
     let width = info.scalar.bytes();

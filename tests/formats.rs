@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use infobyte::budget::Budget;
 use infobyte::catalogue::{Catalogue, open};
 use infobyte::format::{Channel, SectionKind};
 use infobyte::jobs::wording::sentences;
@@ -31,7 +32,7 @@ use random::Random;
 /// Opens and unrolls within 3 MiB.
 fn ready(inputs: &[PathBuf], scratch: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
     let mut source = open(inputs, &OpenOptions::default())?;
-    let workspace = Workspace { scratch, memory_bytes: 3 << 20, progress: &Silent };
+    let workspace = Workspace { scratch, memory: Budget::new(3 << 20), progress: &Silent };
     source.prepare(&workspace)?;
     Ok(source)
 }

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use infobyte::budget::{current_rss_bytes, peak_rss_bytes};
+use infobyte::budget::{Budget, current_rss_bytes, peak_rss_bytes};
 use infobyte::catalogue::open;
 use infobyte::progress::Silent;
 use infobyte::source::OpenOptions;
@@ -33,7 +33,7 @@ const SLOWEST: Duration = Duration::from_secs(5);
 /// Opens, unrolls and reads a little; the refusal if there is one.
 fn read(path: &Path, scratch: &Path) -> Result<(), String> {
     let mut source = open(&[path.to_path_buf()], &OpenOptions::default()).map_err(|e| e.to_string())?;
-    let workspace = Workspace { scratch, memory_bytes: ALLOWED, progress: &Silent };
+    let workspace = Workspace { scratch, memory: Budget::new(ALLOWED), progress: &Silent };
     source.prepare(&workspace).map_err(|e| e.to_string())?;
     let (dims, width) = (source.info().dims, source.info().scalar.bytes());
     let rows = 0..dims.ny().min(3);

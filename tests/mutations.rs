@@ -11,7 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use infobyte::budget::{current_rss_bytes, peak_rss_bytes};
+use infobyte::budget::{Budget, current_rss_bytes, peak_rss_bytes};
 use infobyte::catalogue::Catalogue;
 use infobyte::progress::Silent;
 use infobyte::source::OpenOptions;
@@ -38,7 +38,7 @@ fn read_all(path: &Path, scratch: &Path) -> bool {
     for index in 0..catalogue.len() {
         for finding in catalogue.open(index) {
             let Ok(mut source) = finding.volume else { continue };
-            let workspace = Workspace { scratch, memory_bytes: CAP / 2, progress: &Silent };
+            let workspace = Workspace { scratch, memory: Budget::new(CAP / 2), progress: &Silent };
             if source.prepare(&workspace).is_err() {
                 continue;
             }

@@ -2,8 +2,9 @@
 
 use super::error::BuildError;
 use super::range::{Ordered, SampleRange, highest_below};
-use super::{Progress, Threshold, histogram, plan};
-use crate::budget::MemoryCap;
+use super::{Progress, Threshold, histogram};
+use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
+use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::format::{Selection, SelectionKind};
 use crate::volume::{ScalarType, VolumeSource};
 
@@ -34,9 +35,6 @@ pub fn choose_selection(
     })
 }
 
-/// Room that is kept for one worker of the scan: what a model with normals and values takes to be merged.
-const SCAN_BYTES: u64 = 1124 << 10;
-
 /// What a choice needs to know.
 #[derive(Clone, Copy)]
 pub(super) struct Chooser<'a> {
@@ -60,7 +58,8 @@ impl Chooser<'_> {
             Threshold::Chosen(selection) => selection,
             Threshold::Otsu => {
                 self.progress.stage("histogram", 1);
-                let Some(split) = histogram::otsu::<T>(self.source, self.histogram_threads())? else {
+                let (threads, _memory) = self.reserve_histogram()?;
+                let Some(split) = histogram::otsu::<T>(self.source, threads)? else {
                     return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
                 };
                 self.progress.advance(1);
@@ -79,21 +78,50 @@ impl Chooser<'_> {
         }
     }
 
-    /// As many threads as their histograms fit the budget, at least one. Room for one worker of the scan is
+    /// Threads, as many as their histograms fit the budget, and their memory. Room for one worker of the scan is
     /// kept, as the allocator may not give back what the histograms held.
-    fn histogram_threads(&self) -> usize {
-        let scan = SCAN_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
-        let fixed = histogram::SHARED_BYTES + scan;
-        let each = histogram::WORKER_BYTES + plan::WORKER_OVERHEAD + self.source.resident_bytes();
-        let fit = self.memory.left().saturating_sub(fixed) / each;
-        usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.threads.max(1))
+    fn reserve_histogram(&self) -> Result<(usize, Vec<Reservation>), BuildError> {
+        let budget = Budget::of(self.memory);
+        let mut memory: Vec<_> = self.least_histogram(&budget).map_err(|_| self.too_small())?.into();
+        let scan = budget.reserve(self.with_source(LEAST_WORKER));
+        let more = match (scan, self.threads) {
+            (Err(_), _) | (_, 0 | 1) => None,
+            (Ok(_scan), n) => budget.reserve_workers(self.with_source(histogram::WORKER_BYTES), n - 1).ok(),
+        };
+        let (others, held) = more.unzip();
+        memory.extend(held);
+        Ok((1 + others.unwrap_or(0), memory))
+    }
+
+    /// What is shared, and what one worker holds.
+    fn least_histogram(&self, budget: &Budget) -> Result<[Reservation; 2], TooSmall> {
+        let shared = budget.reserve(histogram::SHARED_BYTES)?;
+        Ok([shared, budget.reserve(self.with_source(histogram::WORKER_BYTES))?])
+    }
+
+    /// A worker's memory beside its own buffers added.
+    fn with_source(&self, own_bytes: u64) -> u64 {
+        own_bytes + WORKER_OVERHEAD + self.source.resident_bytes()
+    }
+
+    fn too_small(&self) -> BuildError {
+        let dry = Budget::dry(self.memory);
+        let _least = self.least_histogram(&dry);
+        BuildError::BudgetTooSmall {
+            name: self.source.info().description.name.clone(),
+            limit_bytes: self.memory.bytes(),
+            minimum_bytes: dry.smallest_limit(1),
+        }
     }
 
     /// The error for a range without voxels: says which values there are, at the price of one more pass.
     pub(super) fn empty<T: Ordered>(&self, range: &str) -> BuildError {
         let info = self.source.info();
         let name = info.description.name.clone();
-        match histogram::extremes::<T>(self.source, self.histogram_threads()) {
+        let seen = self
+            .reserve_histogram()
+            .and_then(|(threads, _memory)| histogram::extremes::<T>(self.source, threads));
+        match seen {
             Err(e) => e,
             Ok(None) => BuildError::NoNumbers { name },
             Ok(Some((a, b))) => {

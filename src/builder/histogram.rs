@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::error::BuildError;
 use super::parallel::run_workers;
 use super::range::Ordered;
+use crate::budget::costs::{LEAST_WORKER, MAPPED_FROM};
 use crate::volume::{ScalarType, VolumeSource};
 
 /// Bins of a histogram: one for every value of the 16-bit types.
@@ -16,9 +17,12 @@ const READ_BYTES: usize = 256 << 10;
 /// allocator maps a buffer of its own: freeing a mapped one raises that size, and the larger buffers of the
 /// counting pass would then stay resident after it, at the expense of the scan.
 const EXTREMES_READ_BYTES: usize = 64 << 10;
+const _: () = assert!(EXTREMES_READ_BYTES < MAPPED_FROM);
 /// Memory of one worker, and of the shared sum.
 pub(super) const WORKER_BYTES: u64 = (READ_BYTES + 4 * BINS) as u64;
 pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
+// The smallest plan is enough for a threshold that is still to be found, too.
+const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= LEAST_WORKER);
 
 /// Smallest and largest sample that is a finite number, or `None` if there is none.
 pub(super) fn extremes<T: Ordered>(

@@ -9,19 +9,15 @@ use super::column::{ColumnWorker, ScanContext, ScanTotals};
 use super::error::BuildError;
 use super::item::{ChannelForm, ItemForm};
 use super::layout::{Census, Layout, StoredChannels};
-use super::merge::{Merge, Target};
-use super::plan::{self, ColumnPlan, PlanRequest};
-use super::solid::{BRICK, Found, Solid, Tile};
+use super::merge::{self, Merge, Target};
+use super::plan::{ColumnPlan, PlanRequest};
+use super::solid::{BRICK, Found, Solid};
 use super::swap::Scratch;
 use super::{BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
 use crate::atomic::AtomicFile;
-use crate::budget::{MemoryCap, peak_rss_bytes};
+use crate::budget::{Budget, Reservation};
 use crate::format::{Channel, Channels, Metadata};
 use crate::geom::Dims;
-
-/// By how much the peak differs between two runs that open the same input: code that is touched then is mapped
-/// with its neighbours, which depend on where the program lies in memory.
-const OPENING_SPREAD: u64 = 384 << 10;
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is not asked.
 ///
@@ -40,7 +36,7 @@ pub fn build_solid<S: Solid>(
 ) -> Result<BuildReport, BuildError> {
     let job = Job { options, output, progress };
     // What can be refused at once is refused before a file is made.
-    job.plan_solid(solid)?;
+    drop(job.plan_solid(solid)?);
     let files = job.open_files(solid.dims())?;
     job.run(files, solid)
 }
@@ -105,6 +101,7 @@ impl Job<'_> {
             seconds.read = totals.found.reading.as_secs_f64() / plan.threads as f64;
         }
         if totals.skin == 0 {
+            drop(plan);
             return Err(solid.nothing_inside());
         }
 
@@ -120,10 +117,11 @@ impl Job<'_> {
         let metadata = metadata.to_bytes()?;
         let layout = Layout::new(&census, metadata.len() as u64, &channels);
         let target = Target { file: atomic.file(), path: self.output, layout: &layout, channels: &channels };
-        self.merge(solid.dims(), &target, &census, &scratch, plan.threads)?;
+        self.merge(solid, &target, &census, &scratch, &plan)?;
         seconds.merge = started.elapsed().as_secs_f64();
 
         let started = Instant::now();
+        let _memory = self.part(solid, &plan, seal::MEMORY_BYTES)?;
         let file_bytes = seal::seal(&target, solid.dims(), &census, &metadata)?;
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
@@ -149,44 +147,41 @@ impl Job<'_> {
 
     fn plan_solid<S: Solid>(&self, solid: &S) -> Result<(ColumnPlan, Vec<ChannelForm>), BuildError> {
         let name = solid.name();
-        let forms = channel_forms(self.options, &name, |channel, found| solid.form(channel, found))?;
-        let bytes = |tile: &Tile| solid.worker_bytes(tile);
-        let plan = self.plan(solid.dims(), &name, &forms, &bytes, solid.input_bytes())?;
-        Ok((plan, forms))
-    }
-
-    /// The plan for a solid of these dims, whose workers take so much.
-    pub(super) fn plan(
-        &self,
-        dims: Dims,
-        name: &str,
-        channels: &[ChannelForm],
-        solid_bytes: &dyn Fn(&Tile) -> u64,
-        input_bytes: u64,
-    ) -> Result<ColumnPlan, BuildError> {
-        let limit_bytes = self.options.memory.bytes();
-        let alone = matches!(self.options.memory, MemoryCap::Process(_));
-        let plan = ColumnPlan::new(&PlanRequest {
-            dims,
+        let channels = channel_forms(self.options, &name, |channel, found| solid.form(channel, found))?;
+        let request = PlanRequest {
+            dims: solid.dims(),
             channels,
             threads: self.options.threads,
-            memory: self.options.memory,
-            fixed_bytes: plan::fixed_bytes(self.options.memory),
-            solid_bytes,
-            input_bytes,
-        });
-        // The cap is on the peak: what the process has held before, to open the input, counts too.
-        let peak = if alone { peak_rss_bytes() } else { 0 };
-        let told = if peak > 0 { peak + OPENING_SPREAD } else { 0 };
-        let minimum = match plan {
-            Ok(plan) if peak <= limit_bytes => return Ok(plan),
-            Ok(_) => told,
-            Err(minimum) => minimum.max(told),
+            solid_bytes: Box::new(|tile| solid.worker_bytes(tile)),
+            input_bytes: solid.input_bytes(),
         };
-        Err(BuildError::BudgetTooSmall {
-            name: name.to_owned(),
+        Ok((self.plan(&name, &request)?, request.channels))
+    }
+
+    /// The plan within what is resident now.
+    ///
+    /// # Errors
+    /// [`BuildError::BudgetTooSmall`], which names the smallest cap.
+    pub(super) fn plan(&self, name: &str, request: &PlanRequest<'_>) -> Result<ColumnPlan, BuildError> {
+        let memory = self.options.memory;
+        ColumnPlan::new(request, &Budget::of_job(memory)).map_err(|_| {
+            let dry = Budget::dry(memory);
+            let _least = ColumnPlan::smallest(request, &dry);
+            BuildError::BudgetTooSmall {
+                name: name.to_owned(),
+                limit_bytes: memory.bytes(),
+                minimum_bytes: dry.smallest_limit(1),
+            }
+        })
+    }
+
+    /// A part of what is reserved for the workers, for one of them or for a stage that works alone.
+    fn part<S: Solid>(&self, solid: &S, plan: &ColumnPlan, bytes: u64) -> Result<Reservation, BuildError> {
+        let limit_bytes = self.options.memory.bytes();
+        plan.memory.reserve(bytes).map_err(|refused| BuildError::BudgetTooSmall {
+            name: solid.name(),
             limit_bytes,
-            minimum_bytes: minimum.next_multiple_of(1 << 16),
+            minimum_bytes: limit_bytes.saturating_add(refused.missing_bytes()),
         })
     }
 
@@ -204,6 +199,7 @@ impl Job<'_> {
         let next = AtomicU64::new(0);
         let totals = Mutex::new(ScanTotals::default());
         parallel::run_workers(plan.threads, &|stop| {
+            let _memory = self.part(solid, plan, plan.scan_bytes)?;
             let mut worker = ColumnWorker::new(&shared);
             while !stop() {
                 let at = next.fetch_add(1, Ordering::Relaxed);
@@ -221,17 +217,22 @@ impl Job<'_> {
         Ok(totals.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
     }
 
-    fn merge(
+    fn merge<S: Solid>(
         &self,
-        dims: Dims,
+        solid: &S,
         target: &Target<'_>,
         census: &Census,
         scratch: &Scratch,
-        threads: usize,
+        plan: &ColumnPlan,
     ) -> Result<(), BuildError> {
+        let forms = &target.channels.forms;
         self.progress.stage("merge", census.bricks);
-        let merge = Merge::new(dims, scratch, target, census)?;
-        parallel::run_workers(threads, &|stop| merge.work(stop, &|bricks| self.progress.advance(bricks)))?;
+        let merge = Merge::new(solid.dims(), scratch, target, census)?;
+        parallel::run_workers(plan.threads, &|stop| {
+            let _memory = self.part(solid, plan, merge::worker_bytes(forms))?;
+            merge.work(stop, &|bricks| self.progress.advance(bricks))
+        })?;
+        let _memory = self.part(solid, plan, merge::upper_bytes(forms))?;
         merge.finish_upper_levels()
     }
 

@@ -17,16 +17,38 @@ use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
 use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, WalkedBrick};
+use crate::budget::costs::{LEAST_WORKER, MERGE_LISTS};
 use crate::format::{Channel, MeanRule, SectionKind, Sum};
 
 /// Bytes that a run gathers before they are written.
-const RUN_BYTES: usize = 32 << 10;
+pub(super) const RUN_BYTES: usize = 32 << 10;
+/// Summaries of bricks read at a time.
+const SUMMARIES: usize = 512;
+/// Levels above the bricks in the largest volume.
+const UPPER_LEVELS: u64 = (16 - BRICK_LEVELS) as u64;
+
+/// Memory of so many runs.
+fn runs(count: u64) -> u64 {
+    count * RUN_BYTES as u64
+}
+
 /// Memory of one worker: a brick, runs for five levels of infobytes, and for each channel one of items and four
 /// of means.
 pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
-    let runs = |count: u64| count * RUN_BYTES as u64;
     let own: u64 = channels.iter().map(|c| channel_bytes(c) + runs(5)).sum();
-    BrickReader::BYTES + runs(5) + own + (64 << 10)
+    (BrickReader::BYTES + runs(5) + own + MERGE_LISTS).max(LEAST_WORKER)
+}
+
+/// Memory of what lies above the bricks: for each level a run of infobytes and one of each channel's means, and
+/// summaries.
+pub(super) fn upper_bytes(channels: &[ChannelForm]) -> u64 {
+    let means = channels.iter().filter(|c| c.channel.row().means.is_some()).count();
+    runs((1 + means as u64) * UPPER_LEVELS) + (SUMMARIES * summary_bytes(means)) as u64
+}
+
+/// A brick's code and a sum for each channel that is averaged.
+fn summary_bytes(means: usize) -> usize {
+    size_of::<u64>() + means * Sum::BYTES
 }
 
 /// The output file with the offset of every section.
@@ -131,8 +153,7 @@ impl<'a> Merge<'a> {
         target: &'a Target<'a>,
         census: &'a Census,
     ) -> Result<Self, BuildError> {
-        // A brick's code and a sum for each channel.
-        let summary_bytes = size_of::<u64>() + averaged(target.channels).count() * Sum::BYTES;
+        let summary_bytes = summary_bytes(averaged(target.channels).count());
         let summaries_len = usize::try_from(census.bricks * summary_bytes as u64).map_err(|_| {
             scratch.error(std::io::Error::other("the model has too many bricks for this machine"))
         })?;
@@ -187,11 +208,11 @@ impl<'a> Merge<'a> {
     /// The levels above the bricks, after all workers are done.
     pub(super) fn finish_upper_levels(&self) -> Result<(), BuildError> {
         let mut queue = MergeQueue::new(self.target, self.census);
-        let mut bytes = vec![0; self.summary_bytes * 512];
+        let mut bytes = vec![0; self.summary_bytes * SUMMARIES];
         let mut sums = Vec::new();
         let mut done = 0;
         while done < self.census.bricks {
-            let now = (self.census.bricks - done).min(512) as usize;
+            let now = (self.census.bricks - done).min(SUMMARIES as u64) as usize;
             let part = &mut bytes[..now * self.summary_bytes];
             self.scratch.read(part, self.summaries + done * self.summary_bytes as u64)?;
             for summary in part.chunks_exact(self.summary_bytes) {

@@ -56,22 +56,21 @@ pub use skin::{Connectivity, Exposed};
 pub use solid::{Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 
 pub(crate) use occupancy::{RangeTest, for_each_block, range_test, worker_bytes as occupancy_worker_bytes};
-pub(crate) use plan::fixed_bytes;
 
 pub use crate::progress::{Progress, Silent};
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::budget::MemoryCap;
+use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::format::{Channels, Selection};
 use crate::volume::{ScalarType, VolumeSource};
 use choose::Chooser;
+use item::ChannelForm;
 use job::{Job, channel_forms};
-use plan::ColumnPlan;
+use plan::{ColumnPlan, PlanRequest};
 use range::{Ordered, SampleRange};
 use ring::{Depths, RingForm, Samples};
-use solid::Tile as SolidTile;
 use volume::{RingShape, VolumeSolid, volume_form};
 
 /// How to choose what is inside; values are physical (after rescale).
@@ -138,19 +137,43 @@ pub fn smallest_share(source: &dyn VolumeSource, options: &BuildOptions) -> u64 
     smallest_cap(source, options, MemoryCap::Share(0))
 }
 
-/// The smallest cap of the kind of `none`, which allows nothing, within which a model can be built.
-pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, none: MemoryCap) -> u64 {
-    let options = BuildOptions { memory: none, threads: 1, ..options.clone() };
-    match Front::to_plan(source, &options).plan_kindest() {
-        Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) => minimum_bytes,
-        _ => 0,
-    }
+/// The smallest cap of this kind within which a model can be built.
+pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, kind: MemoryCap) -> u64 {
+    let dry = Budget::dry(kind);
+    let _least = reserve_least(source, options, &dry);
+    dry.smallest_limit(1)
 }
 
-/// Can a model of `source` be built within a cap?
-pub(crate) fn fits(source: &dyn VolumeSource, options: &BuildOptions, memory: MemoryCap) -> bool {
-    let options = BuildOptions { memory, threads: 1, ..options.clone() };
-    Front::to_plan(source, &options).plan_kindest().is_ok()
+/// Reserves what a model of `source` cannot be built without: the smallest plan for the kindest range of this
+/// sample type. A plan for [`build`] is found from wherever this succeeds.
+///
+/// # Errors
+/// The budget does not have it, or the process has passed its limit before, to open the input: the cap is on the
+/// peak.
+pub(crate) fn reserve_least(
+    source: &dyn VolumeSource,
+    options: &BuildOptions,
+    budget: &Budget,
+) -> Result<Reservation, TooSmall> {
+    ColumnPlan::smallest(&kindest_request(source, options), budget)
+}
+
+/// What a plan for the kindest range of the sample type is made for; channels that a volume does not have are
+/// refused elsewhere.
+fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> PlanRequest<'a> {
+    let info = source.info();
+    let shape = RingShape::kindest(info.dims, info.scalar);
+    let form_of = |channel| {
+        let form = volume_form(info.scalar, channel, &Found::default())?;
+        Some(ChannelForm { channel, form })
+    };
+    PlanRequest {
+        dims: info.dims,
+        channels: options.channels.iter().filter_map(form_of).collect(),
+        threads: options.threads,
+        solid_bytes: Box::new(move |tile| shape.bytes(tile)),
+        input_bytes: source.resident_bytes(),
+    }
 }
 
 /// What was built and what it took.
@@ -212,7 +235,7 @@ pub fn build(
 ) -> Result<BuildReport, BuildError> {
     let front = Front { source, job: Job { options, output, progress } };
     // What can be refused at once is refused before the volume is read.
-    front.plan_kindest()?;
+    front.check()?;
     let files = front.job.open_files(source.info().dims)?;
     match source.info().scalar {
         ScalarType::U8 => front.build_samples::<u8>(files),
@@ -233,20 +256,12 @@ struct Front<'a> {
 }
 
 impl<'a> Front<'a> {
-    /// A build that is only planned.
-    fn to_plan(source: &'a dyn VolumeSource, options: &'a BuildOptions) -> Self {
-        Self { source, job: Job { options, output: Path::new(""), progress: &Silent } }
-    }
-
-    /// Is there a plan for the kindest range of this sample type? A cap under which none exists, or that
-    /// opening the input has passed already, fails here.
-    fn plan_kindest(&self) -> Result<ColumnPlan, BuildError> {
+    /// Does the volume have the channels, and is there a plan for the kindest range of this sample type?
+    fn check(&self) -> Result<(), BuildError> {
         let info = self.source.info();
-        let shape = RingShape::kindest(info.dims, info.scalar);
         let name = &info.description.name;
-        let channels = channel_forms(self.job.options, name, |c, found| volume_form(info.scalar, c, found))?;
-        let bytes = |tile: &SolidTile| shape.bytes(tile);
-        self.job.plan(info.dims, name, &channels, &bytes, self.source.resident_bytes())
+        channel_forms(self.job.options, name, |c, found| volume_form(info.scalar, c, found))?;
+        self.job.plan(name, &kindest_request(self.source, self.job.options)).map(drop)
     }
 
     /// Types that can stand in the ring as they are, if the range has only a lower end.

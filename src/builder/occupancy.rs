@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::classify::classify;
 use super::error::BuildError;
 use super::parallel::run_workers;
-use super::plan::WORKER_OVERHEAD;
 use super::range::{Ordered, SampleRange};
+use crate::budget::costs::{MAPPED_FROM, WORKER_OVERHEAD};
 use crate::format::Selection;
 use crate::progress::Progress;
 use crate::volume::{Rescale, ScalarType, VolumeSource};
@@ -15,8 +15,9 @@ use crate::volume::{Rescale, ScalarType, VolumeSource};
 /// Bytes of samples that a worker reads at a time; below the size from which the allocator maps a buffer of
 /// its own, so that it is given back.
 const READ_BYTES: usize = 64 << 10;
+const _: () = assert!(READ_BYTES < MAPPED_FROM);
 
-/// Memory of one worker of [`for_each_block`], beyond what the source holds.
+/// Memory of one worker of [`for_each_block`], with what the source holds for it.
 pub(crate) fn worker_bytes(source: &dyn VolumeSource) -> u64 {
     2 * READ_BYTES as u64 + WORKER_OVERHEAD + source.resident_bytes()
 }

@@ -4,9 +4,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::error::BuildError;
-
-/// Stack of a worker; only what is touched becomes resident.
-const STACK_BYTES: usize = 512 << 10;
+use crate::budget::costs::WORKER_STACK;
 
 /// Work of one worker; its argument tells whether another one has failed.
 pub(super) type Work<'a> = dyn Fn(&dyn Fn() -> bool) -> Result<(), BuildError> + Sync + 'a;
@@ -27,7 +25,7 @@ pub(super) fn run_workers(threads: usize, work: &Work<'_>) -> Result<(), BuildEr
     } else {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
-            .stack_size(STACK_BYTES)
+            .stack_size(WORKER_STACK)
             .build()
             .map_err(|e| BuildError::Threads(e.to_string()))?;
         pool.broadcast(|_| guarded());

@@ -5,9 +5,11 @@
 use std::ops::Range;
 
 use super::item::ChannelForm;
+use super::merge;
 use super::solid::{BRICK, Tile, VoxelBox};
 use super::swap::{ENTRY_BYTES, EXTENT_BYTES};
-use crate::budget::{HELD_SPREAD, MemoryCap};
+use crate::budget::costs::WORKER_OVERHEAD;
+use crate::budget::{Budget, Reservation, TooSmall};
 use crate::format::Channels;
 use crate::geom::Dims;
 
@@ -19,21 +21,9 @@ const COMFORTABLE_TILE: u32 = 1024;
 const NARROWEST_TILE: u32 = 64;
 /// Chunks for the records of one row of bricks; at least what one brick slice can need.
 const POOL_BYTES: usize = 128 << 10;
-/// A worker's stack as far as it is touched, its allocator arena and small change.
-pub(super) const WORKER_OVERHEAD: u64 = 192 << 10;
-/// What a build holds beside its workers, and what the allocator wastes, in a process of its host.
-const SHARE_OVERHEAD: u64 = 256 << 10;
 
-/// What counts against a cap before any buffer of weight.
-pub(crate) fn fixed_bytes(memory: MemoryCap) -> u64 {
-    match memory {
-        MemoryCap::Process(_) => memory.held(),
-        MemoryCap::Share(_) => SHARE_OVERHEAD,
-    }
-}
-
-/// Sizes of one worker's buffers.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// Sizes of one worker's buffers, and the memory of all workers.
+#[derive(Debug)]
 pub(super) struct ColumnPlan {
     dims: Dims,
     /// Columns (x) of a tile: the whole width, or a multiple of 64.
@@ -47,29 +37,29 @@ pub(super) struct ColumnPlan {
     pub(super) pool_bytes: usize,
     /// What the plan promises to stay within, everything included.
     pub(super) total_bytes: u64,
+    /// What one worker holds while it scans, its part of the solid included.
+    pub(super) scan_bytes: u64,
+    /// What is reserved for the workers; each takes its part from it.
+    pub(super) memory: Budget,
 }
 
 /// What a plan is made for.
-#[derive(Clone, Copy)]
 pub(super) struct PlanRequest<'a> {
     pub(super) dims: Dims,
-    pub(super) channels: &'a [ChannelForm],
+    pub(super) channels: Vec<ChannelForm>,
     pub(super) threads: usize,
-    pub(super) memory: MemoryCap,
-    /// What counts against it before any buffer of the build.
-    pub(super) fixed_bytes: u64,
     /// What a worker of the solid holds for a tile.
-    pub(super) solid_bytes: &'a dyn Fn(&Tile) -> u64,
+    pub(super) solid_bytes: Box<dyn Fn(&Tile) -> u64 + 'a>,
     /// What a thread may hold for the inputs of the solid.
     pub(super) input_bytes: u64,
 }
 
 impl ColumnPlan {
-    /// The widest tiles and most threads that fit the limit.
+    /// The widest tiles and most threads whose memory the budget grants; it is reserved from then on.
     ///
     /// # Errors
-    /// The smallest limit that would do.
-    pub(super) fn new(request: &PlanRequest<'_>) -> Result<Self, u64> {
+    /// The narrowest tile of one thread, [`ColumnPlan::smallest`], does not fit.
+    pub(super) fn new(request: &PlanRequest<'_>, budget: &Budget) -> Result<Self, TooSmall> {
         let nx = request.dims.nx();
         let narrower = |tile: u32| (tile / 2).next_multiple_of(64).max(NARROWEST_TILE);
         // Workers without a column of their own would only take memory.
@@ -78,23 +68,36 @@ impl ColumnPlan {
         let (mut tile, mut threads) = (nx, request.threads.clamp(1, most));
         loop {
             let plan = Self::sized(request, tile, threads);
-            if plan.total_bytes <= request.memory.bytes() {
-                return Ok(plan);
-            }
-            if tile > COMFORTABLE_TILE {
-                tile = narrower(tile);
-            } else if threads > 1 {
-                threads -= 1;
-            } else if tile > NARROWEST_TILE {
-                tile = narrower(tile);
-            } else {
-                let spread = match request.memory {
-                    MemoryCap::Process(_) => HELD_SPREAD,
-                    MemoryCap::Share(_) => 0,
-                };
-                return Err((plan.total_bytes + spread).next_multiple_of(1 << 16));
+            match plan.reserve(request, budget) {
+                Ok(workers) => {
+                    let total_bytes = budget.reserved_bytes();
+                    return Ok(Self { total_bytes, memory: workers.into_budget(), ..plan });
+                }
+                Err(_) if tile > COMFORTABLE_TILE => tile = narrower(tile),
+                Err(_) if threads > 1 => threads -= 1,
+                Err(_) if tile > NARROWEST_TILE => tile = narrower(tile),
+                Err(refused) => return Err(refused),
             }
         }
+    }
+
+    /// The memory of the smallest plan.
+    ///
+    /// # Errors
+    /// Not even that is left, or the process has passed the limit before: a cap is on the peak.
+    pub(super) fn smallest(request: &PlanRequest<'_>, budget: &Budget) -> Result<Reservation, TooSmall> {
+        Self::sized(request, request.dims.nx().min(NARROWEST_TILE), 1).reserve(request, budget)
+    }
+
+    /// Reserves what the workers hold in all stages; what follows them alone fits into the part of one.
+    fn reserve(&self, request: &PlanRequest<'_>, budget: &Budget) -> Result<Reservation, TooSmall> {
+        let merging = merge::worker_bytes(&request.channels).max(merge::upper_bytes(&request.channels));
+        let worker = self.scan_bytes.max(merging) + WORKER_OVERHEAD + request.input_bytes;
+        let needed_bytes = worker * self.threads as u64;
+        if budget.is_passed() {
+            return Err(TooSmall { needed_bytes, left_bytes: 0 });
+        }
+        budget.reserve(needed_bytes)
     }
 
     fn sized(request: &PlanRequest<'_>, tile: u32, threads: usize) -> Self {
@@ -106,16 +109,15 @@ impl ColumnPlan {
             swapped_bytes: request.channels.iter().map(|c| c.form.swapped_bytes()).sum(),
             pool_bytes: POOL_BYTES,
             total_bytes: 0,
+            scan_bytes: 0,
+            memory: Budget::new(0),
         };
-        let scan = plan.worker_bytes() + (request.solid_bytes)(&plan.tile());
-        let worker =
-            scan.max(super::merge::worker_bytes(request.channels)) + WORKER_OVERHEAD + request.input_bytes;
-        plan.total_bytes = request.fixed_bytes + worker * threads as u64;
+        plan.scan_bytes = plan.worker_bytes() + (request.solid_bytes)(&plan.tile());
         plan
     }
 
     /// Bytes of one [`super::column::ColumnWorker`], beside what the solid holds.
-    pub(super) fn worker_bytes(&self) -> u64 {
+    fn worker_bytes(&self) -> u64 {
         let words = self.tile_words();
         let bytes = (4 * 34 + 1) * (words + 2) * 8
             + 32 * words * 8
@@ -179,18 +181,20 @@ mod tests {
     use crate::builder::item::ItemForm;
     use crate::format::Channel;
 
-    const NORMAL: &[ChannelForm] =
-        &[ChannelForm { channel: Channel::Normal, form: ItemForm::AsIs { bytes: 2 } }];
+    /// A plan of which 4 MiB are taken before.
+    fn plan(nx: u32, limit_bytes: u64, threads: usize) -> Result<ColumnPlan, TooSmall> {
+        let budget = Budget::new(limit_bytes);
+        let _taken = budget.reserve(limit_bytes.min(4 << 20))?;
+        ColumnPlan::new(&request(nx, threads), &budget)
+    }
 
-    fn request(nx: u32, limit_mib: u64, threads: usize) -> PlanRequest<'static> {
+    fn request(nx: u32, threads: usize) -> PlanRequest<'static> {
         PlanRequest {
             dims: Dims::new(nx, 100, 600).unwrap(),
-            channels: NORMAL,
+            channels: vec![ChannelForm { channel: Channel::Normal, form: ItemForm::AsIs { bytes: 2 } }],
             threads,
-            memory: MemoryCap::Process(limit_mib << 20),
-            fixed_bytes: 4 << 20,
             // Five slices of singles.
-            solid_bytes: &|tile| u64::from(tile.columns) * 36 * 20,
+            solid_bytes: Box::new(|tile| u64::from(tile.columns) * 36 * 20),
             input_bytes: 0,
         }
     }
@@ -198,7 +202,7 @@ mod tests {
     #[test]
     fn columns_tile_the_volume_once() {
         for nx in [1, 64, 100, 5000] {
-            let plan = ColumnPlan::new(&request(nx, 8, 2)).unwrap();
+            let plan = plan(nx, 8 << 20, 2).unwrap();
             let voxels: u64 = (0..plan.column_count())
                 .map(|i| plan.column(i))
                 .map(|c| (c.x.len() * c.y.len() * c.z.len()) as u64)
@@ -210,17 +214,16 @@ mod tests {
 
     #[test]
     fn a_small_budget_narrows_tiles_and_drops_threads_and_the_smallest_is_stated() {
-        let wide = ColumnPlan::new(&request(65_536, 1024, 4)).unwrap();
+        let wide = plan(65_536, 1 << 30, 4).unwrap();
         assert_eq!((wide.tile, wide.threads), (65_536, 4));
-        let tight = ColumnPlan::new(&request(65_536, 8, 4)).unwrap();
+        let tight = plan(65_536, 8 << 20, 4).unwrap();
         assert!(tight.tile < 65_536 && tight.total_bytes <= 8 << 20);
-        let Err(minimum_bytes) = ColumnPlan::new(&request(65_536, 2, 4)) else {
-            panic!("2 MiB cannot be enough");
-        };
-        let mut again = request(65_536, 0, 4);
-        again.memory = MemoryCap::Process(minimum_bytes);
-        assert!(ColumnPlan::new(&again).is_ok());
-        again.memory = MemoryCap::Process(minimum_bytes - (1 << 19));
-        assert!(ColumnPlan::new(&again).is_err());
+        assert_eq!(tight.total_bytes, (4 << 20) + tight.memory.limit_bytes());
+        assert!(plan(65_536, 2 << 20, 4).is_err());
+        let dry = Budget::new(u64::MAX);
+        drop(ColumnPlan::smallest(&request(65_536, 4), &dry).unwrap());
+        let minimum_bytes = (4 << 20) + dry.smallest_limit(1);
+        assert!(plan(65_536, minimum_bytes, 4).is_ok());
+        assert!(plan(65_536, minimum_bytes - (1 << 16), 4).is_err());
     }
 }

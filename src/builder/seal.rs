@@ -4,13 +4,15 @@ use std::os::unix::fs::FileExt;
 
 use super::error::BuildError;
 use super::layout::Census;
-use super::merge::{Run, Target};
+use super::merge::{RUN_BYTES, Run, Target};
 use crate::format::rank::{RankBuilder, directory_bytes};
 use crate::format::{Encoding, HEADER_BYTES, Header, SectionKind, VERSION_MINOR, table_bytes};
 use crate::geom::Dims;
 
 /// Bytes read at a time.
 const STEP: usize = 128 << 10;
+/// Memory of this pass: the buffer, and the runs of the rank directory.
+pub(super) const MEMORY_BYTES: u64 = (STEP + 2 * RUN_BYTES) as u64;
 
 /// Writes the small sections, builds the rank directory, reads every section back for its CRC, and
 /// writes table and header last.

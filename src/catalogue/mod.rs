@@ -19,6 +19,7 @@ use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+use crate::budget::costs;
 use crate::facts::dicom::DicomFault;
 use crate::facts::{Fault, NotVolume, StatedBy};
 use crate::source::dicom::{Recognised, open_series, recognise};
@@ -76,7 +77,7 @@ struct Weight {
 
 impl Weight {
     /// A file of which no more is known than that it is there.
-    const FILE: Self = Self { images: 1, opening_bytes: 400 };
+    const FILE: Self = Self { images: 1, opening_bytes: costs::OPENING_FRAME };
 
     fn and(self, other: Self) -> Self {
         Self {

@@ -10,6 +10,8 @@
 //! strip reads `2 R` rows beyond its own on either side. One pass.
 
 use super::bits::{BitVolume, row_mask};
+use crate::budget::costs::MAPPED_FROM;
+use crate::budget::{Budget, Reservation, TooSmall};
 use crate::builder::BuildError;
 use crate::progress::Progress;
 
@@ -34,6 +36,7 @@ pub(super) fn bytes(row_words: usize, radius: u32, rows: u64) -> u64 {
 
 /// Most bytes of one slice of a strip, so that the allocator keeps nothing of it (see `paged`).
 const SLICE_BYTES: u64 = 96 << 10;
+const _: () = assert!(SLICE_BYTES < MAPPED_FROM as u64);
 
 /// Rows of a strip: as many as fit, at least one.
 fn strip_rows(bits: &BitVolume, radius: u32, room_bytes: u64) -> u32 {
@@ -50,7 +53,21 @@ fn strip_rows(bits: &BitVolume, radius: u32, room_bytes: u64) -> u32 {
     few
 }
 
-/// Writes the closing of `from` into `to`, which is empty, and returns how many voxels were added.
+/// Rows of a strip for [`close`], as many as the budget grants, and their memory.
+///
+/// # Errors
+/// There is not enough for one row.
+pub(super) fn reserve_strips(
+    bits: &BitVolume,
+    radius: u32,
+    budget: &Budget,
+) -> Result<(u32, Reservation), TooSmall> {
+    let rows = strip_rows(bits, radius, budget.left_bytes());
+    Ok((rows, budget.reserve(bytes(bits.row_words, radius, rows.into()))?))
+}
+
+/// Writes the closing of `from` into `to`, which is empty, in strips of `rows` rows, and returns how many voxels
+/// were added.
 ///
 /// # Errors
 /// The scratch file fails.
@@ -58,10 +75,9 @@ pub(super) fn close(
     from: &BitVolume,
     to: &BitVolume,
     radius: u32,
-    room_bytes: u64,
+    rows: u32,
     progress: &dyn Progress,
 ) -> Result<u64, BuildError> {
-    let rows = strip_rows(from, radius, room_bytes);
     let dims = from.dims();
     let strips = dims.ny().div_ceil(rows);
     progress.stage("close", u64::from(strips) * u64::from(dims.nz()));

@@ -34,6 +34,7 @@ use super::paged::PagedTable;
 pub(super) use super::sets::Component;
 use super::sets::Sets;
 use super::stream::{BUFFER_BYTES, Cursor, Stream};
+use crate::budget::{Budget, Reservation, TooSmall};
 use crate::builder::BuildError;
 use crate::geom::Dims;
 use crate::progress::Progress;
@@ -83,8 +84,8 @@ pub(super) struct Task<'a> {
     /// How many of the largest are of interest.
     pub(super) largest: usize,
     pub(super) folder: &'a Path,
-    /// Bytes that may be held, at least [`least_bytes`].
-    pub(super) room_bytes: u64,
+    /// What may be held.
+    pub(super) memory: &'a TaskMemory,
     pub(super) progress: &'a dyn Progress,
 }
 
@@ -103,9 +104,36 @@ fn fixed_bytes(dims: Dims, largest: usize) -> u64 {
     2 * RowWindow::bytes(row_words) + 5 * runs + 6 * BUFFER_BYTES as u64 + 2 * 16 * largest as u64
 }
 
-/// Smallest [`Task::room_bytes`].
+/// The least that a task can do with.
 pub(super) fn least_bytes(dims: Dims, largest: usize) -> u64 {
     fixed_bytes(dims, largest) + 3 * Sets::LEAST_BYTES
+}
+
+/// The memory of a task.
+pub(super) struct TaskMemory {
+    /// What there is for the cache of a table of one slice, of which each pass has two.
+    table_bytes: u64,
+    _held: [Reservation; 2],
+}
+
+impl TaskMemory {
+    /// What two tables can make use of, as far as the budget grants it, and all else.
+    ///
+    /// # Errors
+    /// There is less than [`least_bytes`].
+    pub(super) fn reserve(dims: Dims, largest: usize, budget: &Budget) -> Result<Self, TooSmall> {
+        let least = budget.reserve(least_bytes(dims, largest))?;
+        let useful = 2 * (most_table_bytes(dims, Sets::NODE_BYTES) - Sets::LEAST_BYTES);
+        let more = budget.reserve(budget.left_bytes().min(useful))?;
+        Ok(Self { table_bytes: Sets::LEAST_BYTES + more.bytes() / 2, _held: [least, more] })
+    }
+}
+
+/// Most bytes that a table of one slice can fill.
+fn most_table_bytes(dims: Dims, item_bytes: usize) -> u64 {
+    let runs = u64::from(dims.nx().div_ceil(2)) * u64::from(dims.ny());
+    // Nodes are the runs of two slices at most; pages are whole, and stand in sets.
+    2 * runs * (item_bytes as u64 + 1) + Sets::LEAST_BYTES
 }
 
 /// A labelled volume: its components are known, and can be told their fates.
@@ -141,14 +169,9 @@ impl<'a> Task<'a> {
         Ok(labelled)
     }
 
-    /// What there is for a table of one slice, of which each pass has two, and no more than it can fill.
+    /// What there is for the cache of a table of one slice, and no more than it can fill.
     fn table_bytes(&self, item_bytes: usize) -> u64 {
-        let dims = self.bits.dims();
-        let fixed = fixed_bytes(dims, self.largest) + PagedTable::<SliceStart>::LEAST_BYTES;
-        let runs = u64::from(dims.nx().div_ceil(2)) * u64::from(dims.ny());
-        // Nodes are the runs of two slices at most; pages are whole, and stand in sets.
-        let most = 2 * runs * (item_bytes as u64 + 1) + Sets::LEAST_BYTES;
-        (self.room_bytes.saturating_sub(fixed) / 2).min(most)
+        self.memory.table_bytes.min(most_table_bytes(self.bits.dims(), item_bytes))
     }
 }
 

@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use crate::budget::{HELD_SPREAD, MemoryCap};
+use crate::budget::{Budget, MemoryCap, Reservation, TooSmall, costs};
 use crate::builder::{
     self, BuildError, BuildOptions, Progress, choose_selection, for_each_block, range_test,
 };
@@ -43,18 +43,15 @@ use crate::format::Selection;
 use crate::geom::Dims;
 use crate::volume::{Crop, Downsample, SourceError, Treatment, VolumeSource};
 use bits::BitVolume;
-use components::{Component, Task};
+use components::{Component, Task, TaskMemory};
 use masked::Masked;
 
 /// Most components that can be asked for by [`CleanOptions::keep_largest`].
 pub const MOST_LARGEST: u32 = 4000;
 
 /// What cleaning leaves resident in a process of its own, because the allocator keeps it.
-fn left_over(memory: MemoryCap) -> u64 {
-    match memory {
-        MemoryCap::Share(_) => 0,
-        MemoryCap::Process(_) => 640 << 10,
-    }
+fn reserve_left_over(budget: &Budget) -> Result<Reservation, TooSmall> {
+    budget.reserve(if budget.is_process() { costs::CLEANING_LEFT_OVER } else { 0 })
 }
 
 /// Which components are too small.
@@ -198,29 +195,36 @@ impl CleanOptions {
         self.smallest_cap(source, options, MemoryCap::Share(0))
     }
 
-    /// The smallest cap of the kind of `none`, which allows nothing, within which a (reshaped) volume can be
-    /// cleaned and built.
+    /// The smallest cap of this kind within which a (reshaped) volume can be cleaned and built.
     pub(crate) fn smallest_cap(
         &self,
         source: &dyn VolumeSource,
         options: &BuildOptions,
-        none: MemoryCap,
+        kind: MemoryCap,
     ) -> u64 {
-        let build = builder::smallest_cap(source, options, none);
         if !self.works_on_bits() {
-            return build;
+            return builder::smallest_cap(source, options, kind);
         }
-        let own = builder::fixed_bytes(none) + self.least_bytes(source);
-        let spread = if matches!(none, MemoryCap::Process(_)) { HELD_SPREAD } else { 0 };
-        (self.build_overhead_bytes(source, none) + build.max(own) + spread).next_multiple_of(1 << 16)
+        let dry = Budget::dry(kind);
+        let _least = self.reserve_least(source, options, &dry);
+        // What is resident is read before cleaning, and again before the build.
+        dry.smallest_limit(2)
     }
 
-    /// Bytes that cleaning costs the build that follows.
-    fn build_overhead_bytes(&self, source: &dyn VolumeSource, memory: MemoryCap) -> u64 {
-        left_over(memory) + Masked::thread_bytes(row_words(source.info().dims))
+    /// Reserves the least that every operation can do with, and then what the build after them cannot do without.
+    fn reserve_least(
+        &self,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        budget: &Budget,
+    ) -> Result<(), TooSmall> {
+        let _left_over = reserve_left_over(budget)?;
+        let _masked = budget.reserve(Masked::thread_bytes(row_words(source.info().dims)))?;
+        drop(budget.reserve(self.least_bytes(source))?);
+        builder::reserve_least(source, options, budget).map(drop)
     }
 
-    /// The least that every operation can do with, beside what is fixed.
+    /// The least that every operation can do with, beside what is held all the time.
     fn least_bytes(&self, source: &dyn VolumeSource) -> u64 {
         let dims = source.info().dims;
         let mut least = builder::occupancy_worker_bytes(source);
@@ -358,12 +362,14 @@ impl<'a> CleanJob<'_, 'a> {
             if self.clean.close > 0 {
                 let closed = BitVolume::create(&self.scratch, info.dims)?;
                 report.scratch_bytes += closed.bytes();
-                report.voxels_added +=
-                    close::close(&bits, &closed, self.clean.close, self.room(), self.progress)?;
+                let (rows, _memory) = close::reserve_strips(&bits, self.clean.close, &self.budget())
+                    .map_err(|e| self.too_small(e))?;
+                report.voxels_added += close::close(&bits, &closed, self.clean.close, rows, self.progress)?;
                 bits = closed;
             }
             if self.clean.fill_cavities {
-                let task = self.task(&bits, true, self.clean.connectivity.complement(), 0);
+                let memory = self.task_memory(&bits, 0)?;
+                let task = self.task(&bits, true, self.clean.connectivity.complement(), (0, &memory));
                 self.progress.stage("cavities", 2 * u64::from(info.dims.nz()));
                 report.voxels_added += task.label()?.decide(&Component::touches_border)?.changed;
             }
@@ -377,35 +383,41 @@ impl<'a> CleanJob<'_, 'a> {
         Ok(Cleaned { masked: Masked::new(self.source, described, test, bits), selection, report })
     }
 
-    /// Is there room for cleaning, and for the build after it? What is resident differs between runs, so the
-    /// smallest cap that is stated has some room to spare, as that of the build.
+    /// Is there room for cleaning, and for the build after it?
     fn check_budget(&self) -> Result<(), BuildError> {
         let memory = self.options.memory;
-        let limit_bytes = memory.bytes();
-        let own = builder::fixed_bytes(memory) + self.clean.least_bytes(self.source) + left_over(memory);
-        let for_build = limit_bytes.saturating_sub(self.clean.build_overhead_bytes(self.source, memory));
-        let (none, for_build) = match memory {
-            MemoryCap::Process(_) => (MemoryCap::Process(0), MemoryCap::Process(for_build)),
-            MemoryCap::Share(_) => (MemoryCap::Share(0), MemoryCap::Share(for_build)),
-        };
-        if own <= limit_bytes && builder::fits(self.source, self.options, for_build) {
-            return Ok(());
-        }
-        let name = self.source.info().description.name.clone();
-        let minimum_bytes = self.clean.smallest_cap(self.source, self.options, none);
-        Err(BuildError::BudgetTooSmall { name, limit_bytes, minimum_bytes })
+        self.clean.reserve_least(self.source, self.options, &Budget::of_job(memory)).map_err(|_| {
+            BuildError::BudgetTooSmall {
+                name: self.source.info().description.name.clone(),
+                limit_bytes: memory.bytes(),
+                minimum_bytes: self.clean.smallest_cap(self.source, self.options, memory),
+            }
+        })
     }
 
-    /// Bytes that an operation may hold now.
-    fn room(&self) -> u64 {
-        let memory = self.options.memory;
-        memory.bytes().saturating_sub(builder::fixed_bytes(memory)).saturating_sub(left_over(memory))
+    /// What one operation may hold, from what is resident now. Never less than what was found to fit when cleaning
+    /// began: what has been left since is counted once, in [`costs::CLEANING_LEFT_OVER`].
+    fn budget(&self) -> Budget {
+        let now = Budget::of_job(self.options.memory);
+        let _left_over = reserve_left_over(&now);
+        Budget::new(now.left_bytes().max(self.clean.least_bytes(self.source)))
+    }
+
+    /// The error for an operation whose least was not counted.
+    fn too_small(&self, refused: TooSmall) -> BuildError {
+        let limit_bytes = self.options.memory.bytes();
+        BuildError::BudgetTooSmall {
+            name: self.source.info().description.name.clone(),
+            limit_bytes,
+            minimum_bytes: limit_bytes.saturating_add(refused.missing_bytes()),
+        }
     }
 
     /// The range test of the whole volume; returns how many voxels are inside.
     fn test_range(&self, bits: &BitVolume, test: &dyn builder::RangeTest) -> Result<u64, BuildError> {
-        let fit = self.room() / builder::occupancy_worker_bytes(self.source);
-        let threads = usize::try_from(fit).unwrap_or(usize::MAX).clamp(1, self.options.threads.max(1));
+        let each = builder::occupancy_worker_bytes(self.source);
+        let (threads, _memory) =
+            self.budget().reserve_workers(each, self.options.threads).map_err(|e| self.too_small(e))?;
         let inside = AtomicU64::new(0);
         self.progress.stage("range test", u64::from(bits.dims().nz()));
         for_each_block(self.source, test, threads, self.progress, &|z, y, first, per_row, words| {
@@ -422,7 +434,9 @@ impl<'a> CleanJob<'_, 'a> {
 
     fn drop_components(&self, bits: &BitVolume, report: &mut CleanReport) -> Result<(), BuildError> {
         self.progress.stage("components", 2 * u64::from(bits.dims().nz()));
-        let labelled = self.task(bits, false, self.clean.connectivity, self.clean.largest()).label()?;
+        let largest = self.clean.largest();
+        let memory = self.task_memory(bits, largest)?;
+        let labelled = self.task(bits, false, self.clean.connectivity, (largest, &memory)).label()?;
         let largest = &labelled.census.largest;
         let most = largest.first().map_or(0, |c| c.voxels);
         #[expect(clippy::cast_precision_loss, reason = "counts below 2^48 are exact; more drops everything")]
@@ -442,15 +456,19 @@ impl<'a> CleanJob<'_, 'a> {
         Ok(())
     }
 
+    fn task_memory(&self, bits: &BitVolume, largest: usize) -> Result<TaskMemory, BuildError> {
+        TaskMemory::reserve(bits.dims(), largest, &self.budget()).map_err(|e| self.too_small(e))
+    }
+
     fn task<'t>(
         &'t self,
         bits: &'t BitVolume,
         inverted: bool,
         connectivity: ComponentConnectivity,
-        largest: usize,
+        (largest, memory): (usize, &'t TaskMemory),
     ) -> Task<'t> {
-        let (folder, room_bytes) = (&*self.scratch, self.room());
-        Task { bits, inverted, connectivity, largest, folder, room_bytes, progress: self.progress }
+        let (folder, progress) = (&*self.scratch, self.progress);
+        Task { bits, inverted, connectivity, largest, folder, memory, progress }
     }
 }
 

@@ -6,6 +6,7 @@ use std::marker::PhantomData;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use crate::budget::costs::MAPPED_FROM;
 use crate::scratch::nameless;
 
 /// Words of a page are at most this.
@@ -16,6 +17,7 @@ const NO_PAGE: u64 = u64::MAX;
 /// Pages that are allocated together: 64 KiB. Larger buffers would be mapped one by one by the C library's
 /// allocator, and freeing a mapped one makes it keep as much of its heap from then on.
 const CHUNK_PAGES: usize = 16;
+const _: () = assert!(CHUNK_PAGES * PAGE_WORDS * 8 < MAPPED_FROM);
 /// Most pages of a cache, 20 MiB of them, so that the list of places stays below that size too. The system's
 /// page cache holds what is beyond.
 const MOST_PAGES: u64 = 5120;

@@ -4,8 +4,9 @@
 use std::path::Path;
 
 use super::bits::BitVolume;
-use super::components::{Component, ComponentConnectivity, Outcome, Task, least_bytes};
+use super::components::{Component, ComponentConnectivity, Outcome, Task, TaskMemory, least_bytes};
 use super::{close, row_words};
+use crate::budget::Budget;
 use crate::geom::Dims;
 use crate::progress::Silent;
 use crate::random::Random;
@@ -116,15 +117,22 @@ impl Cells {
     }
 }
 
+/// How many of the largest components the tests ask for.
+const LARGEST: usize = 3;
+
+/// The least memory that a task can do with.
+fn memory(dims: Dims) -> TaskMemory {
+    TaskMemory::reserve(dims, LARGEST, &Budget::new(least_bytes(dims, LARGEST))).unwrap()
+}
+
 fn task<'a>(
     bits: &'a BitVolume,
     folder: &'a Path,
     connectivity: ComponentConnectivity,
     inverted: bool,
+    memory: &'a TaskMemory,
 ) -> Task<'a> {
-    let largest = 3;
-    let room_bytes = least_bytes(bits.dims(), largest);
-    Task { bits, inverted, connectivity, largest, folder, room_bytes, progress: &Silent }
+    Task { bits, inverted, connectivity, largest: LARGEST, folder, memory, progress: &Silent }
 }
 
 /// Labels the volume both ways and holds components, their order and every voxel's component to the definition.
@@ -138,7 +146,8 @@ fn check_labels(cells: &Cells, connectivity: ComponentConnectivity, inverted: bo
     let rounds = usize::BITS - found.len().leading_zeros();
     for round in 0..=rounds {
         let bits = cells.store(folder.path());
-        let labelled = task(&bits, folder.path(), connectivity, inverted).label().unwrap();
+        let memory = memory(bits.dims());
+        let labelled = task(&bits, folder.path(), connectivity, inverted, &memory).label().unwrap();
         assert_eq!(labelled.census.components, found.len() as u64);
         let largest: Vec<_> = labelled.census.largest.iter().map(|c| (c.voxels, c.first())).collect();
         assert_eq!(largest, ranked[..ranked.len().min(3)]);
@@ -274,7 +283,8 @@ fn closing_is_dilation_and_erosion_in_air_without_bounds() {
             for rows in [1, 3, 100] {
                 let to = BitVolume::create(folder.path(), cells.geometry()).unwrap();
                 let room = close::bytes(row_words(cells.geometry()), radius, rows);
-                assert_eq!(close::close(&from, &to, radius, room, &Silent).unwrap(), added);
+                let (rows, _memory) = close::reserve_strips(&from, radius, &Budget::new(room)).unwrap();
+                assert_eq!(close::close(&from, &to, radius, rows, &Silent).unwrap(), added);
                 assert!(cells.load(&to) == want, "{dims:?} {radius} {rows}");
             }
         }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::info::{Info, info, static_facts};
 use super::wording::sentences;
-use crate::budget::{Bytes, HELD_SPREAD, MemoryCap, peak_rss_bytes};
+use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
 use crate::clean::{CleanOptions, CleanReport};
@@ -40,9 +40,6 @@ pub struct BuildSummary {
     pub wall_s: f64,
 }
 
-/// Putting the images of a series in order may always take this: some 2,600 images.
-const LEAST_OPENING_BYTES: u64 = 1 << 20;
-
 /// Opens the inputs and builds the model.
 ///
 /// # Errors
@@ -72,7 +69,7 @@ pub fn build_cleaned(
     let started = Instant::now();
     give_back();
     // Where not even a little is left, the builder says it better.
-    let opening_bytes = options.memory.left().max(LEAST_OPENING_BYTES);
+    let opening_bytes = Budget::of(options.memory).left_bytes().max(costs::LEAST_OPENING);
     let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
     let source = catalogue::open_in(inputs, &how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
@@ -206,19 +203,21 @@ fn prepare(
     }
     give_back();
     let scratch = options.scratch_folder(output);
-    let memory_bytes = options.memory.left();
     let cap = options.memory;
     // What unrolling is said to need is the most it can be; it refuses for itself.
-    if matches!(cap, MemoryCap::Process(_)) && !builder::fits(source, options, cap) {
-        let unrolling = cap.held() + needs.memory_bytes + HELD_SPREAD;
-        let minimum_bytes = cleaning.smallest_cap(source, options, MemoryCap::Process(0)).max(unrolling);
+    if matches!(cap, MemoryCap::Process(_))
+        && builder::reserve_least(source, options, &Budget::of_job(cap)).is_err()
+    {
+        let unrolling = Budget::dry(cap);
+        drop(unrolling.reserve(needs.memory_bytes));
+        let follows = cleaning.smallest_cap(source, options, cap);
         return Err(Error::Build(BuildError::BudgetTooSmall {
             name: source.info().description.name.clone(),
             limit_bytes: cap.bytes(),
-            minimum_bytes: minimum_bytes.next_multiple_of(1 << 16),
+            minimum_bytes: follows.max(unrolling.smallest_limit(1)),
         }));
     }
-    Ok(source.prepare(&Workspace { scratch: &scratch, memory_bytes, progress })?)
+    Ok(source.prepare(&Workspace { scratch: &scratch, memory: Budget::of(cap), progress })?)
 }
 
 impl BuildSummary {

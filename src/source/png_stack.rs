@@ -17,6 +17,7 @@ use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
+use crate::budget::costs;
 use crate::facts::png::{PngFault, PngHead};
 use crate::facts::{Carrier, Fault, Note};
 use crate::geom::{Affine, Dims};
@@ -29,9 +30,6 @@ const HEAD_BYTES: usize = 29;
 
 /// What the decoder may allocate for chunks besides the picture.
 const CHUNK_BYTES: usize = 64 << 10;
-
-/// What the decoder holds: input, window and its look-back, tables.
-const DECODER_BYTES: u64 = 512 << 10;
 
 /// The most bytes that deflate makes of one.
 const MOST_EXPANSION: u64 = 1032;
@@ -160,7 +158,7 @@ struct Pictures {
 impl Unroll for Pictures {
     fn memory_bytes(&self) -> u64 {
         // Two rows of the decoder, one as it is written.
-        DECODER_BYTES + CHUNK_BYTES as u64 + 4 * self.row_bytes
+        costs::PNG_DECODER + CHUNK_BYTES as u64 + 4 * self.row_bytes
     }
 
     fn files(&self) -> &FileList {

@@ -65,11 +65,8 @@ impl VolumeSource for Reversed {
         if self.spool.is_some() {
             return Ok(());
         }
-        let (needed_bytes, allowed_bytes) = (self.preparation().memory_bytes, workspace.memory_bytes);
-        if needed_bytes > allowed_bytes {
-            let path = self.info.description.name.clone().into();
-            return Err(SourceError::Memory { path, needed_bytes, allowed_bytes });
-        }
+        let name = || self.info.description.name.clone().into();
+        let _memory = workspace.reserve(self.preparation().memory_bytes, name)?;
         let spool = Spool::create(workspace.scratch, self.info.dims, self.info.scalar)?;
         workspace.progress.stage("unroll", spool.bytes());
         let [columns, rows, slices] = self.inner.info().dims.to_array();
@@ -124,13 +121,15 @@ impl VolumeSource for Reversed {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::budget::Budget;
     use crate::progress::Silent;
     use crate::source::{OpenOptions, npy};
 
     #[test]
     fn a_fortran_array_is_the_same_array_as_in_c_order() {
         let folder = tempfile::tempdir().unwrap();
-        let workspace = Workspace { scratch: folder.path(), memory_bytes: 8 << 20, progress: &Silent };
+        let memory = Budget::new(8 << 20);
+        let workspace = Workspace { scratch: folder.path(), memory, progress: &Silent };
         for [nz, ny, nx] in [[5_usize, 4, 3], [1, 7, 2], [2, 1, 9], [40, 300, 100]] {
             let value =
                 |z: usize, y: usize, x: usize| u16::try_from((z * 311 + y * 17 + x) % 65_521).unwrap();
@@ -156,7 +155,7 @@ mod tests {
                 let most = (1 << 21) + 4096;
                 assert!(source.preparation().memory_bytes <= most, "{}", source.preparation().memory_bytes);
                 if fortran == "True" {
-                    let little = Workspace { memory_bytes: 16, ..workspace };
+                    let little = Workspace { memory: Budget::new(16), ..workspace.clone() };
                     assert!(matches!(source.prepare(&little), Err(SourceError::Memory { .. })));
                 }
                 source.prepare(&workspace).unwrap();

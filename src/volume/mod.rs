@@ -36,8 +36,9 @@ pub(crate) use wrapper::Wrapper;
 
 use std::fmt;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use crate::budget::{Budget, Reservation};
 use crate::geom::{Affine, Dims};
 use crate::progress::Progress;
 
@@ -90,14 +91,32 @@ pub struct Preparation {
 }
 
 /// Where, and within what, a source unrolls itself.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Workspace<'a> {
     /// Folder for a nameless scratch file.
     pub scratch: &'a Path,
-    /// Bytes of memory that may be held meanwhile.
-    pub memory_bytes: u64,
+    /// What may be held meanwhile.
+    pub memory: Budget,
     /// Told how far it is.
     pub progress: &'a dyn Progress,
+}
+
+impl Workspace<'_> {
+    /// Takes the memory for unrolling the file that `path` names.
+    ///
+    /// # Errors
+    /// [`SourceError::Memory`].
+    pub(crate) fn reserve(
+        &self,
+        bytes: u64,
+        path: impl FnOnce() -> PathBuf,
+    ) -> Result<Reservation, SourceError> {
+        self.memory.reserve(bytes).map_err(|refused| SourceError::Memory {
+            path: path(),
+            needed_bytes: refused.needed_bytes,
+            allowed_bytes: refused.left_bytes,
+        })
+    }
 }
 
 /// A volume that can deliver any rows of any slice.

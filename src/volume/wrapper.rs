@@ -109,6 +109,7 @@ mod tests {
     use super::super::noted::Noted;
     use super::super::{Crop, Downsample};
     use super::*;
+    use crate::budget::Budget;
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
@@ -133,12 +134,9 @@ mod tests {
             NEEDS
         }
         fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
-            let (needed_bytes, allowed_bytes) = (NEEDS.memory_bytes, workspace.memory_bytes);
-            if needed_bytes <= allowed_bytes {
-                self.0.notes.push(Note::WhiteIsZero);
-                return Ok(());
-            }
-            Err(SourceError::Memory { path: "a".into(), needed_bytes, allowed_bytes })
+            let _memory = workspace.reserve(NEEDS.memory_bytes, || "a".into())?;
+            self.0.notes.push(Note::WhiteIsZero);
+            Ok(())
         }
         fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result<(), SourceError> {
             Err(SourceError::ReadFailed {
@@ -180,10 +178,13 @@ mod tests {
             let mut files = Vec::new();
             outer.for_each_file(&mut |path| files.push(path.to_path_buf()));
             assert_eq!(files, [Path::new("a")]);
-            let workspace = Workspace { scratch: folder.path(), memory_bytes: 1, progress: &Silent };
-            assert!(matches!(outer.prepare(&workspace), Err(SourceError::Memory { allowed_bytes: 1, .. })));
-            let workspace = Workspace { memory_bytes: 6, ..workspace };
-            outer.prepare(&workspace).unwrap();
+            let workspace =
+                |bytes| Workspace { scratch: folder.path(), memory: Budget::new(bytes), progress: &Silent };
+            assert!(matches!(
+                outer.prepare(&workspace(1)),
+                Err(SourceError::Memory { allowed_bytes: 1, .. })
+            ));
+            outer.prepare(&workspace(6)).unwrap();
             let notes = &outer.info().notes;
             assert!(notes.ends_with(&[Note::WhiteIsZero]), "{notes:?}");
             let mut out = [0; 4];

@@ -4,6 +4,7 @@
 use std::io::Write as _;
 use std::path::Path;
 
+use infobyte::budget::Budget;
 use infobyte::source::dicom::{
     Access, DicomHeader, FrameGeometry, FrameSink, Image, Padding, ReadAt, ScanError, scan, unroll, visit,
 };
@@ -222,7 +223,7 @@ pub(crate) fn frames_of(file: &[u8]) -> Result<Vec<Vec<u8>>, String> {
             }
         }
         Access::Unrolled => {
-            unroll(file, Path::new("x.dcm"), &header, &image, MEMORY, &mut collected)
+            unroll(file, Path::new("x.dcm"), &header, &image, &Budget::new(MEMORY), &mut collected)
                 .map_err(|e| e.to_string())?;
         }
     }

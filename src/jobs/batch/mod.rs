@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! catalogue --items--> workers (open, prepare, build, thumbnail) --items--> journal --> reports
-//!                          |  memory from one ledger  |
+//!                          |  memory from one budget  |
 //!                          +-- record beside each model: what is done is not done again
 //! ```
 //!
@@ -11,7 +11,6 @@
 //! |---|---|
 //! | `claims` | which volume has which name |
 //! | `key` | what hides times of change in records |
-//! | `ledger` | shares the memory among jobs |
 //! | `lock` | one batch at a time in an output folder |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
@@ -19,7 +18,6 @@
 
 mod claims;
 mod key;
-mod ledger;
 mod lock;
 mod page;
 mod record;
@@ -42,7 +40,7 @@ use super::build::build_reshaped_source;
 use super::picture::thumbnail_file;
 use super::wording::sentences;
 use crate::atomic::sweep;
-use crate::budget::{HELD_SPREAD, MemoryCap, SizeArgument, peak_rss_bytes};
+use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
 use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::catalogue::Catalogue;
 use crate::clean::CleanOptions;
@@ -56,21 +54,8 @@ use crate::source::{BurnedIn, Finding, OpenOptions};
 use crate::volume::{SourceError, VolumeSource};
 use claims::{Claim, Claims};
 use key::Key;
-use ledger::Ledger;
 use lock::FolderLock;
 use record::{Journal, Record};
-
-/// Code that is resident beside that of one stage of one job: other jobs are at other stages.
-const MORE_CODE: u64 = 1 << 20;
-/// What opening a small input and watching a job take, for each job.
-const JOB_OVERHEAD: u64 = 704 << 10;
-/// Least memory that a job is of use with.
-const LEAST_SHARE: u64 = 1536 << 10;
-/// Series that take more to be opened, of some 40,000 images, are left aside where the least memory for a batch
-/// is stated.
-const USUAL_OPENING_BYTES: u64 = 16 << 20;
-/// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
-const THUMBNAIL_PAGES: u64 = 5 << 20;
 
 /// What to convert, into what, and within which means.
 #[derive(Clone, Debug)]
@@ -137,38 +122,35 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         return Err(SourceError::NoVolume { path, found: Instead::Nothing }.into());
     }
 
-    let limit = request.build.memory.bytes();
+    let cap = request.build.memory;
+    let limit = cap.bytes();
     give_back();
-    let resident = request.build.memory.held();
+    let budget = Budget::of_job(cap);
     // One series too large to be opened is refused alone.
-    let room = limit.saturating_sub(resident + JOB_OVERHEAD + LEAST_SHARE);
-    let openable = room / 4 * 3;
+    let openable = budget.left_bytes().saturating_sub(costs::JOB_OVERHEAD + costs::LEAST_JOB) / 4 * 3;
     catalogue.allow_opening(openable);
-    let base = |jobs: usize, openable| {
-        let code = if jobs > 1 { MORE_CODE } else { 0 };
-        resident + code + JOB_OVERHEAD * jobs as u64 + opening_bytes(&catalogue, openable, jobs)
-    };
-    let base_of = |jobs: usize| base(jobs, openable);
-    let fits = |jobs: &usize| base_of(*jobs) + LEAST_SHARE * *jobs as u64 <= limit;
     // Fewer jobs where the memory is not enough for all.
-    let Some(jobs) = (1..=request.jobs.clamp(1, catalogue.len())).rev().find(fits) else {
+    let most_jobs = request.jobs.clamp(1, catalogue.len());
+    let reserve = |jobs| reserve_jobs(&budget, &catalogue, openable, jobs).ok().map(|held| (jobs, held));
+    let Some((jobs, _watching)) = (1..=most_jobs).rev().find_map(reserve) else {
+        let dry = Budget::dry(cap);
+        drop(reserve_jobs(&dry, &catalogue, costs::USUAL_OPENING, 1));
         return Err(Error::Build(BuildError::BudgetTooSmall {
             name: request.out.display().to_string(),
             limit_bytes: limit,
-            minimum_bytes: (base(1, USUAL_OPENING_BYTES) + LEAST_SHARE + HELD_SPREAD)
-                .next_multiple_of(1 << 16),
+            minimum_bytes: dry.smallest_limit(1),
         }));
     };
-    // With more memory more jobs fit, which take more beside their builds.
-    let base_at_most = base_of(request.jobs.clamp(1, catalogue.len())).saturating_add(HELD_SPREAD);
-    let base = base_of(jobs);
+    let builds = budget.reserve_rest().into_budget();
+    let with_all_jobs = Budget::dry(cap);
+    let _all = reserve_beside(&with_all_jobs, &catalogue, openable, most_jobs);
     let run = Run {
         request,
         catalogue: &catalogue,
         watcher,
-        ledger: Ledger::new(limit.saturating_sub(base)),
-        base_at_most,
-        share: limit.saturating_sub(base) / jobs as u64,
+        share: builds.limit_bytes() / jobs as u64,
+        builds,
+        with_all_jobs,
         threads: (request.build.threads / jobs).max(1),
         options: options_fingerprint(request),
         key: Key::of(&request.out).map_err(out_error)?,
@@ -220,6 +202,30 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     Ok(report)
 }
 
+/// Reserves what is held beside the builds of so many jobs, if there is enough left for builds of use.
+fn reserve_jobs(
+    budget: &Budget,
+    catalogue: &Catalogue,
+    openable: u64,
+    jobs: usize,
+) -> Result<Reservation, TooSmall> {
+    let held = reserve_beside(budget, catalogue, openable, jobs)?;
+    drop(budget.reserve(costs::LEAST_JOB * jobs as u64)?);
+    Ok(held)
+}
+
+/// Reserves what is held beside the builds of so many jobs: code, what each takes to open and to watch, and what
+/// stays open.
+fn reserve_beside(
+    budget: &Budget,
+    catalogue: &Catalogue,
+    openable: u64,
+    jobs: usize,
+) -> Result<Reservation, TooSmall> {
+    let code = if jobs > 1 { costs::BATCH_CODE } else { 0 };
+    budget.reserve(code + costs::JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs))
+}
+
 /// What the items that can be opened within `openable` bytes take beside their builds: the largest one while it
 /// is opened, and what stays of the largest ones while they are worked on.
 fn opening_bytes(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
@@ -265,9 +271,11 @@ struct Run<'a> {
     request: &'a BatchRequest,
     catalogue: &'a Catalogue,
     watcher: &'a dyn Watcher,
-    ledger: Ledger,
-    /// Memory of the process beside as many jobs as were asked for.
-    base_at_most: u64,
+    /// What the builds of all jobs may hold; each waits until what it needs is free.
+    builds: Budget,
+    /// What is held beside the builds of as many jobs as were asked for, without a limit: with more memory more
+    /// jobs fit, which take more beside their builds.
+    with_all_jobs: Budget,
     /// Memory of a job that needs no more.
     share: u64,
     threads: usize,
@@ -292,7 +300,7 @@ impl Run<'_> {
 
     /// Every volume of one item of the catalogue.
     fn convert_item(&self, slot: usize, at: usize) {
-        let large = self.catalogue.opening_bytes(at) > JOB_OVERHEAD / 2;
+        let large = self.catalogue.opening_bytes(at) > costs::JOB_OVERHEAD / 2;
         let turn = large.then(|| self.opening.lock().unwrap_or_else(PoisonError::into_inner));
         let findings = catch_unwind(AssertUnwindSafe(|| self.catalogue.open(at)));
         drop(turn);
@@ -469,13 +477,13 @@ impl Run<'_> {
     /// Memory of a thumbnail of a model of so many bytes: the picture, and the pages of the model.
     fn thumbnail_bytes(&self, model_bytes: u64) -> u64 {
         let side = self.request.thumbnails;
-        paint_bytes(side, side, self.threads) + model_bytes.min(THUMBNAIL_PAGES)
+        paint_bytes(side, side, self.threads) + model_bytes.min(costs::THUMBNAIL_PAGES)
     }
 
     /// Is there no thumbnail of a model where there should be one, and is there memory for it now?
     fn lacks_thumbnail(&self, done: &Record, thumbnails: u32) -> bool {
         let m = &done.model;
-        thumbnails > 0 && m.thumbnail.is_none() && self.thumbnail_bytes(m.bytes) <= self.ledger.total()
+        thumbnails > 0 && m.thumbnail.is_none() && self.thumbnail_bytes(m.bytes) <= self.builds.limit_bytes()
     }
 
     /// What is reported of a volume that was built before. A thumbnail that is not to be shown any more goes.
@@ -494,7 +502,7 @@ impl Run<'_> {
 
     /// What is said where there is no memory for a thumbnail.
     fn no_thumbnail(&self, needed: u64) -> String {
-        let enough = SizeArgument((self.base_at_most + needed).next_multiple_of(1 << 16));
+        let enough = SizeArgument(self.with_all_jobs.smallest_limit_with(needed));
         format!("there is no memory for its thumbnail; --memory {enough} is enough")
     }
 
@@ -520,11 +528,11 @@ impl Run<'_> {
         let source = cleaning.reshape(source)?;
         let least = cleaning.smallest_share(&*source, &template).max(source.preparation().memory_bytes);
         let needed = least.max(self.share);
-        let Some(grant) = self.ledger.take(needed.min(self.ledger.total()).max(least)) else {
+        let Ok(grant) = self.builds.wait_for(needed.min(self.builds.limit_bytes()).max(least)) else {
             return Err(Error::Build(BuildError::BudgetTooSmall {
                 name: source.info().description.name.clone(),
                 limit_bytes: self.request.build.memory.bytes(),
-                minimum_bytes: (self.base_at_most + least).next_multiple_of(1 << 16),
+                minimum_bytes: self.with_all_jobs.smallest_limit_with(least),
             }));
         };
         let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..template };
@@ -538,7 +546,7 @@ impl Run<'_> {
         let mut thumbnail_bytes = 0;
         if thumbnails > 0 {
             let needed = self.thumbnail_bytes(built.report.file_bytes);
-            if let Some(_grant) = self.ledger.take(needed) {
+            if let Ok(_grant) = self.builds.wait_for(needed) {
                 let file = format!("{name}.png");
                 thumbnail_file(&model, &out.join(&file), thumbnails, self.threads)?;
                 thumbnail_bytes = fs::metadata(out.join(&file)).map_or(0, |meta| meta.len());

@@ -7,6 +7,8 @@ use std::os::unix::fs::FileExt;
 use bzip2::{Decompress, Status};
 use flate2::bufread::GzDecoder;
 
+use crate::budget::costs;
+
 /// Bytes of a file that are read at once.
 pub(super) const INPUT_BYTES: usize = 32 << 10;
 
@@ -123,7 +125,7 @@ pub(super) fn bzip2_level(head: &[u8; BZIP2_HEAD]) -> Option<u8> {
 
 /// Bytes that decoding such blocks holds: 2.5 times a block, and tables.
 pub(super) fn bzip2_memory(level: u8) -> u64 {
-    250_000 * u64::from(level) + (128 << 10)
+    250_000 * u64::from(level) + costs::BZIP2
 }
 
 fn invalid(cause: impl ToString) -> io::Error {

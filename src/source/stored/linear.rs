@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section};
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
+use crate::budget::costs;
 use crate::facts::samples::{Damage, StoredFault};
 use crate::facts::{Note, Packing};
 use crate::source::files::{FileList, FileSet};
@@ -19,7 +20,7 @@ const PIECE_BYTES: usize = 32 << 10;
 
 /// What the buffers and the window of the inflater take: input, stored samples, delivered samples (twice as
 /// long where halves grow), and the inflater's window with its tables.
-const MEMORY_BYTES: u64 = (INPUT_BYTES + 2 * PIECE_BYTES + (64 << 10)) as u64;
+const MEMORY_BYTES: u64 = (INPUT_BYTES + 2 * PIECE_BYTES) as u64 + costs::INFLATER;
 
 /// How samples are packed in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -135,10 +135,7 @@ impl VolumeSource for StoredVolume {
         if spool.is_some() {
             return Ok(());
         }
-        let allowed_bytes = workspace.memory_bytes;
-        if needed_bytes > allowed_bytes {
-            return Err(SourceError::Memory { path: recipe.path(), needed_bytes, allowed_bytes });
-        }
+        let _memory = workspace.reserve(needed_bytes, || recipe.path())?;
         let made = Spool::create(workspace.scratch, self.info.dims, self.info.scalar)?;
         workspace.progress.stage("unroll", made.bytes());
         let target = Target { spool: &made, progress: workspace.progress };

@@ -2,6 +2,7 @@ use std::fs;
 use std::path::Path;
 
 use super::*;
+use crate::budget::Budget;
 use crate::compress::gzip;
 use crate::facts::Packing;
 use crate::progress::Silent;
@@ -16,7 +17,7 @@ fn header(encoding: &str, data: &str) -> String {
 }
 
 fn workspace(scratch: &Path) -> Workspace<'_> {
-    Workspace { scratch, memory_bytes: 3 << 20, progress: &Silent }
+    Workspace { scratch, memory: Budget::new(3 << 20), progress: &Silent }
 }
 
 #[test]
@@ -58,13 +59,13 @@ fn too_little_memory_no_scratch_and_reading_too_early_are_refused() {
     let needs = volume.preparation();
     assert_eq!(needs.scratch_bytes, 24);
     assert!(needs.memory_bytes <= 160 << 10, "{needs:?}");
-    let little = Workspace { memory_bytes: needs.memory_bytes - 1, ..workspace(folder.path()) };
+    let little = Workspace { memory: Budget::new(needs.memory_bytes - 1), ..workspace(folder.path()) };
     assert!(matches!(volume.prepare(&little), Err(SourceError::Memory { .. })));
     let nowhere = Workspace { scratch: Path::new("missing/folder"), ..workspace(folder.path()) };
     assert!(matches!(volume.prepare(&nowhere), Err(SourceError::Scratch { .. })));
     let early = volume.read_rows(0, 0..1, 0..4, &mut [0; 4]).unwrap_err();
     assert!(early.to_string().contains("not been unrolled"), "{early}");
-    let enough = Workspace { memory_bytes: needs.memory_bytes, ..workspace(folder.path()) };
+    let enough = Workspace { memory: Budget::new(needs.memory_bytes), ..workspace(folder.path()) };
     volume.prepare(&enough).unwrap();
     assert_eq!(volume.preparation(), Preparation::default());
     assert!(volume.read_rows(0, 0..1, 0..5, &mut [0; 5]).is_err());

@@ -10,6 +10,7 @@ use super::convert::Converter;
 use super::describe::{Image, Mapping, Storage};
 use super::encapsulated::{FrameReader, Frames, ListedFrame, Span, read_full};
 use super::pixels::Padding;
+use crate::budget::{Budget, Reservation, TooSmall, costs};
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, Mismatch, RowSink, jpeg, jpeg2000, jpegls, rle};
 use crate::facts::dicom::{DeflateFault, DicomFault, ScanError, TransferSyntax};
@@ -18,9 +19,6 @@ use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::SourceError;
-
-/// Read buffers, tables of decoders and small change, of any codec but JPEG 2000.
-const FIXED_BYTES: u64 = 256 << 10;
 
 /// Receives decoded frames.
 pub trait FrameSink {
@@ -53,15 +51,15 @@ pub fn unroll<R: ReadAt + ?Sized>(
     path: &Path,
     header: &DicomHeader,
     image: &Image,
-    memory_bytes: u64,
+    memory: &Budget,
     sink: &mut dyn FrameSink,
 ) -> Result<(), SourceError> {
     let walked = if header.transfer_syntax == TransferSyntax::Deflated {
-        deflated(input, header, image, memory_bytes, sink)
+        deflated(input, header, image, memory, sink)
     } else {
         match image.storage {
-            Storage::Coded(codec) => coded(input, header, image, codec, memory_bytes, sink),
-            Storage::Plain | Storage::Bits => plain(&[input], input, header, image, memory_bytes, sink),
+            Storage::Coded(codec) => coded(input, header, image, codec, memory, sink),
+            Storage::Plain | Storage::Bits => plain(&[input], input, header, image, memory, sink),
         }
     };
     walked.map_err(|failure| failure.at(path, image.frames))
@@ -81,7 +79,7 @@ impl Image {
             Storage::Coded(Codec::JpegPasses) => frame.saturating_mul(2) + samples * 4 * 20,
             Storage::Coded(Codec::Rle | Codec::None) | Storage::Plain | Storage::Bits => 0,
         };
-        codec + self.rows_bytes() + FIXED_BYTES + self.table_bytes()
+        codec + self.rows_bytes() + costs::DICOM_DECODER + self.table_bytes()
     }
 
     /// Rows held here, whatever the decoder holds.
@@ -91,8 +89,8 @@ impl Image {
 
     fn table_bytes(&self) -> u64 {
         match self.mapping {
-            Mapping::Palette => 384 << 10,
-            Mapping::ModalityLut => 128 << 10,
+            Mapping::Palette => costs::DICOM_PALETTE,
+            Mapping::ModalityLut => costs::DICOM_LOOKUP,
             _ => 0,
         }
     }
@@ -111,6 +109,12 @@ enum Failure {
 impl From<ScanError> for Failure {
     fn from(error: ScanError) -> Self {
         Self::Scan(error)
+    }
+}
+
+impl From<TooSmall> for Failure {
+    fn from(refused: TooSmall) -> Self {
+        Self::Memory { needed_bytes: refused.needed_bytes, allowed_bytes: refused.left_bytes }
     }
 }
 
@@ -153,16 +157,16 @@ fn deflated<R: ReadAt + ?Sized>(
     input: &R,
     header: &DicomHeader,
     image: &Image,
-    memory_bytes: u64,
+    memory: &Budget,
     sink: &mut dyn FrameSink,
 ) -> Result<(), Failure> {
     let open = || Inflated::up_to(input, header.dataset, u64::MAX);
     let tables = open()?;
     if image.planar {
         let planes = [open()?, open()?, open()?];
-        return plain(&[&planes[0], &planes[1], &planes[2]], &tables, header, image, memory_bytes, sink);
+        return plain(&[&planes[0], &planes[1], &planes[2]], &tables, header, image, memory, sink);
     }
-    plain(&[&open()?], &tables, header, image, memory_bytes, sink)
+    plain(&[&open()?], &tables, header, image, memory, sink)
 }
 
 /// Whole cells, or bits, at known offsets: `inputs` has one for all, or one for each plane.
@@ -171,11 +175,11 @@ fn plain<R: ReadAt + ?Sized>(
     tables: &R,
     header: &DicomHeader,
     image: &Image,
-    memory_bytes: u64,
+    memory: &Budget,
     sink: &mut dyn FrameSink,
 ) -> Result<(), Failure> {
     let Some(pixels) = header.pixels else { return Ok(()) };
-    let mut rows = Rows::new(tables, header, image, memory_bytes)?;
+    let mut rows = Rows::new(tables, header, image, memory)?;
     let end = pixels.offset.saturating_add(pixels.available);
     for frame in 0..image.frames {
         if !sink.wants(frame) {
@@ -195,12 +199,13 @@ fn coded<R: ReadAt + ?Sized>(
     header: &DicomHeader,
     image: &Image,
     codec: Codec,
-    memory_bytes: u64,
+    memory: &Budget,
     sink: &mut dyn FrameSink,
 ) -> Result<(), Failure> {
     let Some(pixels) = header.pixels else { return Ok(()) };
-    let mut rows = Rows::new(input, header, image, memory_bytes)?;
-    let left = memory_bytes.saturating_sub(image.rows_bytes() + image.table_bytes());
+    let mut rows = Rows::new(input, header, image, memory)?;
+    // A decoder may hold all that is left; what it needs shows in its codestream.
+    let decoder = memory.reserve_rest();
     let mut frames = Frames::of(input, header, &pixels, codec, image.frames)?;
     let mut frame = 0;
     while let Some(span) = frames.next()? {
@@ -211,7 +216,7 @@ fn coded<R: ReadAt + ?Sized>(
                 let cells = Cells { inputs: &[&listed], base: 0, value: 0, end: span.bytes };
                 rows.plain_frame(&cells, frame, sink)?;
             } else {
-                rows.coded_frame(input, &span, codec, left, frame, sink)?;
+                rows.coded_frame(input, &span, codec, decoder.bytes(), frame, sink)?;
             }
         }
         frame += 1;
@@ -236,6 +241,7 @@ struct Rows<'a> {
     cells: Vec<u8>,
     /// One plane of them, or a row of swapped bytes.
     part: Vec<u8>,
+    _memory: Reservation,
 }
 
 impl<'a> Rows<'a> {
@@ -243,17 +249,15 @@ impl<'a> Rows<'a> {
         tables: &R,
         header: &DicomHeader,
         image: &'a Image,
-        allowed_bytes: u64,
+        memory: &Budget,
     ) -> Result<Self, Failure> {
-        let needed_bytes = image.rows_bytes() + image.table_bytes();
-        if needed_bytes > allowed_bytes {
-            return Err(Failure::Memory { needed_bytes, allowed_bytes });
-        }
+        let held = memory.reserve(image.rows_bytes() + image.table_bytes())?;
         Ok(Self {
             image,
             converter: Converter::new(tables, header, image)?,
             cells: Vec::new(),
             part: Vec::new(),
+            _memory: held,
         })
     }
 

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::mosaic::{Found, is_one, look};
+use crate::budget::costs;
 use crate::facts::dicom::{DicomNote, ImageFault, Obstacle, ScanError};
 use crate::source::dicom::image::describe::{Access, Image, Storage};
 use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
@@ -17,11 +18,6 @@ use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
-
-/// What is known of a frame while a series is put in order; measured, with some room.
-const FRAME_BYTES: u64 = 400;
-/// What is known of a mosaic, whose slices are a volume of their own.
-const MOSAIC_BYTES: u64 = 2600;
 
 /// What a file is, as far as DICOM is concerned.
 #[derive(Debug)]
@@ -52,7 +48,7 @@ pub(crate) fn recognise(file: &File) -> Recognised {
         Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
             // No more than lie in the file.
             let frames = Image::of(&header).map_or(1, |image| image.frames);
-            let each = if is_one(&header) { MOSAIC_BYTES } else { FRAME_BYTES };
+            let each = if is_one(&header) { costs::OPENING_MOSAIC } else { costs::OPENING_FRAME };
             Recognised::Image { series: header.series_uid, frames, opening_bytes: u64::from(frames) * each }
         }
         Ok(header) => Recognised::NoImage(Obstacle::NoPixels { object: header.kind() }),

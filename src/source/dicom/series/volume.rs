@@ -445,7 +445,7 @@ impl VolumeSource for DicomVolume {
                 tiles,
                 progress: workspace.progress,
             };
-            unroll(&input, &path, &header, &image, workspace.memory_bytes, &mut sink)?;
+            unroll(&input, &path, &header, &image, &workspace.memory, &mut sink)?;
         }
         self.spool = Some(spool);
         Ok(())

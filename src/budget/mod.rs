@@ -1,0 +1,413 @@
+//! One memory budget: weight is reserved before it is allocated.
+//!
+//! ```text
+//! --memory 8MiB ─> MemoryCap ─> Budget ──reserve──> Reservation ──into_budget──> Budget of a stage, of a job
+//!                               │ what the process           │                   of a batch, of workers
+//!                               │ holds already              └─ gives back when dropped
+//!                               └─ dry: without a limit, only measured
+//! ```
+//!
+//! A [`MemoryCap`] is the bound as it was asked for. A [`Budget`] is what may be held under it from now on, and
+//! [`Budget::reserve`] is the one question whether something fits. Plans are made by reserving: a stage reserves
+//! what it will hold, in the widest shape that is granted. The smallest cap that works is found by the same
+//! calls in their smallest shape, on a budget without a limit ([`Budget::dry`]), which is asked afterwards how much
+//! was reserved at most ([`Budget::smallest_limit`]).
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `costs` | every measured figure: code, stacks, allocator, spreads, decoders |
+//! | `process` | what the operating system accounts to this process |
+//! | `size` | sizes as people write them |
+
+pub mod costs;
+mod process;
+mod size;
+
+pub use process::{current_rss_bytes, file_rss_bytes, mapped_rss_bytes, own_rss_bytes, peak_rss_bytes};
+pub use size::{Bytes, SizeArgument, parse_size};
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+/// What bounds the memory of a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MemoryCap {
+    /// The resident memory of the whole process; the job is all that it does.
+    Process(u64),
+    /// What the job may add to a process that does other things too.
+    Share(u64),
+}
+
+impl MemoryCap {
+    /// The bound itself.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Process(bytes) | Self::Share(bytes) => bytes,
+        }
+    }
+
+    /// Bytes that count against the bound beside what the job allocates from now on: in a process, all that
+    /// is allocated now, and code. What code is resident at the moment says little, as more is mapped while a
+    /// job runs, and differs with every start; so the most that it comes to is counted.
+    pub fn held(self) -> u64 {
+        match self {
+            Self::Process(_) => own_rss_bytes() + file_rss_bytes().max(costs::CODE_BYTES),
+            Self::Share(_) => 0,
+        }
+    }
+
+    fn is_process(self) -> bool {
+        matches!(self, Self::Process(_))
+    }
+}
+
+/// A number of bytes that may be held, from which weight is reserved before it is allocated.
+///
+/// Clones are the same budget. Reservations may be made and dropped by any thread; each costs a lock.
+///
+/// ```
+/// use infobyte::budget::Budget;
+///
+/// let budget = Budget::new(8 << 20);
+/// let rows = budget.reserve(3 << 20)?;
+/// assert_eq!(budget.left_bytes(), 5 << 20);
+/// assert_eq!(budget.reserve(6 << 20).unwrap_err().missing_bytes(), 1 << 20);
+/// // A part for a worker, or for a job of a batch, is a budget of its own.
+/// let part = rows.into_budget();
+/// assert!(part.reserve(4 << 20).is_err());
+/// drop(part);
+/// assert_eq!(budget.left_bytes(), 8 << 20);
+/// # Ok::<(), infobyte::budget::TooSmall>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Budget(Arc<Account>);
+
+/// The books of a budget.
+#[derive(Debug)]
+struct Account {
+    limit_bytes: u64,
+    /// The cap's kind, whatever its bound.
+    alone: bool,
+    /// Peak of the process when the budget was made; 0 for a share.
+    peak_bytes: u64,
+    state: Mutex<State>,
+    changed: Condvar,
+    /// What the whole budget is reserved as in another one.
+    _within: Option<Reservation>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    reserved: u64,
+    /// The most that was reserved at a time.
+    most: u64,
+    /// Number of the next request that waits, and of the one whose turn it is.
+    next: u64,
+    turn: u64,
+}
+
+impl State {
+    fn add(&mut self, bytes: u64) {
+        self.reserved = self.reserved.saturating_add(bytes);
+        self.most = self.most.max(self.reserved);
+    }
+}
+
+/// Why weight cannot be reserved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooSmall {
+    /// Bytes that were asked for.
+    pub needed_bytes: u64,
+    /// Bytes that were left.
+    pub left_bytes: u64,
+}
+
+impl TooSmall {
+    /// By how much the budget is too small for this request.
+    pub fn missing_bytes(&self) -> u64 {
+        self.needed_bytes.saturating_sub(self.left_bytes)
+    }
+}
+
+impl Budget {
+    /// A budget of so many bytes, of which nothing is taken.
+    pub fn new(limit_bytes: u64) -> Self {
+        Self::with(limit_bytes, false, None)
+    }
+
+    /// What may be held under a cap from now on: what is held already is taken.
+    ///
+    /// Cost: in a process the kernel is asked what is resident (some 20 us).
+    pub fn of(cap: MemoryCap) -> Self {
+        let budget = Self::with(cap.bytes(), cap.is_process(), None);
+        budget.take(cap.held());
+        budget
+    }
+
+    /// As [`Budget::of`], with what a job holds beside its workers taken, too. (In a process of its own that is
+    /// part of what code is counted for.)
+    pub fn of_job(cap: MemoryCap) -> Self {
+        let budget = Self::of(cap);
+        budget.take_overhead();
+        budget
+    }
+
+    /// As [`Budget::of_job`] under a cap of this kind, but without a limit: what a job reserves from it is measured.
+    pub fn dry(kind: MemoryCap) -> Self {
+        let budget = Self::with(u64::MAX, kind.is_process(), None);
+        budget.take(kind.held());
+        budget.take_overhead();
+        budget
+    }
+
+    fn with(limit_bytes: u64, alone: bool, within: Option<Reservation>) -> Self {
+        Self(Arc::new(Account {
+            limit_bytes,
+            alone,
+            peak_bytes: if alone { peak_rss_bytes() } else { 0 },
+            state: Mutex::default(),
+            changed: Condvar::new(),
+            _within: within,
+        }))
+    }
+
+    /// Counts bytes for good that are held whether there is room or not.
+    fn take(&self, bytes: u64) {
+        self.0.lock().add(bytes);
+    }
+
+    fn take_overhead(&self) {
+        self.take(if self.is_process() { 0 } else { costs::SHARE_OVERHEAD });
+    }
+
+    /// Is it the whole process that is bounded?
+    pub fn is_process(&self) -> bool {
+        self.0.alone
+    }
+
+    /// The bound.
+    pub fn limit_bytes(&self) -> u64 {
+        self.0.limit_bytes
+    }
+
+    /// What is reserved now, and what was held when the budget was made.
+    pub fn reserved_bytes(&self) -> u64 {
+        self.0.lock().reserved
+    }
+
+    /// What may still be reserved.
+    pub fn left_bytes(&self) -> u64 {
+        self.0.left(&self.0.lock())
+    }
+
+    /// Has the process passed the limit before? A cap is on the peak, so that nothing fits any more.
+    pub fn is_passed(&self) -> bool {
+        self.0.peak_bytes > self.0.limit_bytes
+    }
+
+    /// Takes bytes until the reservation is dropped.
+    ///
+    /// # Errors
+    /// Fewer are left.
+    pub fn reserve(&self, bytes: u64) -> Result<Reservation, TooSmall> {
+        let mut state = self.0.lock();
+        let left_bytes = self.0.left(&state);
+        if bytes > left_bytes {
+            return Err(TooSmall { needed_bytes: bytes, left_bytes });
+        }
+        state.add(bytes);
+        drop(state);
+        Ok(Reservation { account: Arc::clone(&self.0), bytes })
+    }
+
+    /// As [`Budget::reserve`], but waits for others to give back. First come, first served: a large request is not
+    /// overtaken for ever by small ones.
+    ///
+    /// # Errors
+    /// There are never so many: more than the whole limit.
+    pub fn wait_for(&self, bytes: u64) -> Result<Reservation, TooSmall> {
+        let account = &*self.0;
+        if bytes > account.limit_bytes {
+            return Err(TooSmall { needed_bytes: bytes, left_bytes: account.limit_bytes });
+        }
+        let mut state = account.lock();
+        let mine = state.next;
+        state.next += 1;
+        while state.turn != mine || account.left(&state) < bytes {
+            state = account.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        state.turn += 1;
+        state.add(bytes);
+        drop(state);
+        account.changed.notify_all();
+        Ok(Reservation { account: Arc::clone(&self.0), bytes })
+    }
+
+    /// The memory of as many workers as fit, up to `most` and at least one; each holds `each_bytes`.
+    ///
+    /// # Errors
+    /// There is not enough for one.
+    pub fn reserve_workers(&self, each_bytes: u64, most: usize) -> Result<(usize, Reservation), TooSmall> {
+        let fit = usize::try_from(self.left_bytes() / each_bytes.max(1)).unwrap_or(usize::MAX);
+        let count = fit.clamp(1, most.max(1));
+        Ok((count, self.reserve(each_bytes.saturating_mul(count as u64))?))
+    }
+
+    /// Takes all that is left, if only 0 bytes.
+    pub fn reserve_rest(&self) -> Reservation {
+        let mut state = self.0.lock();
+        let bytes = self.0.left(&state);
+        state.add(bytes);
+        drop(state);
+        Reservation { account: Arc::clone(&self.0), bytes }
+    }
+
+    /// The smallest limit under which all that was reserved so far would have been granted, in steps of
+    /// [`costs::STATED_STEP`].
+    ///
+    /// In a process this is a limit that works in every run: what is resident at the beginning differs between them,
+    /// and is read `readings` times by a job; and opening the input has had its peak.
+    pub fn smallest_limit(&self, readings: u64) -> u64 {
+        self.0.stated(self.0.lock().most, readings)
+    }
+
+    /// The smallest limit under which so many bytes beside what is reserved now would be granted, likewise.
+    pub fn smallest_limit_with(&self, more_bytes: u64) -> u64 {
+        self.0.stated(self.reserved_bytes().saturating_add(more_bytes), 1)
+    }
+}
+
+impl Account {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn left(&self, state: &State) -> u64 {
+        self.limit_bytes.saturating_sub(state.reserved)
+    }
+
+    /// A limit as it is stated: with room for what differs between runs, in round steps.
+    fn stated(&self, bytes: u64, readings: u64) -> u64 {
+        let spread = if self.alone { costs::HELD_SPREAD * readings } else { 0 };
+        let passed = if self.peak_bytes > 0 { self.peak_bytes + costs::OPENING_SPREAD } else { 0 };
+        bytes.saturating_add(spread).max(passed).next_multiple_of(costs::STATED_STEP)
+    }
+}
+
+/// Bytes of a [`Budget`] that are spoken for, given back when dropped.
+#[derive(Debug)]
+#[must_use = "the bytes are given back when it is dropped"]
+pub struct Reservation {
+    account: Arc<Account>,
+    bytes: u64,
+}
+
+impl Reservation {
+    /// How many.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// A budget of these bytes; they are given back when its last clone and its last reservation are dropped.
+    pub fn into_budget(self) -> Budget {
+        Budget::with(self.bytes, false, Some(self))
+    }
+}
+
+impl Drop for Reservation {
+    fn drop(&mut self) {
+        let mut state = self.account.lock();
+        state.reserved = state.reserved.saturating_sub(self.bytes);
+        drop(state);
+        self.account.changed.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    use super::*;
+
+    #[test]
+    fn what_is_reserved_is_given_back_and_never_more_than_the_limit() {
+        let budget = Budget::new(100);
+        let first = budget.reserve(60).unwrap();
+        let refused = budget.reserve(50).unwrap_err();
+        assert_eq!(refused, TooSmall { needed_bytes: 50, left_bytes: 40 });
+        assert_eq!(refused.missing_bytes(), 10);
+        assert_eq!((budget.reserved_bytes(), budget.left_bytes(), first.bytes()), (60, 40, 60));
+        let part = first.into_budget();
+        let within = part.reserve(60).unwrap();
+        assert!(part.clone().reserve(1).is_err());
+        drop(part);
+        // The part is alive as long as something is reserved from it.
+        assert_eq!(budget.left_bytes(), 40);
+        drop(within);
+        assert_eq!(budget.left_bytes(), 100);
+        assert!(budget.reserve(100).is_ok());
+    }
+
+    #[test]
+    fn the_smallest_limit_is_the_most_that_a_dry_run_reserves() {
+        let kind = MemoryCap::Share(0);
+        let job = |budget: &Budget| -> Result<(), TooSmall> {
+            let _kept = budget.reserve(100_000)?;
+            drop(budget.reserve(300_000)?);
+            budget.reserve(200_000).map(drop)
+        };
+        let dry = Budget::dry(kind);
+        job(&dry).unwrap();
+        let smallest = dry.smallest_limit(1);
+        assert_eq!(smallest, (costs::SHARE_OVERHEAD + 400_000).next_multiple_of(costs::STATED_STEP));
+        assert!(job(&Budget::of_job(MemoryCap::Share(smallest))).is_ok());
+        assert!(job(&Budget::of_job(MemoryCap::Share(smallest - costs::STATED_STEP))).is_err());
+    }
+
+    #[test]
+    fn a_process_counts_what_it_holds() {
+        let budget = Budget::of(MemoryCap::Process(1 << 40));
+        assert!(budget.reserved_bytes() >= costs::CODE_BYTES);
+        assert!(!budget.is_passed() && budget.is_process());
+        let small = Budget::of_job(MemoryCap::Process(1 << 10));
+        assert_eq!(small.left_bytes(), 0);
+        assert_eq!(small.is_passed(), peak_rss_bytes() > 0);
+        let dry = Budget::dry(MemoryCap::Process(0));
+        assert!(dry.smallest_limit(2) >= costs::CODE_BYTES + 2 * costs::HELD_SPREAD);
+    }
+
+    #[test]
+    fn workers_are_as_many_as_fit() {
+        let budget = Budget::new(100);
+        let (count, held) = budget.reserve_workers(30, 8).unwrap();
+        assert_eq!((count, held.bytes()), (3, 90));
+        assert!(budget.reserve_workers(30, 8).is_err());
+        drop(held);
+        assert_eq!(budget.reserve_workers(30, 2).unwrap().0, 2);
+        assert_eq!(budget.reserve_workers(0, 2).unwrap().0, 2);
+    }
+
+    #[test]
+    fn jobs_that_wait_never_exceed_the_limit_and_large_ones_get_their_turn() {
+        let budget = Budget::new(100);
+        assert!(budget.wait_for(101).is_err());
+        let (held, most, large) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU64::new(0));
+        std::thread::scope(|scope| {
+            for worker in 0..4_u64 {
+                let (budget, held, most, large) = (budget.clone(), &held, &most, &large);
+                scope.spawn(move || {
+                    for round in 0..200 {
+                        let want = if worker == 0 { 100 } else { 10 + (worker * 7 + round) % 30 };
+                        let granted = budget.wait_for(want).unwrap();
+                        let now = held.fetch_add(want, Ordering::SeqCst) + want;
+                        most.fetch_max(now, Ordering::SeqCst);
+                        large.fetch_add(u64::from(want == 100), Ordering::SeqCst);
+                        held.fetch_sub(want, Ordering::SeqCst);
+                        drop(granted);
+                    }
+                });
+            }
+        });
+        assert!(most.load(Ordering::SeqCst) <= 100);
+        assert_eq!((held.load(Ordering::SeqCst), large.load(Ordering::SeqCst)), (0, 200));
+    }
+}

@@ -1,0 +1,94 @@
+//! Sizes in bytes as people write them.
+
+use std::fmt;
+
+/// Parses `8MiB`, `64M`, `1GiB`, `4096`; K, M and G are binary with or without `iB`/`B`.
+///
+/// # Errors
+/// A sentence that says what is accepted.
+pub fn parse_size(text: &str) -> Result<u64, String> {
+    let trimmed = text.trim();
+    let split = trimmed.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(trimmed.len());
+    let (number, unit) = trimmed.split_at(split);
+    let shift = match unit.trim().to_ascii_lowercase().as_str() {
+        "" | "b" => 0,
+        "k" | "kb" | "kib" => 10,
+        "m" | "mb" | "mib" => 20,
+        "g" | "gb" | "gib" => 30,
+        "t" | "tb" | "tib" => 40,
+        _ => return Err(format!("'{text}' is not a size; write for example 8MiB, 64M or 1GiB")),
+    };
+    let value: f64 =
+        number.parse().map_err(|_| format!("'{text}' is not a size; write for example 8MiB, 64M or 1GiB"))?;
+    let bytes = value * f64::from(1_u32 << 10).powi(shift / 10);
+    if !(1.0..1e18).contains(&bytes) {
+        return Err(format!("'{text}' is out of range for a size"));
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in 1..1e18")]
+    Ok(bytes as u64)
+}
+
+/// A byte count for people: `8.0 MiB`.
+#[derive(Clone, Copy, Debug)]
+pub struct Bytes(
+    /// The count.
+    pub u64,
+);
+
+impl fmt::Display for Bytes {
+    #[expect(clippy::cast_precision_loss, reason = "two digits are shown")]
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut value = self.0 as f64;
+        let mut unit = "B";
+        for next in ["KiB", "MiB", "GiB", "TiB"] {
+            if value < 1024.0 {
+                break;
+            }
+            value /= 1024.0;
+            unit = next;
+        }
+        if unit == "B" { write!(f, "{} B", self.0) } else { write!(f, "{value:.2} {unit}") }
+    }
+}
+
+/// A byte count as [`parse_size`] reads it back, never less: `6784KiB`, `8MiB`.
+#[derive(Clone, Copy, Debug)]
+pub struct SizeArgument(
+    /// The count.
+    pub u64,
+);
+
+impl fmt::Display for SizeArgument {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.div_ceil(1 << 10) {
+            kib if kib.is_multiple_of(1 << 20) => write!(f, "{}GiB", kib >> 20),
+            kib if kib.is_multiple_of(1 << 10) => write!(f, "{}MiB", kib >> 10),
+            kib => write!(f, "{kib}KiB"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_parse_in_binary_units() {
+        assert_eq!(parse_size("8MiB"), Ok(8 << 20));
+        assert_eq!(parse_size("64M"), Ok(64 << 20));
+        assert_eq!(parse_size("1GiB"), Ok(1 << 30));
+        assert_eq!(parse_size("1.5k"), Ok(1536));
+        assert_eq!(parse_size("4096"), Ok(4096));
+        for bad in ["", "MiB", "8 parsecs", "-1", "0", "1e400", "nan"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn sizes_for_the_command_line_are_read_back_and_never_less() {
+        for (bytes, text) in [(8 << 20, "8MiB"), (1 << 30, "1GiB"), (6_946_817, "6785KiB"), (1, "1KiB")] {
+            assert_eq!(SizeArgument(bytes).to_string(), text);
+            assert!(parse_size(text).unwrap() >= bytes);
+        }
+    }
+}
