@@ -19,7 +19,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("format", &["geom"]),
     ("progress", &[]),
     ("resident", &[]),
-    ("scratch", &["budget"]),
+    ("scratch", &[]),
     ("facts", &["budget", "error"]),
     ("volume", &["budget", "error", "facts", "geom", "progress", "scratch"]),
     ("source", &["budget", "codec", "cpu", "error", "facts", "geom", "progress", "scratch", "volume"]),
@@ -49,7 +49,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "volume",
         ],
     ),
-    ("error", &["builder", "facts", "format", "load", "render"]),
+    ("error", &["builder", "clean", "facts", "format", "load", "render"]),
 ];
 
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.

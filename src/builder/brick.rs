@@ -1,7 +1,7 @@
 //! One brick of 32^3 voxels: from its fragments in scan order to infobytes and channels in Morton order.
 #![expect(clippy::cast_possible_truncation, reason = "places within a brick are below 2^15")]
 
-use super::error::BuildError;
+use super::error::{BuildError, ScratchFault};
 use super::layout::BRICK_LEVELS;
 use super::simd::{Isa, Kernel, dispatch};
 use super::swap::{BrickEntry, Scratch, read_fragment};
@@ -118,7 +118,7 @@ impl BrickReader {
                 read_fragment(scratch, at, &mut self.stored, &mut self.payload)?;
             }
             if self.unpack(normals, values).is_none() {
-                return Err(scratch.error(std::io::Error::other("its contents were changed by someone else")));
+                return Err(scratch.error(ScratchFault::Changed.into()));
             }
         }
         dispatch(SortKernel { reader: self, normals, values: values.is_some() });

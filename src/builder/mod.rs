@@ -42,7 +42,7 @@ mod value;
 mod walk;
 
 pub use choose::choose_selection;
-pub use error::BuildError;
+pub use error::{BuildError, ScratchFault, Sought};
 pub use gradient::ESTIMATOR;
 pub use skin::Connectivity;
 
@@ -60,7 +60,7 @@ use crate::atomic::AtomicFile;
 use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::format::{Metadata, Selection, SourceMeta};
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
-use choose::{Chooser, describe};
+use choose::Chooser;
 use column::{ColumnWorker, ScanContext, ScanTotals};
 use flavour::{Depths, Direct, Flavour};
 use gradient::NormalRule;
@@ -289,7 +289,7 @@ impl<'a> Job<'a> {
             seconds.read = totals.reading.as_secs_f64() / plan.threads as f64;
         }
         if totals.skin == 0 {
-            return Err(self.chooser().empty::<F::File>(&describe(&selection)));
+            return Err(self.chooser().empty::<F::File>(Sought::Within(selection)));
         }
 
         let started = Instant::now();

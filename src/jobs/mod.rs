@@ -10,3 +10,4 @@ pub mod picture;
 pub mod render;
 pub mod scan;
 pub mod verify;
+mod wording;

@@ -11,7 +11,7 @@ use crate::geom::{Affine, Dims};
 use super::frame::Frame;
 use super::map::Mapping;
 use super::stream::{Fault, ReadAt};
-use super::{LoadError, NodeView};
+use super::{LoadError, NodeView, NotRegular};
 
 /// A mapped-encoding file over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
@@ -49,7 +49,7 @@ impl Model<Mapping> {
 /// Opens a file for reading and refuses folders and devices, which cannot be models.
 pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
     let file = File::open(path)?;
-    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other("it is not a regular file")) }
+    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other(NotRegular)) }
 }
 
 fn refuse_packed(frame: &Frame) -> Result<(), FormatError> {
@@ -68,8 +68,11 @@ impl<D: AsRef<[u8]>> Model<D> {
         let frame = match Frame::read(data.as_ref()) {
             Ok(frame) => frame,
             Err(Fault::Format(cause)) => return Err(cause),
-            // Memory ends early only if a length was not checked.
-            Err(Fault::Io(_)) => return Err(FormatError::invalid("it ends early")),
+            // Memory ends early only if a length was not checked: at least one more byte was wanted.
+            Err(Fault::Io(_)) => {
+                let got = data.as_ref().len() as u64;
+                return Err(FormatError::Truncated { expected: got + 1, got });
+            }
         };
         refuse_packed(&frame)?;
         Self::assemble(data, frame)
@@ -87,10 +90,9 @@ impl<D: AsRef<[u8]>> Model<D> {
                 (start <= end && end <= len).then_some(start..end)
             })
         };
-        let missing = || FormatError::invalid("the nodes section is missing (SPEC I4)");
         Ok(Self {
-            nodes: range(SectionKind::Nodes).ok_or_else(missing)?,
-            rank: range(SectionKind::Rank).ok_or_else(missing)?,
+            nodes: range(SectionKind::Nodes).ok_or(FormatError::MissingSection(SectionKind::Nodes))?,
+            rank: range(SectionKind::Rank).ok_or(FormatError::MissingSection(SectionKind::Rank))?,
             normals: range(SectionKind::Normal),
             node_normals: range(SectionKind::NormalLod),
             values: frame

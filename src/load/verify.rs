@@ -6,7 +6,7 @@
 
 use crate::format::{Encoding, FormatError, SectionEntry, SectionKind, SelectionKind, normal, rank};
 
-use super::frame::Frame;
+use super::frame::{Frame, check_crc};
 use super::stream::{Cursor, Fault, ReadAt};
 
 /// Bytes of one cursor's buffer; a walk holds one per depth and 2 for the voxels,
@@ -31,10 +31,6 @@ pub fn verify<R: ReadAt + ?Sized>(source: &R) -> Result<Frame, Fault> {
     Ok(frame)
 }
 
-fn invalid<T>(what: impl Into<String>) -> Result<T, Fault> {
-    Err(FormatError::invalid(what).into())
-}
-
 /// SPEC I8 and I9: checksums of the stored bytes, and zeros between the sections.
 ///
 /// # Errors
@@ -44,18 +40,15 @@ pub(crate) fn check_storage<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Re
     let mut end = table as u64;
     for entry in &frame.sections {
         let mut padding = Cursor::new(source, end, entry.offset, CURSOR_BYTES);
-        if padding.next_part()?.iter().any(|b| *b != 0) {
-            return invalid("bytes between sections are not zero (SPEC I9)");
+        if let Some(at) = padding.next_part()?.iter().position(|b| *b != 0) {
+            return Err(FormatError::PaddingNotZero { offset: end + at as u64 }.into());
         }
         let mut cursor = Cursor::new(source, entry.offset, entry.end(), 64 << 10);
         let mut crc = 0;
         while cursor.left() > 0 {
             crc = crc32c::crc32c_append(crc, cursor.next_part()?);
         }
-        if crc != entry.stored_crc {
-            let what = entry.kind.map_or("a section of unknown kind", SectionKind::name);
-            return Err(FormatError::Checksum { what }.into());
-        }
+        check_crc(entry, crc)?;
         end = entry.end();
     }
     Ok(())
@@ -64,16 +57,18 @@ pub(crate) fn check_storage<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Re
 /// SPEC I17: metadata that agrees with the sections and with itself.
 fn check_metadata(frame: &Frame) -> Result<(), Fault> {
     let m = &frame.metadata;
-    if m.gradient.is_empty() == frame.section(SectionKind::Normal).is_some() {
-        return invalid("metadata and sections disagree about normals (SPEC I17)");
+    let named = !m.gradient.is_empty();
+    if named != frame.section(SectionKind::Normal).is_some() {
+        return Err(FormatError::GradientName { named }.into());
     }
-    if (m.value_scale == [0.0, 0.0]) == frame.section(SectionKind::Value).is_some() {
-        return invalid("metadata and sections disagree about values (SPEC I17)");
+    let stated = m.value_scale != [0.0, 0.0];
+    if stated != frame.section(SectionKind::Value).is_some() {
+        return Err(FormatError::ValueScale { stated }.into());
     }
     let s = &m.selection;
     let open = s.kind != SelectionKind::Range;
     if s.lo.is_nan() || s.hi.is_nan() || s.lo > s.hi || (open && s.hi != f64::INFINITY) {
-        return invalid("metadata has an impossible range of values (SPEC I17)");
+        return Err(FormatError::SelectionRange { selection: *s }.into());
     }
     Ok(())
 }
@@ -91,20 +86,25 @@ fn check_rank<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault
     let mut infobytes = Cursor::new(source, nodes.offset, nodes.end(), CURSOR_BYTES);
     let mut builder = rank::RankBuilder::default();
     let (mut due_supers, mut due_blocks) = (Vec::new(), Vec::new());
+    let (mut super_node, mut block_node) = (0, 0);
     while infobytes.left() > 0 {
         builder.feed(infobytes.next_part()?, |s| due_supers.push(s), |b| due_blocks.push(b));
         for due in due_supers.drain(..) {
-            if supers.take::<8>()? != Some(due.to_le_bytes()) {
-                return invalid("the rank directory does not belong to the nodes (SPEC I13)");
-            }
+            let found = supers.take::<8>()?.map(u64::from_le_bytes);
+            check_count(super_node, due, found)?;
+            super_node += rank::SUPER_NODES;
         }
         for due in due_blocks.drain(..) {
-            if blocks.take::<2>()? != Some(due.to_le_bytes()) {
-                return invalid("the rank directory does not belong to the nodes (SPEC I13)");
-            }
+            let found = blocks.take::<2>()?.map(|b| u64::from(u16::from_le_bytes(b)));
+            check_count(block_node, due.into(), found)?;
+            block_node += rank::BLOCK_NODES;
         }
     }
     Ok(())
+}
+
+fn check_count(node: u64, due: u64, found: Option<u64>) -> Result<(), FormatError> {
+    if found == Some(due) { Ok(()) } else { Err(FormatError::RankMismatch { node, due, found }) }
 }
 
 /// What a node gathers from the voxels below it.
@@ -152,6 +152,8 @@ struct Readers<'a, R: ReadAt + ?Sized> {
     nodes: Vec<Cursor<'a, R>>,
     normals: Option<Cursor<'a, R>>,
     values: Option<(Cursor<'a, R>, u8)>,
+    /// Skin voxels of the file, hence items of each channel.
+    voxels: u64,
 }
 
 fn per_depth<'a, R: ReadAt + ?Sized>(
@@ -179,6 +181,7 @@ impl<'a, R: ReadAt + ?Sized> Readers<'a, R> {
             nodes: per_depth(source, frame, frame.section(SectionKind::Nodes), depth),
             normals: frame.section(SectionKind::Normal).map(whole),
             values: frame.section(SectionKind::Value).map(|e| (whole(e), e.item_bytes)),
+            voxels: frame.header.voxels,
         }
     }
 
@@ -186,31 +189,33 @@ impl<'a, R: ReadAt + ?Sized> Readers<'a, R> {
         let mut g = Gather { voxels: 1, ..Gather::default() };
         if let Some(cursor) = &mut self.normals {
             let Some(bytes) = cursor.take::<2>()? else {
-                return invalid("there are more voxels than normals (SPEC I11)");
+                return Err(FormatError::MissingItem { kind: SectionKind::Normal }.into());
             };
-            if bytes.contains(&0x80) {
-                return invalid("a normal has the illegal component -128 (SPEC I14)");
-            }
             let code = u16::from_le_bytes(bytes);
+            if bytes.contains(&0x80) {
+                let voxel = self.voxels.saturating_sub(cursor.left() / 2 + 1);
+                return Err(FormatError::IllegalNormal { voxel, code }.into());
+            }
             g.first_normal = Some(code);
             g.normal_sum = normal::decode_l1(code).map(i64::from);
         }
         if let Some((cursor, item)) = &mut self.values {
-            g.value_sum = take_value(cursor, *item)?;
+            g.value_sum = take_value(cursor, *item, SectionKind::Value)?;
         }
         Ok(g)
     }
 }
 
-fn take_value<R: ReadAt + ?Sized>(cursor: &mut Cursor<'_, R>, item: u8) -> Result<u64, Fault> {
+fn take_value<R: ReadAt + ?Sized>(
+    cursor: &mut Cursor<'_, R>,
+    item: u8,
+    kind: SectionKind,
+) -> Result<u64, Fault> {
     let value = match item {
         1 => cursor.take::<1>()?.map(|b| u64::from(b[0])),
         _ => cursor.take::<2>()?.map(|b| u64::from(u16::from_le_bytes(b))),
     };
-    match value {
-        Some(value) => Ok(value),
-        None => invalid("there are more voxels than values (SPEC I11)"),
-    }
+    value.ok_or(Fault::Format(FormatError::MissingItem { kind }))
 }
 
 /// SPEC I15 and I16: the coarse means are those of their voxels.
@@ -220,15 +225,22 @@ fn check_means<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Faul
     let mut values = per_depth(source, frame, frame.section(SectionKind::ValueLod), coarse);
     let value_bytes = frame.section(SectionKind::Value).map_or(1, |e| e.item_bytes);
     walk(source, frame, &mut |depth, means| {
-        if let Some(cursor) = normals.get_mut(depth)
-            && cursor.take::<2>()?.map(u16::from_le_bytes) != Some(means.normal())
-        {
-            return invalid(format!("a mean normal at depth {depth} is not that of its voxels (SPEC I15)"));
+        // Nodes of a depth end with its level, so what is left of the cursor says which one was read.
+        let node = |left: u64| frame.level(depth_u32(depth)).end.saturating_sub(left + 1);
+        if let Some(cursor) = normals.get_mut(depth) {
+            let (due, found) = (means.normal(), cursor.take::<2>()?.map(u16::from_le_bytes));
+            if found != Some(due) {
+                let node = node(cursor.left() / 2);
+                return Err(FormatError::MeanNormal { depth: depth_u32(depth), node, due, found }.into());
+            }
         }
-        if let Some(cursor) = values.get_mut(depth)
-            && u128::from(take_value(cursor, value_bytes)?) != means.value()
-        {
-            return invalid(format!("a mean value at depth {depth} is not that of its voxels (SPEC I16)"));
+        if let Some(cursor) = values.get_mut(depth) {
+            let (due, found) = (means.value(), take_value(cursor, value_bytes, SectionKind::ValueLod)?);
+            if u128::from(found) != due {
+                let due = u64::try_from(due).unwrap_or(u64::MAX);
+                let node = node(cursor.left() / u64::from(value_bytes.max(1)));
+                return Err(FormatError::MeanValue { depth: depth_u32(depth), node, due, found }.into());
+            }
         }
         Ok(())
     })
@@ -248,24 +260,27 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
     let mut at = 0;
     let mut voxels = 0_u64;
     // Enters the box at depth `d`; a voxel is gathered at once, a node is opened.
-    let mut enter = |readers: &mut Readers<'_, R>, d: usize, corner: [u32; 3], slot: &mut Open| {
-        if corner.iter().zip(dims).any(|(c, n)| *c >= n) {
-            return invalid(format!("a box at depth {d} lies outside the volume (SPEC I12)"));
-        }
-        if d == depth {
-            voxels += 1;
-            *slot = Open { rest: 0, corner, gather: readers.voxel()? };
-            return Ok(());
-        }
-        let Some([rest]) = readers.nodes.get_mut(d).map_or(Ok(None), Cursor::take::<1>)? else {
-            return invalid(format!("depth {d} has fewer nodes than their parents have children (SPEC I11)"));
+    let mut enter =
+        |readers: &mut Readers<'_, R>, d: usize, corner: [u32; 3], slot: &mut Open| -> Result<(), Fault> {
+            if corner.iter().zip(dims).any(|(c, n)| *c >= n) {
+                return Err(FormatError::OutsideVolume { depth: depth_u32(d), corner }.into());
+            }
+            if d == depth {
+                voxels += 1;
+                *slot = Open { rest: 0, corner, gather: readers.voxel()? };
+                return Ok(());
+            }
+            let Some([rest]) = readers.nodes.get_mut(d).map_or(Ok(None), Cursor::take::<1>)? else {
+                return Err(FormatError::MissingNode { depth: depth_u32(d), corner }.into());
+            };
+            if rest == 0 {
+                let depth = depth_u32(d);
+                let node = frame.level(depth).end.saturating_sub(readers.nodes[d].left() + 1);
+                return Err(FormatError::EmptyNode { depth, node, corner }.into());
+            }
+            *slot = Open { rest, corner, gather: Gather::default() };
+            Ok(())
         };
-        if rest == 0 {
-            return invalid(format!("a node at depth {d} has no children (SPEC I10)"));
-        }
-        *slot = Open { rest, corner, gather: Gather::default() };
-        Ok(())
-    };
     enter(&mut readers, 0, [0; 3], &mut path[0])?;
     loop {
         if path[at].rest == 0 {
@@ -290,66 +305,37 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
         at += 1;
         enter(&mut readers, at, corner, &mut path[at])?;
     }
-    if voxels != frame.header.voxels || readers.nodes.iter().any(|c| c.left() > 0) {
-        return invalid("a depth has more boxes than their parents have children (SPEC I11)");
+    for (d, nodes) in (0..).zip(&readers.nodes) {
+        if nodes.left() > 0 {
+            let level = frame.level(d);
+            let stated = level.end - level.start;
+            return Err(FormatError::SurplusBoxes { depth: d, stated, found: stated - nodes.left() }.into());
+        }
+    }
+    if voxels != frame.header.voxels {
+        let (stated, found) = (frame.header.voxels, voxels);
+        return Err(FormatError::SurplusBoxes { depth: frame.dims().depth(), stated, found }.into());
     }
     Ok(())
+}
+
+/// Depths are at most 16.
+fn depth_u32(depth: usize) -> u32 {
+    u32::try_from(depth).unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::format::Metadata;
     use crate::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
-    use crate::format::{HEADER_BYTES, Metadata, table_bytes};
     use crate::load::{Model, NodeView};
 
     fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
         Metadata { scalar: 2, ..plain_metadata(dims, channels) }
     }
 
-    fn ball(side: u32, channels: Channels) -> Vec<u8> {
-        let (c, r) = (f64::from(side) / 2.0 - 0.5, f64::from(side) / 2.0 - 1.0);
-        let mut voxels = Vec::new();
-        for (z, y, x) in
-            (0..side).flat_map(|z| (0..side).flat_map(move |y| (0..side).map(move |x| (z, y, x))))
-        {
-            let d = [f64::from(x) - c, f64::from(y) - c, f64::from(z) - c];
-            let len = d.iter().map(|v| v * v).sum::<f64>().sqrt();
-            if (len - r).abs() < 0.7 {
-                #[expect(clippy::cast_possible_truncation, reason = "test directions")]
-                let normal = normal::encode(d.map(|v| v as f32));
-                voxels.push(AssembledVoxel { cell: [x, y, z], normal, value: u16::try_from(x + y).unwrap() });
-            }
-        }
-        assemble(&metadata([side; 3], channels), &voxels, channels).unwrap()
-    }
-
     const FULL: Channels = Channels { normal: true, value_bytes: 1, lod: true };
-
-    /// Changes bytes of one section and makes every checksum right again.
-    fn forge(file: &[u8], kind: SectionKind, change: impl FnOnce(&mut [u8])) -> Vec<u8> {
-        let mut file = file.to_vec();
-        let frame = Frame::read(file.as_slice()).unwrap();
-        let mut sections = frame.sections.clone();
-        let entry = sections.iter_mut().find(|e| e.kind == Some(kind)).unwrap();
-        let range = usize::try_from(entry.offset).unwrap()..usize::try_from(entry.end()).unwrap();
-        change(&mut file[range.clone()]);
-        entry.stored_crc = crc32c::crc32c(&file[range]);
-        entry.content_crc = entry.stored_crc;
-        let table = table_bytes(&sections);
-        let mut header = frame.header;
-        header.table_crc = crc32c::crc32c(&table);
-        file[HEADER_BYTES..HEADER_BYTES + table.len()].copy_from_slice(&table);
-        file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
-        file
-    }
-
-    fn broken_rule(file: &[u8]) -> String {
-        match verify(file).unwrap_err() {
-            Fault::Format(e) => e.to_string(),
-            Fault::Io(e) => panic!("{e}"),
-        }
-    }
 
     #[test]
     fn sound_files_of_every_shape_pass_and_walk_back_to_their_voxels() {
@@ -402,46 +388,5 @@ mod tests {
                 walk_view(m, child, at, left - 1, out);
             }
         }
-    }
-
-    #[test]
-    fn every_invariant_beyond_opening_has_a_file_that_breaks_it() {
-        let file = ball(20, FULL);
-        verify(file.as_slice()).unwrap();
-        let rule = |kind, change: fn(&mut [u8])| broken_rule(&forge(&file, kind, change));
-        assert!(rule(SectionKind::Nodes, |b| b[9] = 0).contains("I13"), "the directory notices first");
-        assert!(rule(SectionKind::Rank, |b| b[0] = 1).contains("I13"));
-        assert!(rule(SectionKind::Normal, |b| b[4] = 0x80).contains("I14"));
-        assert!(rule(SectionKind::Normal, |b| b[4] ^= 0x40).contains("I15"));
-        assert!(rule(SectionKind::NormalLod, |b| b[0] ^= 1).contains("I15"));
-        assert!(rule(SectionKind::Value, |b| b[0] = 255).contains("I16"));
-        assert!(rule(SectionKind::ValueLod, |b| b[0] ^= 1).contains("I16"));
-        // The same number of bits elsewhere leaves ranks right and moves a box out of the volume.
-        let moved = broken_rule(&forge(&file, SectionKind::Nodes, |b| {
-            let last = b.len() - 1;
-            b[last] = b[last].rotate_left(1);
-            let low = b.iter().position(|m| m.count_ones() == 4).unwrap();
-            b[low] = 0xf0;
-        }));
-        assert!(moved.contains("I12") || moved.contains("I15"), "{moved}");
-        let mut padded = file.clone();
-        let gap = Frame::read(file.as_slice()).unwrap().sections[0].end();
-        padded[usize::try_from(gap).unwrap()] = 1;
-        assert!(broken_rule(&padded).contains("I9"));
-    }
-
-    #[test]
-    fn zero_infobytes_wrong_counts_and_outside_boxes_are_told_apart() {
-        // One voxel in 3x1x1: two nodes, root 0b10 and its child; the directory cannot see the rest.
-        let plain = Channels { normal: false, value_bytes: 0, lod: false };
-        let voxel = AssembledVoxel { cell: [2, 0, 0], normal: 0, value: 0 };
-        let file = assemble(&metadata([3, 1, 1], plain), &[voxel], plain).unwrap();
-        let rule = |change: fn(&mut [u8])| broken_rule(&forge(&file, SectionKind::Nodes, change));
-        assert!(rule(|b| b[1] = 0).contains("I10"));
-        assert!(rule(|b| b[1] = 0b10).contains("I12"), "x = 3 is outside");
-        assert!(rule(|b| b[1] = 0b100).contains("I12"), "y = 1 is outside");
-        let counts = rule(|b| b[0] = 0b11);
-        assert!(counts.contains("I11"), "{counts}");
-        assert!(rule(|b| b[0] = 0b10_0000).contains("I12"));
     }
 }

@@ -78,6 +78,8 @@ pub(super) fn subtree_shape(frame: &Frame) -> (u32, u32) {
 #[derive(Debug)]
 pub(super) struct Subtrees<'a, R: ReadAt + ?Sized> {
     cursors: Vec<Cursor<'a, R>>,
+    /// Depth of the first cursor.
+    root_depth: u32,
     left: u64,
 }
 
@@ -91,7 +93,7 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
                 Cursor::new(source, nodes + level.start, nodes + level.end, BUFFER_BYTES)
             })
             .collect();
-        Self { cursors, left: roots(frame) }
+        Self { cursors, root_depth, left: roots(frame) }
     }
 
     /// Puts the next subtree's infobytes by depth into `levels`; its number of voxels, or `None`
@@ -103,17 +105,12 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         self.left -= 1;
         levels.resize(self.cursors.len(), Vec::new());
         let mut count = 1_u64;
-        for (cursor, level) in self.cursors.iter_mut().zip(levels) {
+        for (depth, (cursor, level)) in (self.root_depth..).zip(self.cursors.iter_mut().zip(levels)) {
             level.clear();
             for _ in 0..count {
                 match cursor.take::<1>()? {
                     Some([mask]) if mask != 0 => level.push(mask),
-                    _ => {
-                        return Err(FormatError::invalid(
-                            "a depth has fewer nodes than their parents have children (SPEC I11)",
-                        )
-                        .into());
-                    }
+                    _ => return Err(FormatError::SubtreeCut { depth }.into()),
                 }
             }
             count = level.iter().map(|m| u64::from(m.count_ones())).sum();
