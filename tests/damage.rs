@@ -10,13 +10,14 @@ use std::path::Path;
 
 use infobyte::ExitKind;
 use infobyte::format::{ENTRY_BYTES, FormatError, HEADER_BYTES, Header, SectionKind, table_bytes};
+use infobyte::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
 use infobyte::jobs::{info, pack, verify as verify_job};
 use infobyte::load::{Frame, Model, NodeView, verify};
 use support::{FULL, NORMALS, Random, corner, shell};
 
 /// Follows every child of every node to the model's depth, as a renderer would, at most `budget` boxes.
 fn walk(model: &impl NodeView, budget: &mut u32) -> u64 {
-    let mut stack = vec![(0_u64, 0)];
+    let mut stack = vec![(BoxIndex::ROOT, 0)];
     let mut sum = 0_u64;
     while let Some((number, depth)) = stack.pop() {
         if *budget == 0 {
@@ -24,12 +25,17 @@ fn walk(model: &impl NodeView, budget: &mut u32) -> u64 {
         }
         *budget -= 1;
         if depth == model.depth() {
-            let voxel = number.wrapping_sub(model.node_count());
+            let voxel = number.voxel(model.node_count());
             sum += u64::from(model.voxel_normal(voxel).unwrap_or(0));
             continue;
         }
-        sum += u64::from(model.node_normal(number).unwrap_or(0));
-        stack.extend((0..8).filter_map(|octant| model.child(number, octant)).map(|child| (child, depth + 1)));
+        sum += u64::from(model.node_normal(number.node()).unwrap_or(0));
+        stack.extend(
+            Octant::ALL
+                .into_iter()
+                .filter_map(|o| model.child(number.node(), o))
+                .map(|child| (child, depth + 1)),
+        );
     }
     sum
 }
@@ -39,13 +45,14 @@ fn handle(bytes: &[u8]) -> Result<(), FormatError> {
     let model = Model::from_bytes(bytes)?;
     walk(&model, &mut 5000);
     for far in [0, 1, u64::MAX / 2, u64::MAX] {
-        model.infobyte(far);
-        model.first_child(far);
-        model.voxel_normal(far);
-        model.node_normal(far);
-        model.value(far);
-        for octant in 0..8 {
-            model.child(far, octant);
+        let (node, voxel) = (NodeIndex::new(far), VoxelIndex::new(far));
+        model.infobyte(node);
+        model.first_child(node);
+        model.voxel_normal(voxel);
+        model.node_normal(node);
+        model.value(voxel);
+        for octant in Octant::ALL {
+            model.child(node, octant);
         }
     }
     match verify(bytes) {

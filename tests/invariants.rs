@@ -12,6 +12,7 @@ use infobyte::format::{
     ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Metadata, Selection, SelectionKind, table_bytes,
 };
 use infobyte::format::{SectionEntry, SectionKind};
+use infobyte::geom::{Level, NodeIndex, VoxelIndex};
 use infobyte::load::{Fault, Frame, Model, verify};
 use support::{FULL, NORMALS, metadata, shell};
 
@@ -327,9 +328,9 @@ fn i7_levels() {
             ),
             (put(0, 1), E::LevelEnds { first: 1, last: nodes, nodes }),
             (put(4, nodes + 1), E::LevelEnds { first: 0, last: nodes + 1, nodes }),
-            (put(1, 2), E::LevelBoxes { depth: 0, boxes: Some(2) }),
-            (put(2, 0), E::LevelBoxes { depth: 1, boxes: None }),
-            (put(2, 10), E::LevelBoxes { depth: 1, boxes: Some(9) }),
+            (put(1, 2), E::LevelBoxes { level: Level::new(0), boxes: Some(2) }),
+            (put(2, 0), E::LevelBoxes { level: Level::new(1), boxes: None }),
+            (put(2, 10), E::LevelBoxes { level: Level::new(1), boxes: Some(9) }),
         ],
     );
 }
@@ -365,22 +366,28 @@ fn i10_to_i12_the_walk() {
     let pair = model([2, 1, 1], NORMALS, &[[0, 0, 0]]);
     let nodes =
         |file: &[u8], at: usize, infobyte: u8| with_content(file, SectionKind::Nodes, |b| b[at] = infobyte);
-    broken("I10", vec![(nodes(&one, 1, 0), E::EmptyNode { depth: 1, node: 1, corner: [2, 0, 0] })]);
+    broken(
+        "I10",
+        vec![(
+            nodes(&one, 1, 0),
+            E::EmptyNode { level: Level::new(1), node: NodeIndex::new(1), corner: [2, 0, 0] },
+        )],
+    );
     broken(
         "I11",
         vec![
-            (nodes(&one, 0, 0b11), E::MissingNode { depth: 1, corner: [2, 0, 0] }),
-            (nodes(&two, 0, 0b01), E::SurplusBoxes { depth: 1, stated: 2, found: 1 }),
+            (nodes(&one, 0, 0b11), E::MissingNode { level: Level::new(1), corner: [2, 0, 0] }),
+            (nodes(&two, 0, 0b01), E::SurplusBoxes { level: Level::new(1), stated: 2, found: 1 }),
             (nodes(&pair, 0, 0b11), E::MissingItem { kind: SectionKind::Normal }),
         ],
     );
-    let outside = |corner| E::OutsideVolume { depth: 2, corner };
+    let outside = |corner| E::OutsideVolume { level: Level::new(2), corner };
     broken(
         "I12",
         vec![
             (nodes(&one, 1, 0b10), outside([3, 0, 0])),
             (nodes(&one, 1, 0b100), outside([2, 1, 0])),
-            (nodes(&one, 0, 0b10_0000), E::OutsideVolume { depth: 1, corner: [2, 0, 2] }),
+            (nodes(&one, 0, 0b10_0000), E::OutsideVolume { level: Level::new(1), corner: [2, 0, 2] }),
         ],
     );
 }
@@ -395,11 +402,11 @@ fn i13_rank_directory() {
         vec![
             (
                 with_content(&file, SectionKind::Rank, |b| b[0] = 1),
-                E::RankMismatch { node: 0, due: 0, found: Some(1) },
+                E::RankMismatch { node: NodeIndex::new(0), due: 0, found: 1 },
             ),
             (
                 with_content(&file, SectionKind::Rank, |b| b[10] ^= 1),
-                E::RankMismatch { node: 32, due: block, found: Some(block ^ 1) },
+                E::RankMismatch { node: NodeIndex::new(32), due: block, found: block ^ 1 },
             ),
         ],
     );
@@ -414,7 +421,7 @@ fn i14_to_i16_channels() {
         "I14",
         vec![(
             with_content(&file, SectionKind::Normal, |b| b[4] = 0x80),
-            E::IllegalNormal { voxel: 2, code },
+            E::IllegalNormal { voxel: VoxelIndex::new(2), code },
         )],
     );
     let item =
@@ -424,7 +431,7 @@ fn i14_to_i16_channels() {
         "I15",
         vec![(
             with_content(&file, SectionKind::NormalLod, |b| b[2] ^= 1),
-            E::MeanNormal { depth: 1, node: 1, due, found: Some(due ^ 1) },
+            E::MeanNormal { level: Level::new(1), node: NodeIndex::new(1), due, found: Some(due ^ 1) },
         )],
     );
     let due = u64::from(item(SectionKind::ValueLod, 1));
@@ -432,7 +439,7 @@ fn i14_to_i16_channels() {
         "I16",
         vec![(
             with_content(&file, SectionKind::ValueLod, |b| b[2] ^= 1),
-            E::MeanValue { depth: 1, node: 1, due, found: due ^ 1 },
+            E::MeanValue { level: Level::new(1), node: NodeIndex::new(1), due, found: due ^ 1 },
         )],
     );
     // A changed voxel shows in the means above it.

@@ -5,6 +5,7 @@ use thiserror::Error;
 use super::SectionKind;
 use super::metadata::Selection;
 use super::packed::CodingError;
+use crate::geom::{Level, NodeIndex, VoxelIndex};
 
 /// A rule of SPEC.md that the bytes of a file, or what is to be written into one, break.
 ///
@@ -214,8 +215,8 @@ pub enum FormatError {
     },
     /// I7: a depth has more or fewer boxes than it can have.
     LevelBoxes {
-        /// The depth.
-        depth: u32,
+        /// The level.
+        level: Level,
         /// Boxes that the table gives it; `None` where the table falls.
         boxes: Option<u64>,
     },
@@ -249,32 +250,32 @@ pub enum FormatError {
     },
     /// I10: an infobyte is 0.
     EmptyNode {
-        /// Depth of the node.
-        depth: u32,
+        /// Level of the node.
+        level: Level,
         /// Its number.
-        node: u64,
+        node: NodeIndex,
         /// Its lowest cell.
         corner: [u32; 3],
     },
     /// I11: a depth has fewer nodes than their parents have children.
     MissingNode {
-        /// The depth.
-        depth: u32,
+        /// The level.
+        level: Level,
         /// Lowest cell of the first node that is not there.
         corner: [u32; 3],
     },
     /// I11: a depth has more boxes than their parents have children.
     SurplusBoxes {
-        /// The depth; that of the voxels is L.
-        depth: u32,
+        /// The level; that of the voxels is L.
+        level: Level,
         /// Boxes that the file states for it.
         stated: u64,
         /// Boxes that the walk met.
         found: u64,
     },
-    /// I11: a channel ends before the voxels do.
+    /// I11: a channel ends before the voxels do, or the rank directory before the nodes.
     MissingItem {
-        /// `NORM` or `VALU`, or their coarse means.
+        /// `NORM` or `VALU`, their coarse means, or `RANK`.
         kind: SectionKind,
     },
     /// I11: a packed channel goes on after the last voxel.
@@ -286,8 +287,8 @@ pub enum FormatError {
     },
     /// I11, in packed files: the nodes of a depth of a subtree do not belong to their parents.
     SubtreeNodes {
-        /// The depth.
-        depth: u32,
+        /// The level.
+        level: Level,
         /// Nodes that the level table leaves for it.
         room: u64,
         /// Nodes that the subtrees bring.
@@ -295,38 +296,38 @@ pub enum FormatError {
     },
     /// I10, I11: a subtree has an empty node, or ends before its parents' children do.
     SubtreeCut {
-        /// The depth.
-        depth: u32,
+        /// The level.
+        level: Level,
     },
     /// I12: a box lies outside the volume.
     OutsideVolume {
-        /// Depth of the box.
-        depth: u32,
+        /// Level of the box.
+        level: Level,
         /// Its lowest cell.
         corner: [u32; 3],
     },
     /// I13: an entry of the rank directory is not what the infobytes give.
     RankMismatch {
         /// First node of the block or superblock.
-        node: u64,
+        node: NodeIndex,
         /// Set bits that the infobytes give.
         due: u64,
-        /// What the directory says; `None` where it has ended.
-        found: Option<u64>,
+        /// What the directory says.
+        found: u64,
     },
     /// I14: a component of a normal is -128.
     IllegalNormal {
         /// Number of the voxel.
-        voxel: u64,
+        voxel: VoxelIndex,
         /// The code found.
         code: u16,
     },
     /// I15: a mean normal is not that of its voxels.
     MeanNormal {
-        /// Depth of the node.
-        depth: u32,
+        /// Level of the node.
+        level: Level,
         /// Its number.
-        node: u64,
+        node: NodeIndex,
         /// Code that the voxels give.
         due: u16,
         /// Code found; `None` where the section has ended.
@@ -334,10 +335,10 @@ pub enum FormatError {
     },
     /// I16: a mean value is not that of its voxels.
     MeanValue {
-        /// Depth of the node.
-        depth: u32,
+        /// Level of the node.
+        level: Level,
         /// Its number.
-        node: u64,
+        node: NodeIndex,
         /// Value that the voxels give.
         due: u64,
         /// Value found.
@@ -392,3 +393,6 @@ impl From<CodingError> for FormatError {
         Self::Coding(cause)
     }
 }
+
+// Readers return it from loops over every voxel.
+const _: () = assert!(size_of::<FormatError>() <= 32);

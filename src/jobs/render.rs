@@ -5,7 +5,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
 use crate::render::picture::{self, Canvas};
 use crate::render::reference::BitVolume;
@@ -164,7 +164,7 @@ fn level_of_detail<V: NodeView>(
     height: u32,
     near_mm: f64,
 ) -> u32 {
-    if view.voxel_normal(0).is_some() && view.node_normal(0).is_none() {
+    if view.voxel_normal(VoxelIndex::new(0)).is_some() && view.node_normal(NodeIndex::ROOT).is_none() {
         return 0;
     }
     let most_mm = 1.5 * camera.pixel_mm(height, near_mm);

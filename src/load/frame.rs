@@ -4,7 +4,7 @@ use crate::format::{
     Encoding, FormatError, HEADER_BYTES, Header, MAX_SECTIONS, METADATA_LIMIT, Metadata, SectionEntry,
     SectionKind, parse_table, rank,
 };
-use crate::geom::Dims;
+use crate::geom::{Dims, Level};
 
 use super::stream::{Fault, ReadAt};
 
@@ -80,9 +80,9 @@ impl Frame {
         coarse_nodes(&self.header, &self.levels)
     }
 
-    /// Nodes of depth `d` as a range of breadth-first numbers; empty for depths without nodes.
-    pub fn level(&self, depth: u32) -> std::ops::Range<u64> {
-        let at = depth as usize;
+    /// Nodes of a level as a range of breadth-first numbers; empty for depths without nodes.
+    pub fn level(&self, level: Level) -> std::ops::Range<u64> {
+        let at = level.index();
         match (self.levels.get(at), self.levels.get(at + 1)) {
             (Some(a), Some(b)) => *a..*b,
             _ => 0..0,
@@ -199,7 +199,7 @@ fn check_levels(header: &Header, levels: &[u64]) -> Result<(), FormatError> {
         let most = if d == 0 { 1 } else { above.saturating_mul(8).min(boxes) };
         match count {
             Some(count) if (above..=most).contains(&count) => above = count,
-            boxes => return Err(FormatError::LevelBoxes { depth: d, boxes }),
+            boxes => return Err(FormatError::LevelBoxes { level: Level::new(d), boxes }),
         }
     }
     Ok(())

@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::format::{Encoding, FormatError, Header, Metadata, SectionEntry, SectionKind, rank};
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 
 use super::frame::Frame;
 use super::map::Mapping;
@@ -150,10 +150,10 @@ impl<D: AsRef<[u8]>> Model<D> {
     }
 
     /// Stored value of a voxel (SPEC 4.7), if the model has values and the voxel exists.
-    pub fn value(&self, voxel: u64) -> Option<u16> {
+    pub fn value(&self, voxel: VoxelIndex) -> Option<u16> {
         let (range, item) = self.values.clone()?;
         let values = self.bytes().get(range)?;
-        let at = usize::try_from(voxel).ok()?;
+        let at = voxel.index()?;
         match item {
             1 => values.get(at).map(|v| u16::from(*v)),
             _ => values.as_chunks::<2>().0.get(at).map(|v| u16::from_le_bytes(*v)),
@@ -191,8 +191,8 @@ pub struct ModelView<'a> {
 }
 
 #[inline]
-fn code(codes: Option<&[[u8; 2]]>, at: u64) -> Option<u16> {
-    codes?.get(usize::try_from(at).ok()?).map(|c| u16::from_le_bytes(*c))
+fn code(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<u16> {
+    codes?.get(at?).map(|c| u16::from_le_bytes(*c))
 }
 
 impl NodeView for ModelView<'_> {
@@ -209,24 +209,24 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline]
-    fn infobyte(&self, node: u64) -> u8 {
-        usize::try_from(node).ok().and_then(|at| self.nodes.get(at)).copied().unwrap_or(0)
+    fn infobyte(&self, node: NodeIndex) -> u8 {
+        node.index().and_then(|at| self.nodes.get(at)).copied().unwrap_or(0)
     }
 
     #[inline]
-    fn first_child(&self, node: u64) -> u64 {
+    fn first_child(&self, node: NodeIndex) -> BoxIndex {
         // A directory of wrong bytes may say anything; held to the boxes there are, sums cannot overflow.
-        rank::rank(self.nodes, self.rank, node).min(self.boxes) + 1
+        BoxIndex::new(rank::rank(self.nodes, self.rank, node.get()).min(self.boxes) + 1)
     }
 
     #[inline]
-    fn voxel_normal(&self, voxel: u64) -> Option<u16> {
-        code(self.normals, voxel)
+    fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
+        code(self.normals, voxel.index())
     }
 
     #[inline]
-    fn node_normal(&self, node: u64) -> Option<u16> {
-        code(self.node_normals, node)
+    fn node_normal(&self, node: NodeIndex) -> Option<u16> {
+        code(self.node_normals, node.index())
     }
 }
 
@@ -244,22 +244,22 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     }
 
     #[inline]
-    fn infobyte(&self, node: u64) -> u8 {
+    fn infobyte(&self, node: NodeIndex) -> u8 {
         self.view().infobyte(node)
     }
 
     #[inline]
-    fn first_child(&self, node: u64) -> u64 {
+    fn first_child(&self, node: NodeIndex) -> BoxIndex {
         self.view().first_child(node)
     }
 
     #[inline]
-    fn voxel_normal(&self, voxel: u64) -> Option<u16> {
+    fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
         self.view().voxel_normal(voxel)
     }
 
     #[inline]
-    fn node_normal(&self, node: u64) -> Option<u16> {
+    fn node_normal(&self, node: NodeIndex) -> Option<u16> {
         self.view().node_normal(node)
     }
 }

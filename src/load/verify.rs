@@ -5,6 +5,7 @@
 //! needed, and no rank is ever used.
 
 use crate::format::{Encoding, FormatError, SectionEntry, SectionKind, SelectionKind, normal, rank};
+use crate::geom::{Level, NodeIndex, Octant, VoxelIndex};
 
 use super::frame::{Frame, check_crc};
 use super::stream::{Cursor, Fault, ReadAt};
@@ -104,7 +105,12 @@ fn check_rank<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault
 }
 
 fn check_count(node: u64, due: u64, found: Option<u64>) -> Result<(), FormatError> {
-    if found == Some(due) { Ok(()) } else { Err(FormatError::RankMismatch { node, due, found }) }
+    let node = NodeIndex::new(node);
+    match found {
+        Some(found) if found == due => Ok(()),
+        Some(found) => Err(FormatError::RankMismatch { node, due, found }),
+        None => Err(FormatError::MissingItem { kind: SectionKind::Rank }),
+    }
 }
 
 /// What a node gathers from the voxels below it.
@@ -166,7 +172,7 @@ fn per_depth<'a, R: ReadAt + ?Sized>(
     let item = u64::from(entry.item_bytes);
     (0..depths)
         .map(|d| {
-            let level = frame.level(d);
+            let level = frame.level(Level::new(d));
             let at = |node: u64| entry.offset.saturating_add(node.saturating_mul(item));
             Cursor::new(source, at(level.start), at(level.end), CURSOR_BYTES)
         })
@@ -193,7 +199,7 @@ impl<'a, R: ReadAt + ?Sized> Readers<'a, R> {
             };
             let code = u16::from_le_bytes(bytes);
             if bytes.contains(&0x80) {
-                let voxel = self.voxels.saturating_sub(cursor.left() / 2 + 1);
+                let voxel = VoxelIndex::new(self.voxels.saturating_sub(cursor.left() / 2 + 1));
                 return Err(FormatError::IllegalNormal { voxel, code }.into());
             }
             g.first_normal = Some(code);
@@ -224,22 +230,22 @@ fn check_means<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Faul
     let mut normals = per_depth(source, frame, frame.section(SectionKind::NormalLod), coarse);
     let mut values = per_depth(source, frame, frame.section(SectionKind::ValueLod), coarse);
     let value_bytes = frame.section(SectionKind::Value).map_or(1, |e| e.item_bytes);
-    walk(source, frame, &mut |depth, means| {
+    walk(source, frame, &mut |level, means| {
         // Nodes of a depth end with its level, so what is left of the cursor says which one was read.
-        let node = |left: u64| frame.level(depth_u32(depth)).end.saturating_sub(left + 1);
-        if let Some(cursor) = normals.get_mut(depth) {
+        let node = |left: u64| NodeIndex::new(frame.level(level).end.saturating_sub(left + 1));
+        if let Some(cursor) = normals.get_mut(level.index()) {
             let (due, found) = (means.normal(), cursor.take::<2>()?.map(u16::from_le_bytes));
             if found != Some(due) {
                 let node = node(cursor.left() / 2);
-                return Err(FormatError::MeanNormal { depth: depth_u32(depth), node, due, found }.into());
+                return Err(FormatError::MeanNormal { level, node, due, found }.into());
             }
         }
-        if let Some(cursor) = values.get_mut(depth) {
+        if let Some(cursor) = values.get_mut(level.index()) {
             let (due, found) = (means.value(), take_value(cursor, value_bytes, SectionKind::ValueLod)?);
             if u128::from(found) != due {
                 let due = u64::try_from(due).unwrap_or(u64::MAX);
                 let node = node(cursor.left() / u64::from(value_bytes.max(1)));
-                return Err(FormatError::MeanValue { depth: depth_u32(depth), node, due, found }.into());
+                return Err(FormatError::MeanValue { level, node, due, found }.into());
             }
         }
         Ok(())
@@ -251,7 +257,7 @@ fn check_means<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Faul
 pub(crate) fn walk<R: ReadAt + ?Sized>(
     source: &R,
     frame: &Frame,
-    finished: &mut dyn FnMut(usize, &Gather) -> Result<(), Fault>,
+    finished: &mut dyn FnMut(Level, &Gather) -> Result<(), Fault>,
 ) -> Result<(), Fault> {
     let depth = frame.dims().depth() as usize;
     let dims = frame.dims().to_array();
@@ -263,7 +269,7 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
     let mut enter =
         |readers: &mut Readers<'_, R>, d: usize, corner: [u32; 3], slot: &mut Open| -> Result<(), Fault> {
             if corner.iter().zip(dims).any(|(c, n)| *c >= n) {
-                return Err(FormatError::OutsideVolume { depth: depth_u32(d), corner }.into());
+                return Err(FormatError::OutsideVolume { level: level_of(d), corner }.into());
             }
             if d == depth {
                 voxels += 1;
@@ -271,12 +277,12 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
                 return Ok(());
             }
             let Some([rest]) = readers.nodes.get_mut(d).map_or(Ok(None), Cursor::take::<1>)? else {
-                return Err(FormatError::MissingNode { depth: depth_u32(d), corner }.into());
+                return Err(FormatError::MissingNode { level: level_of(d), corner }.into());
             };
             if rest == 0 {
-                let depth = depth_u32(d);
-                let node = frame.level(depth).end.saturating_sub(readers.nodes[d].left() + 1);
-                return Err(FormatError::EmptyNode { depth, node, corner }.into());
+                let level = level_of(d);
+                let node = frame.level(level).end.saturating_sub(readers.nodes[d].left() + 1);
+                return Err(FormatError::EmptyNode { level, node: NodeIndex::new(node), corner }.into());
             }
             *slot = Open { rest, corner, gather: Gather::default() };
             Ok(())
@@ -285,7 +291,7 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
     loop {
         if path[at].rest == 0 {
             if at < depth {
-                finished(at, &path[at].gather)?;
+                finished(level_of(at), &path[at].gather)?;
             }
             if at == 0 {
                 break;
@@ -295,33 +301,33 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
             path[at].gather.add(&gather);
             continue;
         }
-        let octant = path[at].rest.trailing_zeros();
+        let octant = Octant::low_bits(path[at].rest.trailing_zeros());
         path[at].rest &= path[at].rest - 1;
         let half = 1_u32 << (depth - at - 1);
         let mut corner = path[at].corner;
-        for (axis, c) in corner.iter_mut().enumerate() {
-            *c += half * (octant >> axis & 1);
+        for (c, high) in corner.iter_mut().zip(octant.high()) {
+            *c += half * high;
         }
         at += 1;
         enter(&mut readers, at, corner, &mut path[at])?;
     }
-    for (d, nodes) in (0..).zip(&readers.nodes) {
+    for (d, nodes) in readers.nodes.iter().enumerate() {
         if nodes.left() > 0 {
-            let level = frame.level(d);
-            let stated = level.end - level.start;
-            return Err(FormatError::SurplusBoxes { depth: d, stated, found: stated - nodes.left() }.into());
+            let level = level_of(d);
+            let stated = frame.level(level).end - frame.level(level).start;
+            return Err(FormatError::SurplusBoxes { level, stated, found: stated - nodes.left() }.into());
         }
     }
     if voxels != frame.header.voxels {
         let (stated, found) = (frame.header.voxels, voxels);
-        return Err(FormatError::SurplusBoxes { depth: frame.dims().depth(), stated, found }.into());
+        return Err(FormatError::SurplusBoxes { level: level_of(depth), stated, found }.into());
     }
     Ok(())
 }
 
 /// Depths are at most 16.
-fn depth_u32(depth: usize) -> u32 {
-    u32::try_from(depth).unwrap_or(u32::MAX)
+fn level_of(depth: usize) -> Level {
+    Level::new(u32::try_from(depth).unwrap_or(u32::MAX))
 }
 
 #[cfg(test)]
@@ -329,6 +335,7 @@ mod tests {
     use super::*;
     use crate::format::Metadata;
     use crate::format::assemble::{AssembledVoxel, Channels, assemble, plain_metadata};
+    use crate::geom::BoxIndex;
     use crate::load::{Model, NodeView};
 
     fn metadata(dims: [u32; 3], channels: Channels) -> Metadata {
@@ -356,35 +363,35 @@ mod tests {
                 verify(file.as_slice()).unwrap();
                 let model = Model::from_bytes(file).unwrap();
                 let mut found = Vec::new();
-                walk_view(&model, 0, [0; 3], model.depth(), &mut found);
+                walk_view(&model, BoxIndex::ROOT, [0; 3], model.depth(), &mut found);
                 let mut due: Vec<_> =
                     voxels.iter().map(|v| (v.cell, channels.normal.then_some(v.normal))).collect();
                 due.sort();
                 found.sort();
                 assert_eq!(found, due, "side {side}");
                 if channels.value_bytes > 0 {
-                    assert!((0..model.voxel_count()).all(|v| model.value(v).is_some()));
+                    assert!((0..model.voxel_count()).all(|v| model.value(VoxelIndex::new(v)).is_some()));
                 }
-                assert_eq!(model.value(model.voxel_count()), None);
+                assert_eq!(model.value(VoxelIndex::new(model.voxel_count())), None);
             }
         }
     }
 
     fn walk_view(
         m: &impl NodeView,
-        b: u64,
+        b: BoxIndex,
         corner: [u32; 3],
         left: u32,
         out: &mut Vec<([u32; 3], Option<u16>)>,
     ) {
         if left == 0 {
-            out.push((corner, m.voxel_normal(b - m.node_count())));
+            out.push((corner, m.voxel_normal(b.voxel(m.node_count()))));
             return;
         }
-        for octant in 0..8 {
-            if let Some(child) = m.child(b, octant) {
+        for octant in Octant::ALL {
+            if let Some(child) = m.child(b.node(), octant) {
                 let half = 1 << (left - 1);
-                let at = std::array::from_fn(|a| corner[a] + half * (octant >> a & 1));
+                let at = std::array::from_fn(|a| corner[a] + half * octant.high()[a]);
                 walk_view(m, child, at, left - 1, out);
             }
         }

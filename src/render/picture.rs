@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::format::normal;
+use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
 use super::image::Image;
@@ -383,9 +384,9 @@ impl<V: NodeView> Painter<'_, V> {
     /// World normal: the stored one, else that of the face, else towards the eye.
     fn normal(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
         let code = if seen.is_voxel {
-            self.view.voxel_normal(seen.box_number.wrapping_sub(self.view.node_count()))
+            self.view.voxel_normal(BoxIndex::new(seen.box_number).voxel(self.view.node_count()))
         } else {
-            self.view.node_normal(seen.box_number)
+            self.view.node_normal(NodeIndex::new(seen.box_number))
         };
         let box_frame = match (code, seen.face()) {
             (Some(code), _) => normal::decode_l1(code).map(f64::from),

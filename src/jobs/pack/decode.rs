@@ -13,6 +13,7 @@ use crate::format::packed::{
 use crate::format::{
     ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
 };
+use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk};
 
 use super::Stop;
@@ -182,11 +183,11 @@ fn structure<R: ReadAt + ?Sized>(
     if depth == 0 {
         return Ok(());
     }
-    let top = frame.level(root_depth).start;
+    let top = frame.level(Level::new(root_depth)).start;
     stored.planes(1, &mut Writer::new(out, target.offset, target.offset + top))?;
     let mut writers: Vec<Writer> = (root_depth..root_depth + depth)
         .map(|d| {
-            let level = frame.level(d);
+            let level = frame.level(Level::new(d));
             Writer::new(out, target.offset + level.start, target.offset + level.end)
         })
         .collect();
@@ -203,7 +204,7 @@ fn structure<R: ReadAt + ?Sized>(
             for (depth, (writer, level)) in (root_depth..).zip(writers.iter_mut().zip(&levels)) {
                 let (room, brought) = (writer.room(), level.len() as u64);
                 if brought > room {
-                    return Err(FormatError::SubtreeNodes { depth, room, brought }.into());
+                    return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought }.into());
                 }
                 writer.write(level).map_err(Stop::Output)?;
             }
@@ -213,7 +214,12 @@ fn structure<R: ReadAt + ?Sized>(
     }
     for (depth, writer) in (root_depth..).zip(&mut writers) {
         if !writer.is_full() {
-            return Err(FormatError::SubtreeNodes { depth, room: writer.room(), brought: 0 }.into());
+            return Err(FormatError::SubtreeNodes {
+                level: Level::new(depth),
+                room: writer.room(),
+                brought: 0,
+            }
+            .into());
         }
         writer.flush().map_err(Stop::Output)?;
     }
@@ -292,7 +298,7 @@ fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
         let item = u64::from(entry.item_bytes);
         (0..coarse)
             .map(|d| {
-                let level = mapped.level(d);
+                let level = mapped.level(Level::new(d));
                 Writer::new(out, entry.offset + level.start * item, entry.offset + level.end * item)
             })
             .collect()
@@ -300,11 +306,11 @@ fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
     let mut normals = writers(SectionKind::NormalLod);
     let mut values = writers(SectionKind::ValueLod);
     let value_bytes = usize::from(mapped.section(SectionKind::ValueLod).map_or(0, |e| e.item_bytes)).min(2);
-    walk(out, mapped, &mut |depth, means| {
-        if let Some(writer) = normals.get_mut(depth) {
+    walk(out, mapped, &mut |level, means| {
+        if let Some(writer) = normals.get_mut(level.index()) {
             writer.write(&means.normal().to_le_bytes())?;
         }
-        if let Some(writer) = values.get_mut(depth) {
+        if let Some(writer) = values.get_mut(level.index()) {
             writer.write(&means.value().to_le_bytes()[..value_bytes])?;
         }
         Ok::<(), Fault>(())

@@ -13,6 +13,7 @@ use crate::format::packed::{
 use crate::format::{
     ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, table_bytes,
 };
+use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt, verify};
 
 use super::Stop;
@@ -135,7 +136,7 @@ fn structure<R: ReadAt + ?Sized>(
     if depth == 0 {
         return Ok(());
     }
-    let top = SectionEntry { stored_bytes: frame.level(root_depth).start, ..*entry };
+    let top = SectionEntry { stored_bytes: frame.level(Level::new(root_depth)).start, ..*entry };
     plane_blocks(source, entry.offset, &top, writer)?;
     let mut coder = StructureCoder::new(depth as usize);
     let (mut levels, mut cells) = (Vec::new(), Vec::new());

@@ -6,6 +6,7 @@ use std::os::unix::fs::FileExt;
 
 use crate::format::packed::{GROUP_VOXELS, SUBTREE_DEPTH};
 use crate::format::{FormatError, SectionKind};
+use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
 
 /// Bytes of a writer's or a cursor's buffer.
@@ -89,7 +90,7 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         let nodes = frame.section(SectionKind::Nodes).map_or(0, |e| e.offset);
         let cursors = (root_depth..root_depth + levels)
             .map(|d| {
-                let level = frame.level(d);
+                let level = frame.level(Level::new(d));
                 Cursor::new(source, nodes + level.start, nodes + level.end, BUFFER_BYTES)
             })
             .collect();
@@ -110,7 +111,7 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
             for _ in 0..count {
                 match cursor.take::<1>()? {
                     Some([mask]) if mask != 0 => level.push(mask),
-                    _ => return Err(FormatError::SubtreeCut { depth }.into()),
+                    _ => return Err(FormatError::SubtreeCut { level: Level::new(depth) }.into()),
                 }
             }
             count = level.iter().map(|m| u64::from(m.count_ones())).sum();
@@ -125,7 +126,7 @@ pub(super) fn roots(frame: &Frame) -> u64 {
     if levels == 0 {
         return frame.header.voxels;
     }
-    let level = frame.level(root_depth);
+    let level = frame.level(Level::new(root_depth));
     level.end - level.start
 }
 

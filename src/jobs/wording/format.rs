@@ -86,13 +86,14 @@ impl fmt::Display for Damage<'_> {
             E::HeaderReserved { .. } => "reserved header bytes are not zero",
             E::TableReserved { .. } => "reserved bytes of the section table are not zero",
             E::PaddingNotZero { .. } => "bytes between sections are not zero (SPEC I9)",
-            E::EmptyNode { depth, .. } => {
-                return write!(f, "a node at depth {depth} has no children (SPEC I10)");
+            E::EmptyNode { level, .. } => {
+                return write!(f, "a node at depth {} has no children (SPEC I10)", level.get());
             }
-            E::MissingNode { depth, .. } => {
+            E::MissingNode { level, .. } => {
                 return write!(
                     f,
-                    "depth {depth} has fewer nodes than their parents have children (SPEC I11)"
+                    "depth {} has fewer nodes than their parents have children (SPEC I11)",
+                    level.get()
                 );
             }
             E::SubtreeCut { .. } => "a depth has fewer nodes than their parents have children (SPEC I11)",
@@ -101,18 +102,28 @@ impl fmt::Display for Damage<'_> {
             E::MissingItem { kind: SectionKind::Value | SectionKind::ValueLod } => {
                 "there are more voxels than values (SPEC I11)"
             }
+            E::RankMismatch { .. } | E::MissingItem { kind: SectionKind::Rank } => {
+                "the rank directory does not belong to the nodes (SPEC I13)"
+            }
             E::MissingItem { .. } => "there are more voxels than normals (SPEC I11)",
             E::SurplusItems { .. } => "there are more normals than voxels (SPEC I11)",
-            E::OutsideVolume { depth, .. } => {
-                return write!(f, "a box at depth {depth} lies outside the volume (SPEC I12)");
+            E::OutsideVolume { level, .. } => {
+                return write!(f, "a box at depth {} lies outside the volume (SPEC I12)", level.get());
             }
-            E::RankMismatch { .. } => "the rank directory does not belong to the nodes (SPEC I13)",
             E::IllegalNormal { .. } => "a normal has the illegal component -128 (SPEC I14)",
-            E::MeanNormal { depth, .. } => {
-                return write!(f, "a mean normal at depth {depth} is not that of its voxels (SPEC I15)");
+            E::MeanNormal { level, .. } => {
+                return write!(
+                    f,
+                    "a mean normal at depth {} is not that of its voxels (SPEC I15)",
+                    level.get()
+                );
             }
-            E::MeanValue { depth, .. } => {
-                return write!(f, "a mean value at depth {depth} is not that of its voxels (SPEC I16)");
+            E::MeanValue { level, .. } => {
+                return write!(
+                    f,
+                    "a mean value at depth {} is not that of its voxels (SPEC I16)",
+                    level.get()
+                );
             }
             E::GradientName { .. } => "metadata and sections disagree about normals (SPEC I17)",
             E::ValueScale { .. } => "metadata and sections disagree about values (SPEC I17)",
