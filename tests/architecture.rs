@@ -55,6 +55,9 @@ const MAY_SEE: &[(&str, &[&str])] = &[
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.
 const ABOVE_ERROR: &[&str] = &["jobs", "lib"];
 
+/// Modules that write sentences and name flags: `jobs`, and those below it whose errors still hold text.
+const SPEAKING: &[&str] = &["catalogue", "codec", "facts", "jobs", "source", "volume"];
+
 /// Files that may contain `unsafe`: the mapping, and vector instructions beside their safe twins.
 const UNSAFE_FILES: &[&str] =
     &["src/builder/lanes.rs", "src/builder/simd.rs", "src/cpu.rs", "src/load/map.rs", "src/resident.rs"];
@@ -240,6 +243,22 @@ fn the_command_knows_the_library_only_from_outside() {
     for source in sources("bin") {
         for (name, _) in crate_paths(&source.code) {
             assert!(["args", "bars"].contains(&name.as_str()), "{}: crate::{name}", source.path);
+        }
+    }
+}
+
+#[test]
+fn sentences_and_flags_are_written_in_jobs_and_the_command_only() {
+    for source in sources("src") {
+        if SPEAKING.contains(&source.module()) {
+            continue;
+        }
+        let code = source.without_tests();
+        assert!(!code.contains("#[error("), "{}: a sentence in an error's definition", source.path);
+        for (at, _) in code.match_indices("--") {
+            let flag = code[at + 2..].starts_with(|c: char| c.is_ascii_lowercase())
+                && code[..at].ends_with(|c: char| c.is_whitespace() || "\"'`(".contains(c));
+            assert!(!flag, "{}: {}", source.path, &code[at..].lines().next().unwrap());
         }
     }
 }
