@@ -44,7 +44,7 @@ impl fmt::Display for Damage<'_> {
                 let name = kind.map_or("a section of unknown kind", SectionKind::name);
                 return write!(f, "the checksum of {name} does not match");
             }
-            E::SectionCount { .. } => "the number of sections is outside 1..=64",
+            E::SectionCount { .. } => "the number of sections is outside 1..=64 (SPEC I3)",
             E::SectionGap { .. } => "sections do not follow each other without gaps",
             E::SectionSize { .. } => "a section's size is not items times bytes per item",
             E::SectionNotPlain { .. } => "an uncompressed section differs from its content",
