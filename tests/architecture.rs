@@ -19,7 +19,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("format", &["geom"]),
     ("progress", &[]),
     ("resident", &[]),
-    ("scratch", &["budget"]),
+    ("scratch", &[]),
     ("facts", &["budget", "error", "geom"]),
     ("volume", &["budget", "error", "facts", "geom", "progress", "scratch"]),
     ("source", &["budget", "codec", "cpu", "error", "facts", "geom", "progress", "scratch", "volume"]),
@@ -50,11 +50,14 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "volume",
         ],
     ),
-    ("error", &["builder", "facts", "format", "load", "render"]),
+    ("error", &["builder", "clean", "facts", "format", "load", "render"]),
 ];
 
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.
 const ABOVE_ERROR: &[&str] = &["jobs", "lib"];
+
+/// Modules that write sentences and name flags: `jobs`, and those below it whose errors still hold text.
+const SPEAKING: &[&str] = &["codec", "jobs", "source"];
 
 /// Files that may contain `unsafe`: the mapping, and vector instructions beside their safe twins.
 const UNSAFE_FILES: &[&str] =
@@ -241,6 +244,22 @@ fn the_command_knows_the_library_only_from_outside() {
     for source in sources("bin") {
         for (name, _) in crate_paths(&source.code) {
             assert!(["args", "bars"].contains(&name.as_str()), "{}: crate::{name}", source.path);
+        }
+    }
+}
+
+#[test]
+fn sentences_and_flags_are_written_in_jobs_and_the_command_only() {
+    for source in sources("src") {
+        if SPEAKING.contains(&source.module()) {
+            continue;
+        }
+        let code = source.without_tests();
+        assert!(!code.contains("#[error("), "{}: a sentence in an error's definition", source.path);
+        for (at, _) in code.match_indices("--") {
+            let flag = code[at + 2..].starts_with(|c: char| c.is_ascii_lowercase())
+                && code[..at].ends_with(|c: char| c.is_whitespace() || "\"'`(".contains(c));
+            assert!(!flag, "{}: {}", source.path, &code[at..].lines().next().unwrap());
         }
     }
 }

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use super::brick::{BrickReader, channel_bytes, infobytes};
-use super::error::BuildError;
+use super::error::{BuildError, ScratchFault};
 use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
 use super::swap::{BrickEntry, Scratch};
@@ -133,9 +133,8 @@ impl<'a> Merge<'a> {
     ) -> Result<Self, BuildError> {
         // A brick's code and a sum for each channel.
         let summary_bytes = size_of::<u64>() + averaged(target.channels).count() * Sum::BYTES;
-        let summaries_len = usize::try_from(census.bricks * summary_bytes as u64).map_err(|_| {
-            scratch.error(std::io::Error::other("the model has too many bricks for this machine"))
-        })?;
+        let summaries_len = usize::try_from(census.bricks * summary_bytes as u64)
+            .map_err(|_| scratch.error(ScratchFault::TooManyBricks.into()))?;
         let mut node = [0; BRICK_LEVELS as usize + 1];
         for e in 1..=census.depth.min(BRICK_LEVELS) {
             node[e as usize] = census.first_node(e);

@@ -13,6 +13,7 @@ pub mod packed;
 pub mod rank;
 mod section;
 
+pub(crate) use channel::number;
 pub use channel::{Channel, ChannelRow, Channels, MeanBytes, MeanRule, Means, Sum};
 pub use error::FormatError;
 pub use header::{Encoding, HEADER_BYTES, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};

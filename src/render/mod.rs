@@ -25,6 +25,6 @@ pub mod space;
 pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};
-pub use error::RenderError;
+pub use error::{CameraFault, Layer, RenderError};
 pub use image::Image;
 pub use space::GridSpace;

@@ -356,11 +356,7 @@ impl Run<'_> {
         let progress = self.watcher.begin(slot, &item.name);
         // A defect in one volume's way must not take the others along.
         let built = catch_unwind(AssertUnwindSafe(|| self.build(source, &item.name, progress)));
-        let built = built.unwrap_or_else(|_| {
-            Err(Error::Usage(
-                "an internal error stopped its conversion; please report it with the file".into(),
-            ))
-        });
+        let built = built.unwrap_or(Err(Error::Internal));
         match built {
             Ok((facts, thumbnail_bytes, warnings)) => {
                 item.status = Status::Converted;
