@@ -3,6 +3,7 @@
 mod args;
 mod bars;
 
+use std::fmt;
 use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -75,35 +76,35 @@ fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
-fn run(command: Command) -> Result<ExitCode, Error> {
+fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Build(args) => build(&args),
-        Command::Batch(args) => batch(&args),
-        Command::Scan(args) => scan(&args),
+        Command::Batch(args) => Ok(batch(&args)?),
+        Command::Scan(args) => Ok(scan(&args)?),
         Command::Info(args) => {
             let info = info::info(&args.model)?;
-            print(args.json, || info.json(), || info.text())
+            Ok(print(args.json, || info.json(), || info.text())?)
         }
         Command::Verify(args) => {
             let report = verify::verify(&args.model)?;
-            print(args.json, || report.json(), || report.text())
+            Ok(print(args.json, || report.json(), || report.text())?)
         }
         Command::Pack(args) => {
             let report = pack::pack(&args.input, &args.output)?;
-            print_packed(&args, &report)
+            Ok(print_packed(&args, &report)?)
         }
         Command::Unpack(args) => {
             let report = pack::unpack(&args.input, &args.output)?;
-            print_packed(&args, &report)
+            Ok(print_packed(&args, &report)?)
         }
-        Command::Render(args) => render(&args),
-        Command::Thumbnail(args) => thumbnail(&args),
-        Command::Demo(args) => demo(&args),
-        Command::Selfcheck(args) => selfcheck(&args),
+        Command::Render(args) => Ok(render(&args)?),
+        Command::Thumbnail(args) => Ok(thumbnail(&args)?),
+        Command::Demo(args) => Ok(demo(&args)?),
+        Command::Selfcheck(args) => Ok(selfcheck(&args)?),
     }
 }
 
-fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
+fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     let options = BuildOptions {
         threshold: args.selection.threshold(),
         connectivity: args.skin.connectivity,
@@ -125,7 +126,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Error> {
     let summary = jobs::build::build_cleaned(&args.input, &how, &cleaning, &options, &args.output, &bars);
     bars.finish();
     let summary = summary?;
-    print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })
+    Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
 
 fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
@@ -234,8 +235,57 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
     print(false, || Value::Null, || if args.json { json() } else { text() })
 }
 
+/// Why the command ends without success.
+enum Failure {
+    /// Its arguments do not belong together.
+    Arguments(Refusal),
+    /// The library's error.
+    Job(Error),
+}
+
+/// Arguments that do not belong together.
+enum Refusal {
+    SkipAlone,
+    NoDims,
+    NoType,
+}
+
+impl From<Refusal> for Failure {
+    fn from(refusal: Refusal) -> Self {
+        Self::Arguments(refusal)
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(cause: Error) -> Self {
+        Self::Job(cause)
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Job(cause) => return cause.fmt(f),
+            Self::Arguments(Refusal::SkipAlone) => {
+                "--skip is for raw volumes, with --dims and --dtype; other files say where their voxels begin"
+            }
+            Self::Arguments(Refusal::NoDims) => "a raw volume needs --dims NXxNYxNZ as well",
+            Self::Arguments(Refusal::NoType) => "a raw volume needs --dtype as well, for example --dtype u16",
+        })
+    }
+}
+
+impl Failure {
+    fn kind(&self) -> ExitKind {
+        match self {
+            Self::Arguments(_) => ExitKind::Usage,
+            Self::Job(cause) => cause.kind(),
+        }
+    }
+}
+
 /// The description of a headerless volume, if any of it was given.
-fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Error> {
+fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
     match (raw.dims, raw.dtype) {
         (Some(dims), Some((scalar, endian))) => Ok(Some(RawOptions {
             dims,
@@ -246,12 +296,9 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Error> {
             orientation: raw.orientation.unwrap_or(Orientation::LPS),
         })),
         (None, None) if raw.skip.is_none() => Ok(None),
-        (None, None) => Err(Error::Usage(
-            "--skip is for raw volumes, with --dims and --dtype; other files say where their voxels begin"
-                .into(),
-        )),
-        (None, _) => Err(Error::Usage("a raw volume needs --dims NXxNYxNZ as well".into())),
-        (_, None) => Err(Error::Usage("a raw volume needs --dtype as well, for example --dtype u16".into())),
+        (None, None) => Err(Refusal::SkipAlone),
+        (None, Some(_)) => Err(Refusal::NoDims),
+        (Some(_), None) => Err(Refusal::NoType),
     }
 }
 

@@ -11,6 +11,27 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, CWD, Mode, OFlags};
 
+/// Why a target cannot be written that the system itself would not refuse; held by an [`io::Error`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TargetFault {
+    /// It is a link to a place that does not exist.
+    DanglingLink,
+    /// It is a folder or a device.
+    NotRegular,
+    /// Its path does not end in a name.
+    NoFileName,
+    /// Its folder has no free name for a temporary file.
+    NoFreeName,
+}
+
+impl std::error::Error for TargetFault {}
+
+impl From<TargetFault> for io::Error {
+    fn from(fault: TargetFault) -> Self {
+        Self::other(fault)
+    }
+}
+
 /// A file being written that will become `target` on [`AtomicFile::commit`]; dropped before that, it
 /// leaves nothing.
 #[derive(Debug)]
@@ -40,13 +61,13 @@ impl AtomicFile {
             Err(_) => target.to_path_buf(),
         };
         if fs::symlink_metadata(&target).is_ok_and(|m| m.is_symlink()) {
-            return Err(io::Error::other("it is a link to a place that does not exist"));
+            return Err(TargetFault::DanglingLink.into());
         }
         if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
-            return Err(io::Error::other("it exists and is not a regular file"));
+            return Err(TargetFault::NotRegular.into());
         }
         if target.file_name().is_none() {
-            return Err(io::Error::other("it is not a file name"));
+            return Err(TargetFault::NoFileName.into());
         }
         let folder = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
@@ -162,7 +183,7 @@ fn link(file: &File, folder: &Path, target: &Path) -> io::Result<()> {
             }
         }
     }
-    Err(io::Error::other("no free temporary name in the folder"))
+    Err(TargetFault::NoFreeName.into())
 }
 
 #[cfg(test)]

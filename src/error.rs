@@ -1,11 +1,11 @@
-//! The errors of every boundary gathered once, and the exit code that each kind of failure has.
+//! The errors of every boundary gathered once, as values, and the exit code that each kind of failure has.
+//! The sentences are written in `jobs`.
 
 use std::io;
 use std::path::PathBuf;
 
-use thiserror::Error;
-
 use crate::builder::BuildError;
+use crate::clean::CleanError;
 use crate::facts::SourceError;
 use crate::format::FormatError;
 use crate::load::LoadError;
@@ -41,50 +41,117 @@ impl ExitKind {
 
 /// Anything that can stop a job.
 #[non_exhaustive]
-#[derive(Debug, Error)]
+#[derive(Debug)]
 pub enum Error {
     /// The request itself is wrong.
-    #[error("{0}")]
-    Usage(String),
+    Usage(UsageError),
     /// Reading the volume failed.
-    #[error(transparent)]
-    Source(#[from] SourceError),
+    Source(SourceError),
     /// Building the octree failed.
-    #[error(transparent)]
-    Build(#[from] BuildError),
+    Build(BuildError),
+    /// Cleaning the volume failed.
+    Clean(CleanError),
     /// The bytes of an `.oct` are wrong.
-    #[error(transparent)]
-    Format(#[from] FormatError),
+    Format(FormatError),
     /// Opening an `.oct` failed.
-    #[error(transparent)]
-    Load(#[from] LoadError),
+    Load(LoadError),
     /// Making or writing a picture failed.
-    #[error(transparent)]
-    Render(#[from] RenderError),
+    Render(RenderError),
     /// Another batch writes into the output folder.
-    #[error("{path}: another batch is writing into this folder; wait until it has finished, or choose another folder with --out", path = path.display())]
     Busy {
         /// The folder.
         path: PathBuf,
     },
     /// An output file cannot be written.
-    #[error("{path}: cannot be written ({cause}); check the folder and its free space", path = path.display())]
     Output {
         /// The target.
         path: PathBuf,
         /// The system's reason.
-        #[source]
         cause: io::Error,
     },
+    /// A defect of this program stopped the conversion of one volume of a batch.
+    Internal,
 }
+
+/// A request that cannot be met, whatever the input holds.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum UsageError {
+    /// A model or packed file would take the place of its input.
+    ReplacesInput {
+        /// The output.
+        path: PathBuf,
+        /// Can the input be a folder, of which the output would be a part?
+        folder: bool,
+    },
+    /// A picture would take the place of the model.
+    ReplacesModel {
+        /// The picture.
+        path: PathBuf,
+    },
+    /// Two pictures have one name.
+    NamedTwice {
+        /// The picture.
+        path: PathBuf,
+    },
+    /// A synthetic head of this size cannot be made.
+    HeadSize {
+        /// Voxels a side.
+        side: u32,
+    },
+}
+
+impl From<UsageError> for Error {
+    fn from(cause: UsageError) -> Self {
+        Self::Usage(cause)
+    }
+}
+
+impl std::error::Error for UsageError {}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Source(inner) => inner.source(),
+            Self::Build(inner) => inner.source(),
+            Self::Clean(inner) => inner.source(),
+            Self::Format(inner) => inner.source(),
+            Self::Load(inner) => inner.source(),
+            Self::Render(inner) => inner.source(),
+            Self::Output { cause, .. } => Some(cause),
+            Self::Usage(_) | Self::Busy { .. } | Self::Internal => None,
+        }
+    }
+}
+
+/// An error of one boundary becomes the variant of the same name.
+macro_rules! gathers {
+    ($($variant:ident($inner:ty)),*) => {$(
+        impl From<$inner> for Error {
+            fn from(cause: $inner) -> Self {
+                Self::$variant(cause)
+            }
+        }
+    )*};
+}
+
+gathers!(
+    Source(SourceError),
+    Build(BuildError),
+    Clean(CleanError),
+    Format(FormatError),
+    Load(LoadError),
+    Render(RenderError)
+);
 
 impl Error {
     /// The kind of failure, hence the exit code.
     pub fn kind(&self) -> ExitKind {
         match self {
-            Self::Usage(_) => ExitKind::Usage,
+            Self::Usage(_) | Self::Internal => ExitKind::Usage,
             Self::Source(e) => e.kind(),
             Self::Build(e) => e.kind(),
+            Self::Clean(e) => e.kind(),
             Self::Format(_) => ExitKind::Input,
             Self::Load(e) => e.kind(),
             Self::Render(e) => e.kind(),

@@ -54,4 +54,4 @@ pub mod scratch;
 pub mod source;
 pub mod volume;
 
-pub use error::{Error, ExitKind};
+pub use error::{Error, ExitKind, UsageError};

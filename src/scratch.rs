@@ -5,6 +5,17 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
+/// A disk with less room than a scratch file needs; held by an [`io::Error`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoRoom {
+    /// Bytes that are needed.
+    pub needed_bytes: u64,
+    /// Bytes that are free.
+    pub free_bytes: u64,
+}
+
+impl std::error::Error for NoRoom {}
+
 /// A new nameless file in `folder`, open for reading and writing.
 ///
 /// # Errors
@@ -23,12 +34,8 @@ pub fn nameless_for(folder: &Path, bytes: u64) -> io::Result<File> {
     if let Ok(system) = rustix::fs::fstatvfs(&file) {
         let free = system.f_bavail.saturating_mul(system.f_frsize);
         if free < bytes {
-            let text = format!(
-                "{} are needed, and {} are free",
-                crate::budget::Bytes(bytes),
-                crate::budget::Bytes(free)
-            );
-            return Err(io::Error::new(io::ErrorKind::StorageFull, text));
+            let fault = NoRoom { needed_bytes: bytes, free_bytes: free };
+            return Err(io::Error::new(io::ErrorKind::StorageFull, fault));
         }
     }
     Ok(file)
@@ -43,7 +50,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         assert!(nameless_for(folder.path(), 1).is_ok());
         let refused = nameless_for(folder.path(), u64::MAX).unwrap_err();
-        assert!(refused.kind() == io::ErrorKind::StorageFull && refused.to_string().contains("are free"));
+        let fault = refused.get_ref().and_then(|inner| inner.downcast_ref::<NoRoom>());
+        assert_eq!(fault.map(|fault| fault.needed_bytes), Some(u64::MAX));
+        assert_eq!(refused.kind(), io::ErrorKind::StorageFull);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

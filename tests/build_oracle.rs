@@ -8,7 +8,7 @@ use std::path::Path;
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build};
 use infobyte::format::{Channel, Channels, SectionKind, normal};
-use infobyte::geom::{Dims, Orientation};
+use infobyte::geom::{Dims, Orientation, VoxelIndex};
 use infobyte::load::{Model, verify};
 use infobyte::source::{RawOptions, RawVolume};
 use infobyte::volume::{Endian, Rescale, ScalarType, VolumeSource};
@@ -159,7 +159,7 @@ fn check_values(
     name: &str,
 ) -> Vec<u16> {
     let count = truth.skin.len() as u64;
-    let stored: Vec<u16> = (0..count).filter_map(|v| model.value(v)).collect();
+    let stored: Vec<u16> = (0..count).filter_map(|v| model.value(VoxelIndex::new(v))).collect();
     assert_eq!(
         stored.len() as u64,
         if options.channels.contains(Channel::Value) { count } else { 0 },

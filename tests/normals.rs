@@ -33,7 +33,7 @@ mod volume;
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
 use infobyte::format::{Channels, normal};
-use infobyte::geom::{Affine, morton};
+use infobyte::geom::{Affine, BoxIndex, Octant, morton};
 use infobyte::load::{Model, NodeView};
 use infobyte::volume::ScalarType;
 use random::Random;
@@ -77,20 +77,22 @@ fn stored_codes(
     let model = Model::open(&path).unwrap();
     let view = model.view();
     // Breadth first, so that the last level comes out as voxels 0, 1, ... in Morton order.
-    let mut level = vec![(0_u64, 0_u64)];
+    let mut level = vec![(BoxIndex::ROOT, 0_u64)];
     for _ in 0..view.depth() {
         level = level
             .into_iter()
-            .flat_map(|(node, code)| (0..8).map(move |octant| (node, octant, code << 3 | u64::from(octant))))
-            .filter_map(|(node, octant, code)| view.child(node, octant).map(|child| (child, code)))
+            .flat_map(|(node, code)| {
+                Octant::ALL.map(|octant| (node, octant, code << 3 | u64::from(octant.get())))
+            })
+            .filter_map(|(node, octant, code)| view.child(node.node(), octant).map(|child| (child, code)))
             .collect();
     }
     let codes = level
         .into_iter()
         .enumerate()
         .map(|(i, (number, code))| {
-            let voxel = number - view.node_count();
-            assert_eq!(voxel, i as u64);
+            let voxel = number.voxel(view.node_count());
+            assert_eq!(voxel.get(), i as u64);
             (position(code), view.voxel_normal(voxel).unwrap())
         })
         .collect();

@@ -11,7 +11,7 @@ use infobyte::builder::{
     SkinSlice, Solid, SolidWorker, Tile, VoxelBox, build_solid,
 };
 use infobyte::format::{Channel, Channels, Metadata, normal};
-use infobyte::geom::{Dims, morton};
+use infobyte::geom::{BoxIndex, Dims, Octant, morton};
 use infobyte::load::{Model, NodeView, verify};
 use infobyte::volume::SourceError;
 
@@ -154,14 +154,14 @@ fn skin_of(ball: &Ball, connectivity: Connectivity) -> Vec<u64> {
 }
 
 /// Codes of the voxels below a box, in the order in which they are stored.
-fn voxels_below(model: &Model, at: u64, code: u64, left: u32, codes: &mut Vec<u64>) {
+fn voxels_below(model: &Model, at: BoxIndex, code: u64, left: u32, codes: &mut Vec<u64>) {
     if left == 0 {
         codes.push(code);
         return;
     }
-    for octant in 0..8 {
-        if let Some(child) = model.child(at, octant) {
-            voxels_below(model, child, code << 3 | u64::from(octant), left - 1, codes);
+    for octant in Octant::ALL {
+        if let Some(child) = model.child(at.node(), octant) {
+            voxels_below(model, child, code << 3 | u64::from(octant.get()), left - 1, codes);
         }
     }
 }
@@ -186,7 +186,7 @@ fn a_ball_is_built_as_it_is_defined_wherever_it_lies() {
             let model = Model::open(&file).unwrap();
             verify(&model).unwrap();
             let mut got = Vec::new();
-            voxels_below(&model, 0, 0, model.dims().depth(), &mut got);
+            voxels_below(&model, BoxIndex::ROOT, 0, model.dims().depth(), &mut got);
             assert!(got == want, "{dims:?} {connectivity:?}");
             let (normals, offsets) =
                 (model.items(Channel::Normal).unwrap(), model.items(Channel::Offset).unwrap());

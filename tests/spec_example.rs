@@ -5,6 +5,7 @@ mod support;
 
 use infobyte::format::assemble::{AssembledVoxel, assemble};
 use infobyte::format::normal;
+use infobyte::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
 use infobyte::load::{Model, NodeView, verify};
 use support::{NORMALS, metadata};
 
@@ -46,13 +47,16 @@ fn the_text_the_assembler_and_the_loader_agree_byte_for_byte() {
     verify(text.as_slice()).unwrap();
     let model = Model::from_bytes(text).unwrap();
     assert_eq!((model.node_count(), model.voxel_count(), model.depth()), (3, 3, 2));
-    assert_eq!([0, 1, 2].map(|n| model.infobyte(n)), [0x03, 0x01, 0x05]);
-    assert_eq!([0, 1, 2].map(|n| model.first_child(n)), [1, 3, 4]);
-    assert_eq!(model.child(2, 2), Some(5));
-    assert_eq!(model.child(2, 1), None);
+    assert_eq!([0, 1, 2].map(|n| model.infobyte(NodeIndex::new(n))), [0x03, 0x01, 0x05]);
+    assert_eq!([0, 1, 2].map(|n| model.first_child(NodeIndex::new(n)).get()), [1, 3, 4]);
+    assert_eq!(model.child(NodeIndex::new(2), Octant::ALL[2]), Some(BoxIndex::new(5)));
+    assert_eq!(model.child(NodeIndex::new(2), Octant::ALL[1]), None);
     // (-1, 0, 0), (1, 0, 0), (0, 1, 0); the sum of all is along y.
-    assert_eq!([0, 1, 2].map(|v| model.voxel_normal(v)), [Some(0x0081), Some(0x007f), Some(0x7f00)]);
-    assert_eq!(model.node_normal(0), Some(0x7f00));
+    assert_eq!(
+        [0, 1, 2].map(|v| model.voxel_normal(VoxelIndex::new(v))),
+        [Some(0x0081), Some(0x007f), Some(0x7f00)]
+    );
+    assert_eq!(model.node_normal(NodeIndex::ROOT), Some(0x7f00));
 }
 
 /// The header of the example, field by field from SPEC 4.1, without the program's own reader.

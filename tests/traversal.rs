@@ -7,7 +7,7 @@
 #[path = "support/scenes.rs"]
 mod support;
 
-use infobyte::geom::Dims;
+use infobyte::geom::{BoxIndex, Dims, NodeIndex, VoxelIndex};
 use infobyte::load::{MemoryTree, NodeView};
 use infobyte::render::form::Form;
 use infobyte::render::ray::{BadRay, Ray};
@@ -531,17 +531,17 @@ impl NodeView for Garbage {
     fn voxel_count(&self) -> u64 {
         u64::MAX
     }
-    fn infobyte(&self, node: u64) -> u8 {
-        let [a, b, ..] = Random::new(node ^ self.0).bits().to_le_bytes();
+    fn infobyte(&self, node: NodeIndex) -> u8 {
+        let [a, b, ..] = Random::new(node.get() ^ self.0).bits().to_le_bytes();
         a & b
     }
-    fn first_child(&self, node: u64) -> u64 {
-        Random::new(node.wrapping_add(self.0)).bits()
+    fn first_child(&self, node: NodeIndex) -> BoxIndex {
+        BoxIndex::new(Random::new(node.get().wrapping_add(self.0)).bits())
     }
-    fn voxel_normal(&self, _: u64) -> Option<u16> {
+    fn voxel_normal(&self, _: VoxelIndex) -> Option<u16> {
         None
     }
-    fn node_normal(&self, _: u64) -> Option<u16> {
+    fn node_normal(&self, _: NodeIndex) -> Option<u16> {
         None
     }
 }

@@ -5,7 +5,7 @@
 #[path = "support/scenes.rs"]
 mod support;
 
-use infobyte::geom::{Affine, Dims, morton};
+use infobyte::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex, morton};
 use infobyte::load::{MemoryTree, NodeView};
 use infobyte::render::form::Form;
 use infobyte::render::ray::Ray;
@@ -264,18 +264,18 @@ impl NodeView for Garbage {
     fn voxel_count(&self) -> u64 {
         u64::MAX
     }
-    fn infobyte(&self, node: u64) -> u8 {
-        let hash = Random::new(node ^ self.0).bits();
+    fn infobyte(&self, node: NodeIndex) -> u8 {
+        let hash = Random::new(node.get() ^ self.0).bits();
         // Of some seeds nearly all nodes are full, and lead to empty ones in the end.
         if self.0 % 2 == 0 { u8::from(hash % 16 > 0) * 255 } else { (hash & hash >> 8 & 255) as u8 }
     }
-    fn first_child(&self, node: u64) -> u64 {
-        Random::new(node.wrapping_add(self.0)).bits()
+    fn first_child(&self, node: NodeIndex) -> BoxIndex {
+        BoxIndex::new(Random::new(node.get().wrapping_add(self.0)).bits())
     }
-    fn voxel_normal(&self, _: u64) -> Option<u16> {
+    fn voxel_normal(&self, _: VoxelIndex) -> Option<u16> {
         None
     }
-    fn node_normal(&self, _: u64) -> Option<u16> {
+    fn node_normal(&self, _: NodeIndex) -> Option<u16> {
         None
     }
 }

@@ -377,7 +377,7 @@ fn smallest_models_and_senseless_requests() {
     for (width, height) in [(0, 5), (5, 0), (u32::MAX, 1), (32_768, 32_768)] {
         let asked = RenderRequest { width, height, ..RenderRequest::default() };
         let refused = render(&one.tree, one.dims, &unit_affine(), &asked);
-        assert!(matches!(refused, Err(RenderError::Usage { .. })));
+        assert!(matches!(refused, Err(RenderError::Size { .. })));
     }
     let flat = Affine::from_spacing([1.0, 0.0, 1.0]);
     let refused = render(&one.tree, one.dims, &flat, &RenderRequest::default());

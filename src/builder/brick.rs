@@ -1,7 +1,7 @@
 //! One brick of 32^3 voxels: from its fragments in scan order to infobytes and channels in Morton order.
 #![expect(clippy::cast_possible_truncation, reason = "codes within a brick are below 2^15")]
 
-use super::error::BuildError;
+use super::error::{BuildError, ScratchFault};
 use super::item::{ChannelForm, ItemForm};
 use super::layout::{BRICK_LEVELS, StoredChannels};
 use super::simd::{Isa, Kernel, dispatch};
@@ -162,7 +162,7 @@ impl BrickReader {
                 read_fragment(scratch, at, &mut self.stored, &mut self.payload)?;
             }
             if self.unpack().is_none() {
-                return Err(scratch.error(std::io::Error::other("its contents were changed by someone else")));
+                return Err(scratch.error(ScratchFault::Changed.into()));
             }
         }
         dispatch(WordsKernel { reader: self });

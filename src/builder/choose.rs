@@ -1,6 +1,6 @@
 //! The choice of what is inside: a selection as given, or by Otsu's method from a streamed histogram.
 
-use super::error::BuildError;
+use super::error::{BuildError, Sought};
 use super::range::{Ordered, SampleRange, highest_below};
 use super::{Progress, Threshold, histogram};
 use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
@@ -60,7 +60,7 @@ impl Chooser<'_> {
                 self.progress.stage("histogram", 1);
                 let (threads, _memory) = self.reserve_histogram()?;
                 let Some(split) = histogram::otsu::<T>(self.source, threads)? else {
-                    return Err(self.empty::<T>("Otsu's threshold, which needs two different values"));
+                    return Err(self.empty::<T>(Sought::Split));
                 };
                 self.progress.advance(1);
                 // On a falling scale the samples below the split are the high values, and the split itself is
@@ -70,11 +70,11 @@ impl Chooser<'_> {
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
-            return Err(BuildError::Usage("the range is empty: write it as LO..HI with LO <= HI".into()));
+            return Err(BuildError::EmptyRange { lo: selection.lo, hi: selection.hi });
         }
         match SampleRange::of_selection(&selection, rescale) {
             Some(range) => Ok((selection, range)),
-            None => Err(self.empty::<T>(&describe(&selection))),
+            None => Err(self.empty::<T>(Sought::Within(selection))),
         }
     }
 
@@ -115,7 +115,7 @@ impl Chooser<'_> {
     }
 
     /// The error for a range without voxels: says which values there are, at the price of one more pass.
-    pub(super) fn empty<T: Ordered>(&self, range: &str) -> BuildError {
+    pub(super) fn empty<T: Ordered>(&self, sought: Sought) -> BuildError {
         let info = self.source.info();
         let name = info.description.name.clone();
         let seen = self
@@ -126,17 +126,8 @@ impl Chooser<'_> {
             Ok(None) => BuildError::NoNumbers { name },
             Ok(Some((a, b))) => {
                 let (a, b) = (info.rescale.apply(a), info.rescale.apply(b));
-                BuildError::EmptyResult { name, range: range.into(), min: a.min(b), max: a.max(b) }
+                BuildError::EmptyResult { name, sought, min: a.min(b), max: a.max(b) }
             }
         }
-    }
-}
-
-/// The range in words.
-pub(super) fn describe(selection: &Selection) -> String {
-    if selection.hi.is_infinite() {
-        format!("the range from {} up", selection.lo)
-    } else {
-        format!("the range {}..{}", selection.lo, selection.hi)
     }
 }

@@ -1,24 +1,20 @@
-//! Why a build stops.
+//! Why a build stops, as values; the sentences are written in `jobs`.
 
+use std::error::Error;
 use std::io;
 use std::path::PathBuf;
 
-use thiserror::Error;
-
-use crate::budget::SizeArgument;
 use crate::error::ExitKind;
-use crate::format::{Channel, FormatError};
+use crate::format::{Channel, FormatError, Selection};
 use crate::volume::SourceError;
 
 /// A build that cannot be finished; the old target, if any, is untouched.
 #[non_exhaustive]
-#[derive(Debug, Error)]
+#[derive(Debug)]
 pub enum BuildError {
     /// The volume cannot be read.
-    #[error(transparent)]
-    Source(#[from] SourceError),
+    Source(SourceError),
     /// The cap is too small even for one thread.
-    #[error("{name}: --memory {limit} is too small; the smallest that works is --memory {minimum}", limit = SizeArgument(*limit_bytes), minimum = SizeArgument(*minimum_bytes))]
     BudgetTooSmall {
         /// The input.
         name: String,
@@ -28,74 +24,119 @@ pub enum BuildError {
         minimum_bytes: u64,
     },
     /// No voxel lies in the range.
-    #[error(
-        "{name}: no voxel lies in {range}; the values of this volume run from {min} to {max}: choose --iso or --range within them"
-    )]
     EmptyResult {
         /// The input.
         name: String,
-        /// The range as text.
-        range: String,
+        /// What was asked for.
+        sought: Sought,
         /// Smallest value.
         min: f64,
         /// Largest value.
         max: f64,
     },
     /// No voxel of the solid is inside.
-    #[error("{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it")]
     NothingInside {
         /// The solid.
         name: String,
     },
     /// The solid does not have a channel that was asked for.
-    #[error("{name}: does not have the channel '{channel}'; leave it out")]
     NoChannel {
         /// The solid.
         name: String,
         /// The channel.
         channel: Channel,
     },
-    /// Cleaning removes every voxel.
-    #[error("{name}: no component is left; the largest has {largest} voxels: choose --drop-below below that")]
-    NothingKept {
-        /// The input.
-        name: String,
-        /// Voxels of the largest component.
-        largest: u64,
-    },
     /// Every sample is NaN or infinite.
-    #[error("{name}: holds no finite value; check --dtype")]
     NoNumbers {
         /// The input.
         name: String,
     },
-    /// The options contradict each other.
-    #[error("{0}")]
-    Usage(String),
+    /// The range ends before it begins, or a limit is NaN.
+    EmptyRange {
+        /// Lowest value asked for.
+        lo: f64,
+        /// Highest value asked for.
+        hi: f64,
+    },
     /// The scratch file cannot be written.
-    #[error("scratch file in {path}: {cause}; free some space or choose another folder with --scratch", path = path.display())]
     Scratch {
         /// The folder.
         path: PathBuf,
-        /// The system's reason.
-        #[source]
+        /// The system's reason, or a [`ScratchFault`].
         cause: io::Error,
     },
     /// The output cannot be written.
-    #[error("{path}: cannot be written ({cause}); check the folder and its free space", path = path.display())]
     Output {
         /// The target.
         path: PathBuf,
         /// The system's reason.
-        #[source]
         cause: io::Error,
     },
     /// The metadata cannot be encoded.
-    #[error(transparent)]
-    Format(#[from] FormatError),
+    Format(FormatError),
     /// Threads cannot be started.
-    #[error("worker threads cannot be started ({0}); try --threads 1")]
-    Threads(String),
+    Threads {
+        /// How many.
+        threads: usize,
+        /// The system's reason.
+        cause: io::Error,
+    },
+}
+
+/// What a range without voxels was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sought {
+    /// Otsu's threshold, which needs two different values.
+    Split,
+    /// The voxels of this range.
+    Within(Selection),
+}
+
+/// What is wrong with a scratch file that can be read; held by the [`io::Error`] of [`BuildError::Scratch`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScratchFault {
+    /// Its contents are not those that were written.
+    Changed,
+    /// It would have more bricks than the machine can address.
+    TooManyBricks,
+}
+
+impl Error for ScratchFault {}
+
+impl From<ScratchFault> for io::Error {
+    fn from(fault: ScratchFault) -> Self {
+        Self::other(fault)
+    }
+}
+
+impl Error for BuildError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match self {
+            Self::Source(inner) => inner.source(),
+            Self::Format(inner) => inner.source(),
+            Self::Scratch { cause, .. } | Self::Output { cause, .. } | Self::Threads { cause, .. } => {
+                Some(cause)
+            }
+            Self::BudgetTooSmall { .. }
+            | Self::EmptyResult { .. }
+            | Self::NothingInside { .. }
+            | Self::NoChannel { .. }
+            | Self::NoNumbers { .. }
+            | Self::EmptyRange { .. } => None,
+        }
+    }
+}
+
+impl From<SourceError> for BuildError {
+    fn from(cause: SourceError) -> Self {
+        Self::Source(cause)
+    }
+}
+
+impl From<FormatError> for BuildError {
+    fn from(cause: FormatError) -> Self {
+        Self::Format(cause)
+    }
 }
 
 impl BuildError {
@@ -104,12 +145,9 @@ impl BuildError {
         match self {
             Self::Source(e) => e.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
-            Self::EmptyResult { .. }
-            | Self::NothingInside { .. }
-            | Self::NothingKept { .. }
-            | Self::NoNumbers { .. } => ExitKind::Input,
-            Self::Usage(_) | Self::NoChannel { .. } => ExitKind::Usage,
-            Self::Scratch { .. } | Self::Output { .. } | Self::Threads(_) => ExitKind::Io,
+            Self::EmptyResult { .. } | Self::NothingInside { .. } | Self::NoNumbers { .. } => ExitKind::Input,
+            Self::EmptyRange { .. } | Self::NoChannel { .. } => ExitKind::Usage,
+            Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,
         }
     }

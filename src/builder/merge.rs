@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use super::brick::{BrickReader, channel_bytes, infobytes};
-use super::error::BuildError;
+use super::error::{BuildError, ScratchFault};
 use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
 use super::swap::{BrickEntry, Scratch};
@@ -154,9 +154,8 @@ impl<'a> Merge<'a> {
         census: &'a Census,
     ) -> Result<Self, BuildError> {
         let summary_bytes = summary_bytes(averaged(target.channels).count());
-        let summaries_len = usize::try_from(census.bricks * summary_bytes as u64).map_err(|_| {
-            scratch.error(std::io::Error::other("the model has too many bricks for this machine"))
-        })?;
+        let summaries_len = usize::try_from(census.bricks * summary_bytes as u64)
+            .map_err(|_| scratch.error(ScratchFault::TooManyBricks.into()))?;
         let mut node = [0; BRICK_LEVELS as usize + 1];
         for e in 1..=census.depth.min(BRICK_LEVELS) {
             node[e as usize] = census.first_node(e);

@@ -48,7 +48,7 @@ mod volume;
 mod walk;
 
 pub use choose::choose_selection;
-pub use error::BuildError;
+pub use error::{BuildError, ScratchFault, Sought};
 pub use gradient::ESTIMATOR;
 pub use item::ItemForm;
 pub use job::build_solid;

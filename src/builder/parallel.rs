@@ -27,7 +27,7 @@ pub(super) fn run_workers(threads: usize, work: &Work<'_>) -> Result<(), BuildEr
             .num_threads(threads)
             .stack_size(WORKER_STACK)
             .build()
-            .map_err(|e| BuildError::Threads(e.to_string()))?;
+            .map_err(|e| BuildError::Threads { threads, cause: std::io::Error::other(e) })?;
         pool.broadcast(|_| guarded());
     }
     first.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).map_or(Ok(()), Err)

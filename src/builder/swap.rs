@@ -21,7 +21,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::error::BuildError;
+use super::error::{BuildError, ScratchFault};
 
 /// Bytes of an index entry.
 pub(super) const ENTRY_BYTES: usize = 32;
@@ -213,7 +213,7 @@ pub(super) fn read_fragment(
     let raw_len = u32::from_le_bytes(std::array::from_fn(|i| head[12 + i])) as usize;
     let len = (stored_len & !STORED_RAW) as usize;
     if len > EXTENT_BYTES || raw_len > EXTENT_BYTES {
-        return Err(scratch.error(io::Error::other("its contents were changed by someone else")));
+        return Err(scratch.error(ScratchFault::Changed.into()));
     }
     payload.resize(raw_len, 0);
     if stored_len & STORED_RAW != 0 {
@@ -224,7 +224,7 @@ pub(super) fn read_fragment(
     scratch.read(stored, offset + FRAGMENT_HEAD as u64)?;
     match lz4_flex::block::decompress_into(stored, payload) {
         Ok(n) if n == raw_len => Ok(previous),
-        _ => Err(scratch.error(io::Error::other("its contents were changed by someone else"))),
+        _ => Err(scratch.error(ScratchFault::Changed.into())),
     }
 }
 

@@ -12,9 +12,9 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use super::choose::{Chooser, describe};
+use super::choose::Chooser;
 use super::classify::classify;
-use super::error::BuildError;
+use super::error::{BuildError, Sought};
 use super::gradient::{
     ESTIMATOR, Gradients, NormalRule, OVERREAD, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths,
     gradients,
@@ -196,7 +196,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
     }
 
     fn nothing_inside(&self) -> BuildError {
-        self.chooser.empty::<F::File>(&describe(&self.selection))
+        self.chooser.empty::<F::File>(Sought::Within(self.selection))
     }
 }
 

@@ -21,6 +21,7 @@
 mod bits;
 mod close;
 mod components;
+mod error;
 mod masked;
 mod paged;
 mod preset;
@@ -28,7 +29,8 @@ mod sets;
 mod stream;
 
 pub use components::ComponentConnectivity;
-pub use preset::Preset;
+pub use error::{CleanError, TooManyRuns};
+pub use preset::{Preset, PresetDoubt};
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -248,19 +250,17 @@ impl CleanOptions {
     /// threads and scratch folder are those of the build.
     ///
     /// # Errors
-    /// [`BuildError`]: the cap is too small (with the smallest that works), the volume cannot be read, scratch
-    /// files fail, or nothing is left.
+    /// The options are out of range, the cap is too small (with the smallest that works), the volume cannot be
+    /// read, scratch files fail, or nothing is left.
     pub fn clean<'a>(
         &self,
         source: &'a dyn VolumeSource,
         options: &BuildOptions,
         output: &Path,
         progress: &dyn Progress,
-    ) -> Result<Option<Cleaned<'a>>, BuildError> {
+    ) -> Result<Option<Cleaned<'a>>, CleanError> {
         if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MOST_LARGEST) {
-            return Err(BuildError::Usage(format!(
-                "gaps can be closed by 1 or 2 voxels, and 1 to {MOST_LARGEST} components kept"
-            )));
+            return Err(CleanError::Options { close: self.close, keep_largest: self.keep_largest });
         }
         if !self.works_on_bits() {
             return Ok(None);
@@ -335,14 +335,14 @@ struct CleanJob<'c, 'a> {
 }
 
 impl<'a> CleanJob<'_, 'a> {
-    fn run(&self) -> Result<Cleaned<'a>, BuildError> {
+    fn run(&self) -> Result<Cleaned<'a>, CleanError> {
         let started = Instant::now();
         self.check_budget()?;
         let info = self.source.info();
         let BuildOptions { threshold, memory, threads, .. } = *self.options;
         let selection = choose_selection(self.source, threshold, memory, threads, self.progress)?;
         let Some(test) = range_test(info.scalar, &selection, info.rescale) else {
-            return Err(BuildError::Usage("the range holds no sample of this volume's type".into()));
+            return Err(CleanError::NoSample { selection });
         };
         let mut report = CleanReport {
             passes: self.clean.extra_passes(),
@@ -432,7 +432,7 @@ impl<'a> CleanJob<'_, 'a> {
         Ok(inside.into_inner())
     }
 
-    fn drop_components(&self, bits: &BitVolume, report: &mut CleanReport) -> Result<(), BuildError> {
+    fn drop_components(&self, bits: &BitVolume, report: &mut CleanReport) -> Result<(), CleanError> {
         self.progress.stage("components", 2 * u64::from(bits.dims().nz()));
         let largest = self.clean.largest();
         let memory = self.task_memory(bits, largest)?;
@@ -448,7 +448,7 @@ impl<'a> CleanJob<'_, 'a> {
         let rule = Rule { least_voxels, last: self.clean.keep_largest.and(largest.last().copied()) };
         if !largest.first().is_some_and(|c| rule.keeps(*c)) {
             let name = self.source.info().description.name.clone();
-            return Err(BuildError::NothingKept { name, largest: most });
+            return Err(CleanError::NothingKept { name, largest: most });
         }
         report.components = labelled.census.components;
         let outcome = labelled.decide(&|component| rule.keeps(component))?;

@@ -70,18 +70,18 @@ impl Preset {
     }
 
     /// What the user should know when the input is not, or not surely, a CT.
-    pub fn doubt(self, modality: Option<&str>) -> Option<String> {
-        let name = self.name();
-        match modality {
-            Some("CT") => None,
-            Some(other) => {
-                Some(format!("the preset {name} is a range of Hounsfield units, and this is {other}, not CT"))
-            }
-            None => Some(format!(
-                "the preset {name} is a range of Hounsfield units; the input does not say that its values are"
-            )),
-        }
+    pub fn doubt(self, modality: Option<&str>) -> Option<PresetDoubt> {
+        (modality != Some("CT")).then(|| PresetDoubt { preset: self, modality: modality.map(str::to_owned) })
     }
+}
+
+/// A range of Hounsfield units is used on values that may not be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PresetDoubt {
+    /// The preset.
+    pub preset: Preset,
+    /// The input's modality, which is not CT; `None` where it states none.
+    pub modality: Option<String>,
 }
 
 #[cfg(test)]
@@ -93,8 +93,8 @@ mod tests {
         for preset in Preset::ALL {
             assert_eq!(Preset::parse(preset.name()), Some(preset));
             assert_eq!(preset.doubt(Some("CT")), None);
-            assert!(preset.doubt(Some("MR")).unwrap().contains("MR"));
-            assert!(preset.doubt(None).unwrap().contains(preset.name()));
+            assert!(preset.doubt(Some("MR")).is_some_and(|d| d.modality.as_deref() == Some("MR")));
+            assert!(preset.doubt(None) == Some(PresetDoubt { preset, modality: None }));
         }
         assert_eq!(Preset::parse("Bone"), None);
     }

@@ -100,18 +100,18 @@ pub fn assemble(
     channels: OptionalSections,
 ) -> Result<Vec<u8>, FormatError> {
     let [nx, ny, nz] = metadata.dims;
-    let dims = Dims::new(nx, ny, nz).ok_or_else(|| FormatError::invalid("dims are outside 1..=65536"))?;
+    let dims = Dims::new(nx, ny, nz).ok_or(FormatError::DimsRange { dims: metadata.dims })?;
     let depth = dims.depth();
     let mut sorted: Vec<(u64, AssembledVoxel)> =
         voxels.iter().map(|v| (morton::encode(v.cell[0], v.cell[1], v.cell[2]), *v)).collect();
     sorted.sort_by_key(|v| v.0);
     let outside = voxels.iter().any(|v| !dims.contains(v.cell[0], v.cell[1], v.cell[2]));
-    let too_large = channels.value_bytes == 1 && voxels.iter().any(|v| v.value > 255);
-    if too_large {
-        return Err(FormatError::invalid("a value does not fit one byte"));
+    let too_large = voxels.iter().find(|v| channels.value_bytes == 1 && v.value > 255);
+    if let Some(voxel) = too_large {
+        return Err(FormatError::ValueTooLarge { value: voxel.value });
     }
     if sorted.is_empty() || outside || sorted.windows(2).any(|w| w[0].0 == w[1].0) {
-        return Err(FormatError::invalid("the voxels are none, repeated, or outside the dims"));
+        return Err(FormatError::VoxelSet { voxels: voxels.len() as u64 });
     }
 
     // A depth's nodes are the distinct prefixes of the voxels' Morton codes.

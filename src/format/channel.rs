@@ -47,17 +47,8 @@ pub struct ChannelRow {
     pub codec: u8,
     /// Does the metadata say that the channel is there (SPEC I17)? Not asked if it says nothing of it.
     pub is_stated: Option<fn(&Metadata) -> bool>,
-    /// What an item must not be.
-    pub illegal: Option<Illegal>,
-}
-
-/// Items that a sound file does not hold.
-#[derive(Debug)]
-pub struct Illegal {
-    /// Is the item one of them?
-    pub is_illegal: fn(&[u8]) -> bool,
-    /// The sentence for a file that has one.
-    pub told: &'static str,
+    /// What an item must not be (SPEC I14).
+    pub illegal: Option<fn(&[u8]) -> bool>,
 }
 
 /// The section of coarse means of a channel.
@@ -69,8 +60,6 @@ pub struct Means {
     pub name: &'static str,
     /// How a mean comes about.
     pub rule: MeanRule,
-    /// The invariant of SPEC 6 that holds a mean to its voxels.
-    pub invariant: &'static str,
 }
 
 /// The rows, by [`Channel`].
@@ -81,13 +70,10 @@ static TABLE: &[ChannelRow] = &[
         items_name: "normals",
         tag: *b"NORM",
         item_bytes: &[2],
-        means: Some(Means { tag: *b"NLOD", name: "normal_lod", rule: MeanRule::Direction, invariant: "I15" }),
+        means: Some(Means { tag: *b"NLOD", name: "normal_lod", rule: MeanRule::Direction }),
         codec: CODEC_NORMALS,
         is_stated: Some(|m| !m.gradient.is_empty()),
-        illegal: Some(Illegal {
-            is_illegal: |item| item.contains(&0x80),
-            told: "a normal has the illegal component -128 (SPEC I14)",
-        }),
+        illegal: Some(|item| item.contains(&0x80)),
     },
     ChannelRow {
         channel: Channel::Value,
@@ -95,7 +81,7 @@ static TABLE: &[ChannelRow] = &[
         items_name: "values",
         tag: *b"VALU",
         item_bytes: &[1, 2],
-        means: Some(Means { tag: *b"VLOD", name: "value_lod", rule: MeanRule::Number, invariant: "I16" }),
+        means: Some(Means { tag: *b"VLOD", name: "value_lod", rule: MeanRule::Number }),
         codec: CODEC_PLANES,
         is_stated: Some(|m| m.value_scale != [0.0, 0.0]),
         illegal: None,
@@ -140,10 +126,10 @@ static TABLE: &[ChannelRow] = &[
         items_name: "dummies",
         tag: *b"DUMM",
         item_bytes: &[4],
-        means: Some(Means { tag: *b"DLOD", name: "dummy_lod", rule: MeanRule::Number, invariant: "I16" }),
+        means: Some(Means { tag: *b"DLOD", name: "dummy_lod", rule: MeanRule::Number }),
         codec: CODEC_PLANES,
         is_stated: None,
-        illegal: Some(Illegal { is_illegal: |item| item == [0xff; 4], told: "a dummy is full" }),
+        illegal: Some(|item| item == [0xff; 4]),
     },
 ];
 
@@ -245,9 +231,9 @@ impl fmt::Debug for Channels {
 /// How the items of a node's voxels become the item of the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeanRule {
-    /// The direction of the sum of the L1-127 vectors; the first voxel's if that is zero (SPEC 4.6).
+    /// The direction of the sum of the L1-127 vectors; the first voxel's if that is zero (SPEC 4.6, I15).
     Direction,
-    /// The mean of unsigned numbers, rounded half up (SPEC 4.7).
+    /// The mean of unsigned numbers, rounded half up (SPEC 4.7, I16).
     Number,
 }
 
@@ -322,7 +308,7 @@ impl MeanRule {
 }
 
 /// An item of up to eight bytes as a number.
-fn number(item: &[u8]) -> u64 {
+pub(crate) fn number(item: &[u8]) -> u64 {
     item.iter().rev().fold(0, |n, byte| n << 8 | u64::from(*byte))
 }
 
@@ -375,10 +361,10 @@ mod tests {
         BuildOptions, Found, ItemForm, OccupancyRows, Silent, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
         build_solid,
     };
-    use crate::format::{HEADER_BYTES, Header, SectionKind, table_bytes};
-    use crate::geom::Dims;
+    use crate::format::{FormatError, HEADER_BYTES, Header, SectionKind, table_bytes};
+    use crate::geom::{BoxIndex, Dims, Level, NodeIndex, Octant, VoxelIndex};
     use crate::jobs::{info, pack};
-    use crate::load::{Frame, Model, NodeView, verify};
+    use crate::load::{Fault, Frame, Model, NodeView, verify};
     use crate::volume::SourceError;
 
     #[test]
@@ -482,13 +468,13 @@ mod tests {
     }
 
     /// The voxels of the model below a box, in the order of their numbers.
-    fn voxels_below(m: &Model, at: u64, corner: [u32; 3], left: u32, found: &mut Vec<[u32; 3]>) {
+    fn voxels_below(m: &Model, at: BoxIndex, corner: [u32; 3], left: u32, found: &mut Vec<[u32; 3]>) {
         if left == 0 {
             found.push(corner);
         }
-        for octant in (0..8).filter(|_| left > 0) {
-            if let Some(child) = m.child(at, octant) {
-                let corner = std::array::from_fn(|a| corner[a] + ((octant >> a & 1) << (left - 1)));
+        for octant in Octant::ALL.into_iter().filter(|_| left > 0) {
+            if let Some(child) = m.child(at.node(), octant) {
+                let corner = std::array::from_fn(|a| corner[a] + (octant.high()[a] << (left - 1)));
                 voxels_below(m, child, corner, left - 1, found);
             }
         }
@@ -506,7 +492,7 @@ mod tests {
         let model = Model::open(&at("m.oct")).unwrap();
         verify(&model).unwrap();
         let mut voxels = Vec::new();
-        voxels_below(&model, 0, [0; 3], model.dims().depth(), &mut voxels);
+        voxels_below(&model, BoxIndex::ROOT, [0; 3], model.dims().depth(), &mut voxels);
         let items = model.items(Channel::Dummy).unwrap();
         assert_eq!((voxels.len() as u64, items.item_bytes()), (report.skin_voxels, 4));
         for (number, voxel) in (0..).zip(&voxels) {
@@ -530,10 +516,22 @@ mod tests {
             let header = Header { table_crc: crc32c::crc32c(&table), ..frame.header };
             file[HEADER_BYTES..HEADER_BYTES + table.len()].copy_from_slice(&table);
             file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
-            verify(&file[..]).is_err()
+            match verify(&file[..]) {
+                Err(Fault::Format(fault)) => fault,
+                other => panic!("{other:?}"),
+            }
         };
-        assert!(wrong(SectionKind::Voxels(Channel::Dummy), [0xff; 4]));
-        assert!(wrong(SectionKind::Means(Channel::Dummy), [1; 4]));
+        let channel = Channel::Dummy;
+        assert_eq!(
+            wrong(SectionKind::Voxels(channel), [0xff; 4]),
+            FormatError::IllegalItem { channel, voxel: VoxelIndex::new(0), item: u32::MAX.into() }
+        );
+        let (level, node) = (Level::ROOT, NodeIndex::ROOT);
+        let found = u32::from_le_bytes([1; 4]).into();
+        assert_eq!(
+            wrong(SectionKind::Means(channel), [1; 4]),
+            FormatError::MeanValue { channel, level, node, due: mean.into(), found }
+        );
 
         pack::pack(&at("m.oct"), &at("p.oct")).unwrap();
         let shown = info::info(&at("p.oct")).unwrap().json();

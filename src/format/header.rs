@@ -115,8 +115,9 @@ impl Header {
             return Err(FormatError::Truncated { expected: HEADER_BYTES as u64, got: file_len });
         };
         let major = u16_at(b, AT_MAJOR);
-        if crc32c::crc32c(&b[..AT_HEADER_CRC]) != u32_at(b, AT_HEADER_CRC) {
-            return Err(FormatError::Checksum { what: "the header" });
+        let (stated, found) = (u32_at(b, AT_HEADER_CRC), crc32c::crc32c(&b[..AT_HEADER_CRC]));
+        if stated != found {
+            return Err(FormatError::HeaderChecksum { stated, found });
         }
         if major != VERSION_MAJOR {
             return Err(FormatError::UnsupportedVersion { major });
@@ -124,12 +125,13 @@ impl Header {
         let encoding = match b[AT_ENCODING] {
             0 => Encoding::Mapped,
             1 => Encoding::Packed,
-            other => return Err(FormatError::invalid(format!("encoding {other} is unknown"))),
+            code => return Err(FormatError::UnknownEncoding { code }),
         };
-        let dims = Dims::new(u32_at(b, AT_DIMS), u32_at(b, AT_DIMS + 4), u32_at(b, AT_DIMS + 8))
-            .ok_or_else(|| FormatError::invalid("dims are outside 1..=65536"))?;
+        let sides = [0, 4, 8].map(|at| u32_at(b, AT_DIMS + at));
+        let [nx, ny, nz] = sides;
+        let dims = Dims::new(nx, ny, nz).ok_or(FormatError::DimsRange { dims: sides })?;
         if u32::from(b[AT_DEPTH]) != dims.depth() {
-            return Err(FormatError::invalid("the depth does not belong to the dims"));
+            return Err(FormatError::DepthMismatch { stated: b[AT_DEPTH], due: dims.depth() });
         }
         let header = Self {
             minor: u16_at(b, AT_MINOR),
@@ -141,8 +143,9 @@ impl Header {
             dims,
             table_crc: u32_at(b, AT_TABLE_CRC),
         };
-        if u32_at(b, AT_RESERVED) != 0 {
-            return Err(FormatError::invalid("reserved header bytes are not zero"));
+        let reserved = u32_at(b, AT_RESERVED);
+        if reserved != 0 {
+            return Err(FormatError::HeaderReserved { value: reserved });
         }
         if file_len < header.file_bytes {
             return Err(FormatError::Truncated { expected: header.file_bytes, got: file_len });
@@ -151,12 +154,12 @@ impl Header {
             return Err(FormatError::TrailingBytes { extra: file_len - header.file_bytes });
         }
         if header.voxels == 0 || header.voxels > dims.voxels() {
-            return Err(FormatError::invalid("the number of skin voxels is impossible for the dims"));
+            return Err(FormatError::VoxelCount { voxels: header.voxels, most: dims.voxels() });
         }
         // SPEC I5: every node has a child and every box but the root has one parent.
         let most = header.voxels.saturating_mul(u64::from(dims.depth()));
         if header.nodes > most || (dims.depth() > 0) != (header.nodes > 0) {
-            return Err(FormatError::invalid("the number of nodes is impossible for the skin voxels"));
+            return Err(FormatError::NodeCount { nodes: header.nodes, most });
         }
         Ok(header)
     }

@@ -123,10 +123,10 @@ impl Metadata {
             value_scale: self.value_scale,
         };
         let config = bincode::config::standard().with_little_endian().with_fixed_int_encoding();
-        let bytes = bincode::serde::encode_to_vec(wire, config)
-            .map_err(|e| FormatError::invalid(format!("metadata cannot be written ({e})")))?;
+        let bytes =
+            bincode::serde::encode_to_vec(wire, config).map_err(|_| FormatError::MetadataUnwritable)?;
         if bytes.len() > METADATA_LIMIT {
-            return Err(FormatError::invalid("metadata is longer than 1 MiB"));
+            return Err(FormatError::MetadataTooLong { bytes: bytes.len() as u64 });
         }
         Ok(bytes)
     }
@@ -141,23 +141,24 @@ impl Metadata {
             .with_fixed_int_encoding()
             .with_limit::<METADATA_LIMIT>();
         let (wire, used): (Wire, usize) = bincode::serde::decode_from_slice(bytes, config)
-            .map_err(|_| FormatError::invalid("metadata cannot be read"))?;
+            .map_err(|_| FormatError::MetadataUnreadable { bytes: bytes.len() as u64 })?;
         if used != bytes.len() {
-            return Err(FormatError::invalid("metadata has bytes left over"));
+            return Err(FormatError::MetadataSurplus { extra: (bytes.len() - used) as u64 });
         }
         let kind = match wire.selection.0 {
             0 => SelectionKind::Iso,
             1 => SelectionKind::Range,
             2 => SelectionKind::Otsu,
-            other => return Err(FormatError::invalid(format!("selection kind {other} is unknown"))),
+            code => return Err(FormatError::UnknownSelection { code }),
         };
         if wire.scalar > 7 || !matches!(wire.connectivity, 6 | 26) {
-            return Err(FormatError::invalid("metadata names an unknown sample type or connectivity"));
+            let (scalar, connectivity) = (wire.scalar, wire.connectivity);
+            return Err(FormatError::MetadataCodes { scalar, connectivity });
         }
         let finite =
             wire.affine.iter().flatten().chain(&wire.spacing_mm).chain(&wire.rescale).all(|v| v.is_finite());
         if !finite || wire.spacing_mm.iter().any(|s| *s <= 0.0) {
-            return Err(FormatError::invalid("metadata has a geometry that is not finite and positive"));
+            return Err(FormatError::MetadataGeometry { spacing_mm: wire.spacing_mm });
         }
         Ok(Self {
             program: wire.program,

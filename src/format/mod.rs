@@ -13,7 +13,8 @@ pub mod packed;
 pub mod rank;
 mod section;
 
-pub use channel::{Channel, ChannelRow, Channels, Illegal, MeanBytes, MeanRule, Means, Sum};
+pub(crate) use channel::number;
+pub use channel::{Channel, ChannelRow, Channels, MeanBytes, MeanRule, Means, Sum};
 pub use error::FormatError;
 pub use header::{Encoding, HEADER_BYTES, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
 pub use metadata::{METADATA_LIMIT, Metadata, Selection, SelectionKind, SourceMeta};

@@ -154,12 +154,13 @@ impl SectionEntry {
         b
     }
 
-    fn parse(b: &[u8; ENTRY_BYTES]) -> Result<Self, FormatError> {
+    fn parse(b: &[u8; ENTRY_BYTES], section: u16) -> Result<Self, FormatError> {
         let u64_at = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| b[at + i]));
         let u32_at = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| b[at + i]));
         let tag = [b[0], b[1], b[2], b[3]];
-        if b[6] != 0 || b[7] != 0 {
-            return Err(FormatError::invalid("reserved bytes of the section table are not zero"));
+        let reserved = u16::from_le_bytes([b[6], b[7]]);
+        if reserved != 0 {
+            return Err(FormatError::TableReserved { section, value: reserved });
         }
         Ok(Self {
             kind: SectionKind::from_tag(tag),
@@ -191,7 +192,7 @@ pub fn table_bytes(entries: &[SectionEntry]) -> Vec<u8> {
 /// The first rule that is broken.
 pub fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEntry>, FormatError> {
     if header.sections == 0 || header.sections > MAX_SECTIONS {
-        return Err(FormatError::invalid("the number of sections is outside 1..=64"));
+        return Err(FormatError::SectionCount { sections: header.sections });
     }
     let len = usize::from(header.sections) * ENTRY_BYTES;
     let Some(table) = bytes.get(HEADER_BYTES..HEADER_BYTES + len) else {
@@ -200,28 +201,29 @@ pub fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEntry>, F
             got: bytes.len() as u64,
         });
     };
-    if crc32c::crc32c(table) != header.table_crc {
-        return Err(FormatError::Checksum { what: "the section table" });
+    let (stated, found) = (header.table_crc, crc32c::crc32c(table));
+    if stated != found {
+        return Err(FormatError::TableChecksum { stated, found });
     }
     let mut entries: Vec<SectionEntry> = Vec::with_capacity(usize::from(header.sections));
     let mut end = (HEADER_BYTES + len) as u64;
     let mut last_kind = None;
-    for raw in table.as_chunks::<ENTRY_BYTES>().0 {
-        let entry = SectionEntry::parse(raw)?;
-        if entry.offset != align_up(end) {
-            return Err(FormatError::invalid("sections do not follow each other without gaps"));
+    for (section, raw) in (0..).zip(table.as_chunks::<ENTRY_BYTES>().0) {
+        let entry = SectionEntry::parse(raw, section)?;
+        let SectionEntry { item_bytes, stored_bytes, content_bytes, items, .. } = entry;
+        let expected = align_up(end);
+        if entry.offset != expected {
+            return Err(FormatError::SectionGap { section, expected, found: entry.offset });
         }
-        if entry.items.checked_mul(u64::from(entry.item_bytes)) != Some(entry.content_bytes) {
-            return Err(FormatError::invalid("a section's size is not items times bytes per item"));
+        if items.checked_mul(u64::from(item_bytes)) != Some(content_bytes) {
+            return Err(FormatError::SectionSize { section, item_bytes, items, content_bytes });
         }
-        if entry.codec == 0
-            && (entry.stored_bytes != entry.content_bytes || entry.stored_crc != entry.content_crc)
-        {
-            return Err(FormatError::invalid("an uncompressed section differs from its content"));
+        if entry.codec == 0 && (stored_bytes != content_bytes || entry.stored_crc != entry.content_crc) {
+            return Err(FormatError::SectionNotPlain { section, stored_bytes, content_bytes });
         }
         if let Some(kind) = entry.kind {
-            if last_kind >= Some(kind) {
-                return Err(FormatError::invalid("sections are repeated or out of order"));
+            if let Some(after) = last_kind.filter(|last| *last >= kind) {
+                return Err(FormatError::SectionOrder { section, kind, after });
             }
             last_kind = Some(kind);
         }
@@ -229,7 +231,7 @@ pub fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEntry>, F
         entries.push(entry);
     }
     if end != header.file_bytes {
-        return Err(FormatError::invalid("the last section does not end where the file ends"));
+        return Err(FormatError::LastSectionEnd { end, file_bytes: header.file_bytes });
     }
     Ok(entries)
 }

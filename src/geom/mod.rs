@@ -1,4 +1,4 @@
-//! Integer boxes, Morton codes and affine transforms; knows no file and no voxel value.
+//! Integer boxes and their numbers, Morton codes and affine transforms; knows no file and no voxel value.
 //!
 //! Axes: a voxel index is `(x, y, z)` with x fastest in memory; the affine takes an index (voxel
 //! *centres* at integer indices) to millimetres in DICOM's patient system, LPS: +x to the patient's
@@ -7,6 +7,8 @@
 mod affine;
 mod dims;
 pub mod morton;
+mod number;
 
 pub use affine::{Affine, Orientation};
 pub use dims::Dims;
+pub use number::{BoxIndex, Level, NodeIndex, Octant, VoxelIndex};

@@ -13,7 +13,7 @@ use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
 use crate::clean::{CleanOptions, CleanReport};
-use crate::error::Error;
+use crate::error::{Error, UsageError};
 use crate::format::MAGIC;
 use crate::resident::give_back;
 use crate::source::OpenOptions;
@@ -91,10 +91,7 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
         })
     };
     match inputs.iter().find(replaced) {
-        Some(_) => Err(Error::Usage(format!(
-            "{}: is the input, or part of it, and would be replaced by the model; name another file with --output",
-            output.display()
-        ))),
+        Some(_) => Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: true }.into()),
         None => Ok(()),
     }
 }
@@ -176,7 +173,7 @@ pub fn build_reshaped_source(
     };
     let wall_s = started.elapsed().as_secs_f64();
     let mut warnings = sentences(&source.info().notes);
-    warnings.extend(doubt);
+    warnings.extend(doubt.map(|doubt| doubt.to_string()));
     Ok(BuildSummary {
         input,
         output: output.to_path_buf(),

@@ -13,7 +13,7 @@ use super::verify::verify;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::{BuildOptions, Progress};
-use crate::error::Error;
+use crate::error::{Error, UsageError};
 use crate::source::SyntheticHead;
 use crate::volume::{Endian, VolumeSource};
 
@@ -62,9 +62,7 @@ pub fn demo(
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<DemoSummary, Error> {
-    let mut head = SyntheticHead::new(side).ok_or_else(|| {
-        Error::Usage(format!("a head of {side} voxels a side cannot be made; choose 1 to 65536"))
-    })?;
+    let mut head = SyntheticHead::new(side).ok_or(UsageError::HeadSize { side })?;
     refuse_clash(&files.model, &[&files.picture, &files.thumbnail])?;
     let name = format!("synthetic head {side}");
     let built = build_source(&mut head, name, options, &files.model, progress, Instant::now())?;
@@ -91,7 +89,7 @@ pub fn demo(
 /// # Errors
 /// The size is out of range, or the file cannot be written; nothing is left behind then.
 pub fn write_raw(side: u32, path: &Path) -> Result<(), Error> {
-    let head = SyntheticHead::new(side).ok_or_else(|| no_such_head(side))?;
+    let head = SyntheticHead::new(side).ok_or(UsageError::HeadSize { side })?;
     let failed = |cause| Error::Output { path: path.to_path_buf(), cause };
     let file = AtomicFile::create(path).map_err(failed)?;
     let mut out = BufWriter::with_capacity(1 << 18, file.file());
@@ -105,10 +103,6 @@ pub fn write_raw(side: u32, path: &Path) -> Result<(), Error> {
     out.flush().map_err(failed)?;
     drop(out);
     file.commit().map_err(failed)
-}
-
-fn no_such_head(side: u32) -> Error {
-    Error::Usage(format!("a head of {side} voxels a side cannot be made; choose 1 to 65536"))
 }
 
 impl DemoSummary {

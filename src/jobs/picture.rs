@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::render::{RenderReport, RenderRequest, render, thumbnail};
 use crate::budget::mapped_rss_bytes;
-use crate::error::Error;
+use crate::error::{Error, UsageError};
 use crate::load::Model;
 
 /// Renders the model at `model` to `output`, and to the depth and normal images if named.
@@ -54,16 +54,10 @@ pub(super) fn refuse_clash(model: &Path, outputs: &[&Path]) -> Result<(), Error>
     };
     for (at, output) in outputs.iter().enumerate() {
         if same(output, model) {
-            let path = output.display();
-            return Err(Error::Usage(format!(
-                "{path}: is the model and would be replaced by a picture; name another file"
-            )));
+            return Err(UsageError::ReplacesModel { path: output.to_path_buf() }.into());
         }
         if outputs[..at].iter().any(|other| same(output, other)) {
-            let path = output.display();
-            return Err(Error::Usage(format!(
-                "{path}: is named for two pictures; name another file for one of them"
-            )));
+            return Err(UsageError::NamedTwice { path: output.to_path_buf() }.into());
         }
     }
     Ok(())

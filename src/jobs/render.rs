@@ -5,7 +5,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
 use crate::render::picture::{self, Canvas};
 use crate::render::reference::BitVolume;
@@ -103,7 +103,7 @@ pub struct RenderReport {
 /// The picture depends on the model and the request only: not on the machine, nor on the threads.
 ///
 /// # Errors
-/// [`RenderError::Usage`] for a camera or size that makes no sense, [`RenderError::SingularAffine`] for a
+/// [`RenderError::Camera`] and [`RenderError::Size`] for what makes no sense, [`RenderError::SingularAffine`] for a
 /// model without a volume.
 pub fn render<V: NodeView>(
     view: &V,
@@ -164,7 +164,7 @@ fn level_of_detail<V: NodeView>(
     height: u32,
     near_mm: f64,
 ) -> u32 {
-    if view.voxel_normal(0).is_some() && view.node_normal(0).is_none() {
+    if view.voxel_normal(VoxelIndex::new(0)).is_some() && view.node_normal(NodeIndex::ROOT).is_none() {
         return 0;
     }
     let most_mm = 1.5 * camera.pixel_mm(height, near_mm);
@@ -226,20 +226,16 @@ const SELFCHECK_TASK: u64 = 1 << 15;
 /// The rays depend on `rays` and `seed` only. Memory: one bit per grid cell, at most 128 MiB.
 ///
 /// # Errors
-/// [`RenderError::Usage`] when the grid is too deep to be decoded or the threads do not start.
+/// [`RenderError::TooDeep`] when the grid is too deep to be decoded, [`RenderError::Threads`] when the threads
+/// do not start.
 pub fn selfcheck<V: NodeView>(
     view: &V,
     rays: u64,
     seed: u64,
     threads: usize,
 ) -> Result<Mismatches, RenderError> {
-    let bits = BitVolume::decode(view).ok_or_else(|| RenderError::Usage {
-        reason: format!(
-            "a grid of 2^{} cells a side is too large to be compared cell by cell; choose a model of at most 2^{}",
-            view.depth(),
-            BitVolume::MAX_DEPTH
-        ),
-    })?;
+    let bits = BitVolume::decode(view)
+        .ok_or_else(|| RenderError::TooDeep { depth: view.depth(), most: BitVolume::MAX_DEPTH })?;
     let tasks = rays.div_ceil(SELFCHECK_TASK);
     let task = |i: u64| {
         let count = SELFCHECK_TASK.min(rays - i * SELFCHECK_TASK);

@@ -1,4 +1,4 @@
-//! Why a file cannot be opened as a model.
+//! Why a file cannot be opened as a model, as values; the sentences are written in `jobs`.
 
 use std::io;
 use std::path::PathBuf;
@@ -13,16 +13,14 @@ use crate::format::FormatError;
 #[derive(Debug, Error)]
 pub enum LoadError {
     /// The operating system refused.
-    #[error("{path}: cannot be read ({cause}); check that it exists and that you may read it", path = path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// The system's reason, or [`NotRegular`].
         #[source]
         cause: io::Error,
     },
     /// Its bytes are wrong.
-    #[error("{path}: {cause}", path = path.display())]
     Format {
         /// The file.
         path: PathBuf,
@@ -38,3 +36,7 @@ impl LoadError {
         ExitKind::Input
     }
 }
+
+/// A folder or a device where a file is needed; held by an [`io::Error`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub struct NotRegular;

@@ -4,7 +4,7 @@ use crate::format::{
     Channel, Encoding, FormatError, HEADER_BYTES, Header, MAX_SECTIONS, METADATA_LIMIT, Metadata,
     SectionEntry, SectionKind, parse_table, rank,
 };
-use crate::geom::Dims;
+use crate::geom::{Dims, Level};
 
 use super::stream::{Fault, ReadAt};
 
@@ -36,7 +36,7 @@ impl Frame {
         source.read_at(&mut head, 0)?;
         let header = Header::parse(&head, len)?;
         if header.sections > MAX_SECTIONS {
-            return Err(FormatError::invalid("the number of sections is outside 1..=64 (SPEC I3)").into());
+            return Err(FormatError::SectionCount { sections: header.sections }.into());
         }
         let table_end = HEADER_BYTES + usize::from(header.sections) * crate::format::ENTRY_BYTES;
         if len < table_end as u64 {
@@ -50,7 +50,8 @@ impl Frame {
         let metadata_bytes = read_small(source, &sections, SectionKind::Meta)?;
         let metadata = Metadata::parse(&metadata_bytes)?;
         if metadata.dims != header.dims.to_array() {
-            return Err(FormatError::invalid("metadata and header disagree about the dims (SPEC I6)").into());
+            let (metadata, header) = (metadata.dims, header.dims.to_array());
+            return Err(FormatError::MetadataDims { metadata, header }.into());
         }
         let levels: Vec<u64> = read_small(source, &sections, SectionKind::Levels)?
             .as_chunks::<8>()
@@ -87,9 +88,9 @@ impl Frame {
         coarse_nodes(&self.header, &self.levels)
     }
 
-    /// Nodes of depth `d` as a range of breadth-first numbers; empty for depths without nodes.
-    pub fn level(&self, depth: u32) -> std::ops::Range<u64> {
-        let at = depth as usize;
+    /// Nodes of a level as a range of breadth-first numbers; empty for depths without nodes.
+    pub fn level(&self, level: Level) -> std::ops::Range<u64> {
+        let at = level.index();
         match (self.levels.get(at), self.levels.get(at + 1)) {
             (Some(a), Some(b)) => *a..*b,
             _ => 0..0,
@@ -113,12 +114,8 @@ impl Frame {
                 SectionKind::Voxels(channel) => (channel.row().item_bytes.contains(&entry.item_bytes), v),
             };
             if !item_ok || entry.items != items {
-                return Err(FormatError::invalid(format!(
-                    "the {} section has {} items of {} bytes where {items} are due (SPEC I4)",
-                    kind.name(),
-                    entry.items,
-                    entry.item_bytes
-                )));
+                let SectionEntry { item_bytes, items: stated, .. } = *entry;
+                return Err(FormatError::SectionItems { kind, item_bytes, items: stated, due: items });
             }
         }
         Ok(())
@@ -135,26 +132,33 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
     let packed = header.encoding == Encoding::Packed;
     for kind in [SectionKind::Meta, SectionKind::Levels, SectionKind::Nodes] {
         if !has(kind) {
-            return Err(FormatError::invalid(format!("the {} section is missing (SPEC I4)", kind.name())));
+            return Err(FormatError::MissingSection(kind));
         }
     }
-    if has(SectionKind::Rank) == packed {
-        return Err(FormatError::invalid(
-            "the rank section is missing, or present in a packed file (SPEC I4)",
-        ));
+    match (has(SectionKind::Rank), packed) {
+        (false, false) => return Err(FormatError::MissingSection(SectionKind::Rank)),
+        (true, true) => return Err(FormatError::RankInPackedFile),
+        _ => {}
     }
-    let lone_means =
-        Channel::all().any(|channel| has(SectionKind::Means(channel)) && !has(SectionKind::Voxels(channel)));
-    if lone_means {
-        return Err(FormatError::invalid("coarse means are there without the voxels' own (SPEC I4)"));
+    for channel in Channel::all() {
+        let kind = SectionKind::Means(channel);
+        if has(kind) && !has(SectionKind::Voxels(channel)) {
+            return Err(FormatError::LoneMeans { kind });
+        }
     }
     for entry in sections {
         let small = matches!(entry.kind, Some(SectionKind::Meta | SectionKind::Levels));
         if entry.codec != 0 && (!packed || small) {
-            return Err(FormatError::invalid("a section is coded that must not be (SPEC I4)"));
+            return Err(FormatError::ForbiddenCodec { kind: entry.kind, codec: entry.codec });
         }
     }
     Ok(())
+}
+
+/// SPEC I8: the stored bytes of a section have the CRC that the table states.
+pub(super) fn check_crc(entry: &SectionEntry, found: u32) -> Result<(), FormatError> {
+    let SectionEntry { kind, offset, stored_crc: stated, .. } = *entry;
+    if stated == found { Ok(()) } else { Err(FormatError::SectionChecksum { kind, offset, stated, found }) }
 }
 
 /// A section that is read whole when a file is opened; its size is checked before anything is allocated.
@@ -163,33 +167,31 @@ fn read_small<R: ReadAt + ?Sized>(
     sections: &[SectionEntry],
     kind: SectionKind,
 ) -> Result<Vec<u8>, Fault> {
-    let entry = sections
-        .iter()
-        .find(|e| e.kind == Some(kind))
-        .ok_or_else(|| FormatError::invalid(format!("the {} section is missing (SPEC I4)", kind.name())))?;
+    let entry = sections.iter().find(|e| e.kind == Some(kind)).ok_or(FormatError::MissingSection(kind))?;
     let item = if kind == SectionKind::Levels { 8 } else { 1 };
     let len = usize::try_from(entry.stored_bytes).unwrap_or(usize::MAX);
     if entry.item_bytes != item || len > METADATA_LIMIT {
-        return Err(FormatError::invalid(format!("the {} section is too long (SPEC I4)", kind.name())).into());
+        let SectionEntry { item_bytes, stored_bytes, .. } = *entry;
+        return Err(FormatError::SectionTooLong { kind, item_bytes, stored_bytes }.into());
     }
     let mut bytes = vec![0; len];
     source.read_at(&mut bytes, entry.offset)?;
-    if crc32c::crc32c(&bytes) != entry.stored_crc {
-        return Err(FormatError::Checksum { what: kind.name() }.into());
-    }
+    check_crc(entry, crc32c::crc32c(&bytes))?;
     Ok(bytes)
 }
 
 /// SPEC I7: the level table is possible for the volume.
 fn check_levels(header: &Header, levels: &[u64]) -> Result<(), FormatError> {
     let depth = header.dims.depth();
-    let bad =
-        |what: &str| Err(FormatError::invalid(format!("the level table is impossible: {what} (SPEC I7)")));
-    if levels.len() as u64 != u64::from(depth) + 1 {
-        return bad("it has a wrong number of items");
+    let (found, due) = (levels.len() as u64, u64::from(depth) + 1);
+    let (Some(&first), Some(&last)) = (levels.first(), levels.last()) else {
+        return Err(FormatError::LevelCount { found, due });
+    };
+    if found != due {
+        return Err(FormatError::LevelCount { found, due });
     }
-    if levels.first() != Some(&0) || levels.last() != Some(&header.nodes) {
-        return bad("it does not run from 0 to the number of nodes");
+    if (first, last) != (0, header.nodes) {
+        return Err(FormatError::LevelEnds { first, last, nodes: header.nodes });
     }
     let mut above = 1_u64;
     for d in 0..=depth {
@@ -202,7 +204,7 @@ fn check_levels(header: &Header, levels: &[u64]) -> Result<(), FormatError> {
         let most = if d == 0 { 1 } else { above.saturating_mul(8).min(boxes) };
         match count {
             Some(count) if (above..=most).contains(&count) => above = count,
-            _ => return bad("a level has more or fewer boxes than it can have"),
+            boxes => return Err(FormatError::LevelBoxes { level: Level::new(d), boxes }),
         }
     }
     Ok(())

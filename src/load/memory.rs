@@ -1,6 +1,6 @@
 //! An octree held in plain vectors: the slow, obvious oracle that faster views are tested against.
 
-use crate::geom::{Dims, morton};
+use crate::geom::{BoxIndex, Dims, NodeIndex, VoxelIndex, morton};
 
 use super::NodeView;
 
@@ -88,8 +88,8 @@ impl MemoryTree {
 }
 
 /// Item `at` of a slice, or nothing.
-fn item<T: Copy>(items: &[T], at: u64) -> Option<T> {
-    usize::try_from(at).ok().and_then(|at| items.get(at).copied())
+fn item<T: Copy>(items: &[T], at: Option<usize>) -> Option<T> {
+    items.get(at?).copied()
 }
 
 impl NodeView for MemoryTree {
@@ -105,42 +105,44 @@ impl NodeView for MemoryTree {
         self.voxels.len() as u64
     }
 
-    fn infobyte(&self, node: u64) -> u8 {
-        item(&self.infobytes, node).unwrap_or(0)
+    fn infobyte(&self, node: NodeIndex) -> u8 {
+        item(&self.infobytes, node.index()).unwrap_or(0)
     }
 
-    fn first_child(&self, node: u64) -> u64 {
-        item(&self.first_children, node).unwrap_or(0)
+    fn first_child(&self, node: NodeIndex) -> BoxIndex {
+        BoxIndex::new(item(&self.first_children, node.index()).unwrap_or(0))
     }
 
-    fn voxel_normal(&self, voxel: u64) -> Option<u16> {
-        item(&self.normals, voxel)
+    fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
+        item(&self.normals, voxel.index())
     }
 
-    fn node_normal(&self, node: u64) -> Option<u16> {
-        item(&self.node_normals, node)
+    fn node_normal(&self, node: NodeIndex) -> Option<u16> {
+        item(&self.node_normals, node.index())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Octant;
 
     /// Voxels found by walking the tree from its root.
     fn walk(tree: &MemoryTree) -> Vec<u64> {
         let mut found = Vec::new();
-        let mut boxes = if tree.voxel_count() > 0 { vec![(0_u64, 0_u64)] } else { Vec::new() };
+        let mut boxes = if tree.voxel_count() > 0 { vec![(BoxIndex::ROOT, 0_u64)] } else { Vec::new() };
         for _ in 0..tree.depth() {
             let mut next = Vec::new();
             for (number, code) in boxes {
-                for octant in 0..8 {
-                    next.extend(tree.child(number, octant).map(|c| (c, code << 3 | u64::from(octant))));
+                for octant in Octant::ALL {
+                    let code = code << 3 | u64::from(octant.get());
+                    next.extend(tree.child(number.node(), octant).map(|child| (child, code)));
                 }
             }
             boxes = next;
         }
         for (number, code) in boxes {
-            assert_eq!(item(tree.voxels(), number - tree.node_count()), Some(code));
+            assert_eq!(item(tree.voxels(), number.voxel(tree.node_count()).index()), Some(code));
             found.push(code);
         }
         found
@@ -168,7 +170,7 @@ mod tests {
         assert_eq!(walk(&tree), [0]);
         assert!(MemoryTree::new(one, &[1]).is_none());
         let empty = MemoryTree::new(Dims::new(4, 4, 4).unwrap(), &[]).unwrap();
-        assert_eq!((empty.node_count(), empty.voxel_count(), empty.infobyte(0)), (0, 0, 0));
+        assert_eq!((empty.node_count(), empty.voxel_count(), empty.infobyte(NodeIndex::ROOT)), (0, 0, 0));
         let corner = MemoryTree::new(Dims::new(4, 3, 2).unwrap(), &[morton::encode(3, 2, 1)]).unwrap();
         assert_eq!(corner.infobytes(), [1 << 3, 1 << 5]);
     }

@@ -18,7 +18,7 @@ mod stream;
 mod verify;
 mod view;
 
-pub use error::LoadError;
+pub use error::{LoadError, NotRegular};
 pub use frame::Frame;
 pub use map::Mapping;
 pub use memory::MemoryTree;

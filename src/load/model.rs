@@ -6,12 +6,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::format::{Channel, Encoding, FormatError, Header, Metadata, SectionEntry, SectionKind, rank};
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 
 use super::frame::Frame;
 use super::map::Mapping;
 use super::stream::{Fault, ReadAt};
-use super::{LoadError, NodeView};
+use super::{LoadError, NodeView, NotRegular};
 
 /// A mapped-encoding file over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
@@ -48,7 +48,7 @@ impl Model<Mapping> {
 /// Opens a file for reading and refuses folders and devices, which cannot be models.
 pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
     let file = File::open(path)?;
-    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other("it is not a regular file")) }
+    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other(NotRegular)) }
 }
 
 fn refuse_packed(frame: &Frame) -> Result<(), FormatError> {
@@ -67,8 +67,11 @@ impl<D: AsRef<[u8]>> Model<D> {
         let frame = match Frame::read(data.as_ref()) {
             Ok(frame) => frame,
             Err(Fault::Format(cause)) => return Err(cause),
-            // Memory ends early only if a length was not checked.
-            Err(Fault::Io(_)) => return Err(FormatError::invalid("it ends early")),
+            // Memory ends early only if a length was not checked: at least one more byte was wanted.
+            Err(Fault::Io(_)) => {
+                let got = data.as_ref().len() as u64;
+                return Err(FormatError::Truncated { expected: got + 1, got });
+            }
         };
         refuse_packed(&frame)?;
         Self::assemble(data, frame)
@@ -86,10 +89,9 @@ impl<D: AsRef<[u8]>> Model<D> {
                 (start <= end && end <= len).then_some(start..end)
             })
         };
-        let missing = || FormatError::invalid("the nodes section is missing (SPEC I4)");
         Ok(Self {
-            nodes: range(SectionKind::Nodes).ok_or_else(missing)?,
-            rank: range(SectionKind::Rank).ok_or_else(missing)?,
+            nodes: range(SectionKind::Nodes).ok_or(FormatError::MissingSection(SectionKind::Nodes))?,
+            rank: range(SectionKind::Rank).ok_or(FormatError::MissingSection(SectionKind::Rank))?,
             normals: range(SectionKind::Voxels(Channel::Normal)),
             node_normals: range(SectionKind::Means(Channel::Normal)),
             data,
@@ -159,8 +161,8 @@ impl<D: AsRef<[u8]>> Model<D> {
     }
 
     /// Stored value of a voxel (SPEC 4.7), if the model has values and the voxel exists.
-    pub fn value(&self, voxel: u64) -> Option<u16> {
-        match *self.items(Channel::Value)?.get(voxel)? {
+    pub fn value(&self, voxel: VoxelIndex) -> Option<u16> {
+        match *self.items(Channel::Value)?.get(voxel.get())? {
             [value] => Some(u16::from(value)),
             [low, high] => Some(u16::from_le_bytes([low, high])),
             _ => None,
@@ -223,8 +225,8 @@ pub struct ModelView<'a> {
 }
 
 #[inline]
-fn code(codes: Option<&[[u8; 2]]>, at: u64) -> Option<u16> {
-    codes?.get(usize::try_from(at).ok()?).map(|c| u16::from_le_bytes(*c))
+fn code(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<u16> {
+    codes?.get(at?).map(|c| u16::from_le_bytes(*c))
 }
 
 // Always inlined: a traversal compiled for more instructions would else call these without them.
@@ -242,13 +244,13 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline(always)]
-    fn infobyte(&self, node: u64) -> u8 {
-        usize::try_from(node).ok().and_then(|at| self.nodes.get(at)).copied().unwrap_or(0)
+    fn infobyte(&self, node: NodeIndex) -> u8 {
+        node.index().and_then(|at| self.nodes.get(at)).copied().unwrap_or(0)
     }
 
     #[inline(always)]
-    fn infobytes(&self, node: u64) -> u64 {
-        let rest = usize::try_from(node).ok().and_then(|at| self.nodes.get(at..)).unwrap_or(&[]);
+    fn infobytes(&self, node: NodeIndex) -> u64 {
+        let rest = node.index().and_then(|at| self.nodes.get(at..)).unwrap_or(&[]);
         match rest.first_chunk() {
             Some(bytes) => u64::from_le_bytes(*bytes),
             None => rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
@@ -256,19 +258,19 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline(always)]
-    fn first_child(&self, node: u64) -> u64 {
+    fn first_child(&self, node: NodeIndex) -> BoxIndex {
         // A directory of wrong bytes may say anything; held to the boxes there are, sums cannot overflow.
-        rank::rank(self.nodes, self.rank, node).min(self.boxes) + 1
+        BoxIndex::new(rank::rank(self.nodes, self.rank, node.get()).min(self.boxes) + 1)
     }
 
     #[inline]
-    fn voxel_normal(&self, voxel: u64) -> Option<u16> {
-        code(self.normals, voxel)
+    fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
+        code(self.normals, voxel.index())
     }
 
     #[inline]
-    fn node_normal(&self, node: u64) -> Option<u16> {
-        code(self.node_normals, node)
+    fn node_normal(&self, node: NodeIndex) -> Option<u16> {
+        code(self.node_normals, node.index())
     }
 }
 
@@ -286,27 +288,27 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     }
 
     #[inline]
-    fn infobyte(&self, node: u64) -> u8 {
+    fn infobyte(&self, node: NodeIndex) -> u8 {
         self.view().infobyte(node)
     }
 
     #[inline]
-    fn infobytes(&self, node: u64) -> u64 {
+    fn infobytes(&self, node: NodeIndex) -> u64 {
         self.view().infobytes(node)
     }
 
     #[inline]
-    fn first_child(&self, node: u64) -> u64 {
+    fn first_child(&self, node: NodeIndex) -> BoxIndex {
         self.view().first_child(node)
     }
 
     #[inline]
-    fn voxel_normal(&self, voxel: u64) -> Option<u16> {
+    fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
         self.view().voxel_normal(voxel)
     }
 
     #[inline]
-    fn node_normal(&self, node: u64) -> Option<u16> {
+    fn node_normal(&self, node: NodeIndex) -> Option<u16> {
         self.view().node_normal(node)
     }
 }

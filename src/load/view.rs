@@ -1,7 +1,9 @@
 //! The node view: all that a traversal may know of an octree.
 
-/// Read-only octree in breadth-first numbers (SPEC 2). Box `b < node_count()` is a node, any other
-/// box is voxel `b - node_count()`; the root is box 0.
+use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
+
+/// Read-only octree in breadth-first numbers (SPEC 2). A [`BoxIndex`] below `node_count()` is a node, any
+/// other a voxel; [`BoxIndex::node`] and [`BoxIndex::voxel`] give the number as such.
 ///
 /// Implementations are safe on any bytes: for a number out of range an infobyte is 0.
 pub trait NodeView: Sync {
@@ -15,28 +17,30 @@ pub trait NodeView: Sync {
     fn voxel_count(&self) -> u64;
 
     /// Infobyte of a node.
-    fn infobyte(&self, node: u64) -> u8;
+    fn infobyte(&self, node: NodeIndex) -> u8;
 
     /// Infobytes of the eight nodes from `node` on, the first in the lowest byte.
     #[inline]
-    fn infobytes(&self, node: u64) -> u64 {
-        (0..8).fold(0, |word, i| word | u64::from(self.infobyte(node.wrapping_add(i))) << (8 * i))
+    fn infobytes(&self, node: NodeIndex) -> u64 {
+        (0..8).fold(0, |word, i| {
+            let next = NodeIndex::new(node.get().wrapping_add(i));
+            word | u64::from(self.infobyte(next)) << (8 * i)
+        })
     }
 
-    /// Box number of the first child of a node.
-    fn first_child(&self, node: u64) -> u64;
+    /// The first child of a node.
+    fn first_child(&self, node: NodeIndex) -> BoxIndex;
 
-    /// Box number of the child in `octant` (0..8), or `None` if that octant is air.
+    /// The child in `octant`, or `None` if that octant is air.
     #[inline]
-    fn child(&self, node: u64, octant: u32) -> Option<u64> {
-        let mask = self.infobyte(node);
-        (mask >> octant & 1 == 1)
-            .then(|| self.first_child(node) + u64::from((u32::from(mask) & ((1 << octant) - 1)).count_ones()))
+    fn child(&self, node: NodeIndex, octant: Octant) -> Option<BoxIndex> {
+        let infobyte = self.infobyte(node);
+        octant.is_in(infobyte).then(|| self.first_child(node).after(octant.rank_in(infobyte)))
     }
 
     /// Normal code of a voxel (SPEC 4.6), if the model has normals.
-    fn voxel_normal(&self, voxel: u64) -> Option<u16>;
+    fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16>;
 
     /// Mean normal code of a node with an edge of 4 cells or more, if the model has them.
-    fn node_normal(&self, node: u64) -> Option<u16>;
+    fn node_normal(&self, node: NodeIndex) -> Option<u16>;
 }

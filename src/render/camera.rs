@@ -15,8 +15,8 @@
 
 use std::str::FromStr;
 
-use super::RenderError;
 use super::space::{add_scaled, cross, dot};
+use super::{CameraFault, RenderError};
 
 /// How lines of sight run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -147,7 +147,7 @@ impl Camera {
     /// model's extent: the greatest `direction . p` over its points.
     ///
     /// # Errors
-    /// [`RenderError::Usage`] for coordinates that are not finite, an eye in the point looked at, an `up`
+    /// [`RenderError::Camera`] for coordinates that are not finite, an eye in the point looked at, an `up`
     /// along the line of sight, or a field of view out of range.
     pub fn new(
         point: ViewPoint,
@@ -157,10 +157,8 @@ impl Camera {
         support: impl Fn([f64; 3]) -> f64,
     ) -> Result<Self, RenderError> {
         if !(FOV_RANGE_DEG.0..=FOV_RANGE_DEG.1).contains(&fov_deg) {
-            return usage(format!(
-                "the field of view is {fov_deg} degrees; choose {} to {}",
-                FOV_RANGE_DEG.0, FOV_RANGE_DEG.1
-            ));
+            let (least, most) = FOV_RANGE_DEG;
+            return Err(CameraFault::FieldOfView { degrees: fov_deg, least, most }.into());
         }
         let tangent = tan_deg(fov_deg / 2.0);
         match point {
@@ -175,15 +173,12 @@ impl Camera {
             ViewPoint::Free { eye, look_at, up } => {
                 let given = [eye, look_at, up.unwrap_or([0.0; 3])];
                 if !given.iter().flatten().all(|v| v.is_finite()) {
-                    return usage("a camera coordinate is not a finite number".into());
+                    return Err(CameraFault::NotFinite.into());
                 }
                 let sight = add_scaled(look_at, -1.0, eye);
                 let distance = dot(sight, sight).sqrt();
                 if !distance.is_normal() {
-                    return usage(
-                        "the eye is in the point that it looks at; move one of them (--eye, --look-at)"
-                            .into(),
-                    );
+                    return Err(CameraFault::EyeInTarget.into());
                 }
                 let axes = match up {
                     Some(up) => Axes::new(sight, up)?,
@@ -305,17 +300,17 @@ struct Axes {
 }
 
 impl Axes {
-    fn new(forward: [f64; 3], up: [f64; 3]) -> Result<Self, RenderError> {
+    fn new(forward: [f64; 3], up: [f64; 3]) -> Result<Self, CameraFault> {
         let (Some(forward), Some(up)) = (unit(forward), unit(up)) else {
-            return usage("the up direction has no length; give another (--up)".into());
+            return Err(CameraFault::UpWithoutLength);
         };
         let right = cross(forward, up);
         // Under a thousandth of a radian the picture's rotation would be noise.
         if dot(right, right) < 1e-6 {
-            return usage("the up direction is along the line of sight; give another (--up)".into());
+            return Err(CameraFault::UpAlongSight);
         }
         let Some(right) = unit(right) else {
-            return usage("the up direction is along the line of sight; give another (--up)".into());
+            return Err(CameraFault::UpAlongSight);
         };
         Ok(Self { right, up: cross(right, forward), forward })
     }
@@ -325,10 +320,6 @@ impl Axes {
         let across = add_scaled([0.0; 3], right, self.right);
         add_scaled(add_scaled(across, up, self.up), forward, self.forward)
     }
-}
-
-fn usage<T>(reason: String) -> Result<T, RenderError> {
-    Err(RenderError::Usage { reason })
 }
 
 /// The vector at length 1; `None` without a length.

@@ -1,4 +1,4 @@
-//! Why a picture cannot be made.
+//! Why a picture cannot be made, as values; the sentences are written in `jobs`.
 
 use std::io;
 use std::path::PathBuf;
@@ -11,19 +11,39 @@ use crate::error::ExitKind;
 #[non_exhaustive]
 #[derive(Debug, Error)]
 pub enum RenderError {
-    /// Camera or size make no sense.
-    #[error("{reason}")]
-    Usage {
-        /// What is wrong and what to do.
-        reason: String,
+    /// The camera makes no sense.
+    Camera(CameraFault),
+    /// A picture without pixels, or with too many.
+    Size {
+        /// Pixels in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Longest side.
+        most_side: u32,
+        /// Most pixels.
+        most_pixels: u64,
+    },
+    /// The picture was made without this layer.
+    NoLayer(Layer),
+    /// Threads cannot be started.
+    Threads {
+        /// How many.
+        threads: usize,
+        /// The system's reason.
+        #[source]
+        cause: io::Error,
+    },
+    /// The grid is too deep to be compared cell by cell.
+    TooDeep {
+        /// Its depth.
+        depth: u32,
+        /// The greatest depth that can be.
+        most: u32,
     },
     /// The model's affine cannot be inverted.
-    #[error(
-        "the model's axes are (nearly) parallel, so it has no volume to look at; check its spacing and orientation"
-    )]
     SingularAffine,
     /// The image cannot be written.
-    #[error("{path}: cannot be written ({cause}); check the folder and the free space", path = path.display())]
     Write {
         /// The image.
         path: PathBuf,
@@ -33,11 +53,53 @@ pub enum RenderError {
     },
 }
 
+/// What is wrong with a camera.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CameraFault {
+    /// The field of view is out of range.
+    FieldOfView {
+        /// Degrees asked for.
+        degrees: f64,
+        /// Least degrees.
+        least: f64,
+        /// Most degrees.
+        most: f64,
+    },
+    /// A coordinate is not a finite number.
+    NotFinite,
+    /// The eye is in the point that it looks at.
+    EyeInTarget,
+    /// The up direction has no length.
+    UpWithoutLength,
+    /// The up direction is along the line of sight.
+    UpAlongSight,
+}
+
+impl From<CameraFault> for RenderError {
+    fn from(fault: CameraFault) -> Self {
+        Self::Camera(fault)
+    }
+}
+
+/// What a picture may hold besides its colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layer {
+    /// Depth.
+    Depth,
+    /// World normals.
+    Normals,
+}
+
 impl RenderError {
     /// Exit kind.
     pub fn kind(&self) -> ExitKind {
         match self {
-            Self::Usage { .. } => ExitKind::Usage,
+            Self::Camera(_)
+            | Self::Size { .. }
+            | Self::NoLayer(_)
+            | Self::Threads { .. }
+            | Self::TooDeep { .. } => ExitKind::Usage,
             Self::SingularAffine => ExitKind::Input,
             Self::Write { .. } => ExitKind::Io,
         }

@@ -3,7 +3,7 @@
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::RenderError;
+use super::{Layer, RenderError};
 use crate::atomic::AtomicFile;
 
 /// A picture, rows from the top.
@@ -37,9 +37,9 @@ impl Image {
     /// Writes the depth as a 16-bit grey PNG.
     ///
     /// # Errors
-    /// [`RenderError::Usage`] when the picture was made without depth; else as [`Image::write_png`].
+    /// [`RenderError::NoLayer`] when the picture was made without depth; else as [`Image::write_png`].
     pub fn write_depth_png(&self, path: &Path) -> Result<(), RenderError> {
-        let Some(depth) = &self.depth else { return absent("depth") };
+        let Some(depth) = &self.depth else { return Err(RenderError::NoLayer(Layer::Depth)) };
         let bytes: Vec<u8> = depth.iter().flat_map(|d| d.to_be_bytes()).collect();
         let format = Format { colour: png::ColorType::Grayscale, bits: png::BitDepth::Sixteen, srgb: false };
         write_atomically(path, |out| self.encode(out, format, &bytes))
@@ -48,9 +48,9 @@ impl Image {
     /// Writes the normals as an RGB PNG.
     ///
     /// # Errors
-    /// [`RenderError::Usage`] when the picture was made without normals; else as [`Image::write_png`].
+    /// [`RenderError::NoLayer`] when the picture was made without normals; else as [`Image::write_png`].
     pub fn write_normals_png(&self, path: &Path) -> Result<(), RenderError> {
-        let Some(normals) = &self.normals else { return absent("normals") };
+        let Some(normals) = &self.normals else { return Err(RenderError::NoLayer(Layer::Normals)) };
         let format = Format { colour: png::ColorType::Rgb, bits: png::BitDepth::Eight, srgb: false };
         write_atomically(path, |out| self.encode(out, format, normals))
     }
@@ -74,10 +74,6 @@ struct Format {
     colour: png::ColorType,
     bits: png::BitDepth,
     srgb: bool,
-}
-
-fn absent<T>(what: &str) -> Result<T, RenderError> {
-    Err(RenderError::Usage { reason: format!("the picture was made without {what}; ask for it") })
 }
 
 /// Fills a temporary file beside `path` and renames it there; on failure nothing is left.

@@ -41,6 +41,6 @@ pub mod tile;
 pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};
-pub use error::RenderError;
+pub use error::{CameraFault, Layer, RenderError};
 pub use image::Image;
 pub use space::GridSpace;

@@ -5,6 +5,7 @@
 //! names they are the occupancy of its grandchildren in Morton order, and grandchild `v` has the number of
 //! the first plus the set bits below `v`.
 
+use crate::geom::NodeIndex;
 use crate::load::NodeView;
 
 use super::lanes::{Lanes, each3};
@@ -19,14 +20,15 @@ pub(super) struct Brick {
     /// Exclusive-or from the mirrored to the stored order.
     flip: u32,
     /// Node whose first child is the first of the boxes.
-    parent: u64,
+    parent: NodeIndex,
 }
 
 impl Brick {
     /// The grandchildren of `node`.
     #[inline(always)]
     pub(super) fn of<L: Lanes, V: NodeView>(lanes: L, view: &V, node: u64, mirror: u32) -> Self {
-        let parent = view.first_child(node);
+        let node = NodeIndex::new(node);
+        let parent = view.first_child(node).node();
         let stored = lanes.spread_children(view.infobyte(node), view.infobytes(parent));
         let flip = mirror | mirror << 3;
         Self { boxes: mirrored(stored, flip), stored, flip, parent }
@@ -35,14 +37,14 @@ impl Brick {
     /// The children of the root as the lowest octant of a node above it, for grids of an odd depth.
     #[inline(always)]
     pub(super) fn above_root<V: NodeView>(view: &V, mirror: u32) -> Self {
-        let stored = u64::from(view.infobyte(0));
-        Self { boxes: mirrored(stored, mirror), stored, flip: mirror, parent: 0 }
+        let stored = u64::from(view.infobyte(NodeIndex::ROOT));
+        Self { boxes: mirrored(stored, mirror), stored, flip: mirror, parent: NodeIndex::ROOT }
     }
 
     /// Number of the first box.
     #[inline(always)]
     pub(super) fn first<V: NodeView>(&self, view: &V) -> u64 {
-        view.first_child(self.parent)
+        view.first_child(self.parent).get()
     }
 
     /// Boxes before box `v` of the mirrored order, in the stored one.
@@ -102,6 +104,7 @@ pub(super) fn at_least(axis: usize, from: u32) -> u64 {
 mod tests {
     use super::*;
     use crate::geom::Dims;
+    use crate::geom::Octant;
     use crate::geom::morton;
     use crate::load::MemoryTree;
     use crate::render::lanes::Portable;
@@ -123,17 +126,19 @@ mod tests {
         for mirror in 0..8 {
             let top = Brick::above_root(&tree, mirror);
             for octant in 0..8_u32 {
-                let node = tree.child(0, octant);
+                let node = tree.child(NodeIndex::ROOT, Octant::low_bits(octant));
                 assert_eq!(top.boxes >> (octant ^ mirror) & 1 == 1, node.is_some());
                 let Some(node) = node else { continue };
-                assert_eq!(top.first(&tree) + top.before(octant ^ mirror), node);
-                let brick = Brick::of(Portable, &tree, node, mirror);
+                assert_eq!(top.first(&tree) + top.before(octant ^ mirror), node.get());
+                let brick = Brick::of(Portable, &tree, node.get(), mirror);
                 for v in 0..64_u32 {
-                    let number = tree.child(node, v >> 3).and_then(|child| tree.child(child, v & 7));
+                    let number = tree
+                        .child(node.node(), Octant::low_bits(v >> 3))
+                        .and_then(|child| tree.child(child.node(), Octant::low_bits(v & 7)));
                     let seen = v ^ (mirror | mirror << 3);
                     assert_eq!(brick.boxes >> seen & 1 == 1, number.is_some());
                     if let Some(number) = number {
-                        assert_eq!(brick.first(&tree) + brick.before(seen), number);
+                        assert_eq!(brick.first(&tree) + brick.before(seen), number.get());
                     }
                 }
             }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use crate::format::normal;
+use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
 use super::form::Form;
@@ -125,15 +126,11 @@ impl Seen {
 /// Checks a picture's size.
 ///
 /// # Errors
-/// [`RenderError::Usage`] for no pixels or too many.
+/// [`RenderError::Size`] for no pixels or too many.
 pub fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
     let pixels = u64::from(width) * u64::from(height);
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
-        return Err(RenderError::Usage {
-            reason: format!(
-                "a picture of {width}x{height} is not possible; choose sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
-            ),
-        });
+        return Err(RenderError::Size { width, height, most_side: MAX_SIDE, most_pixels: MAX_PIXELS });
     }
     Ok(())
 }
@@ -141,15 +138,13 @@ pub fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
 /// A private pool of this many workers with small stacks; the process-wide pool is never used.
 ///
 /// # Errors
-/// [`RenderError::Usage`] when the system does not start that many threads.
+/// [`RenderError::Threads`] when the system does not start that many.
 pub fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.max(1))
         .stack_size(WORKER_STACK_BYTES)
         .build()
-        .map_err(|cause| RenderError::Usage {
-            reason: format!("{threads} threads cannot be started ({cause}); choose fewer"),
-        })
+        .map_err(|cause| RenderError::Threads { threads, cause: std::io::Error::other(cause) })
 }
 
 /// Row `y` of a band whose hits stand tile after tile.
@@ -181,7 +176,7 @@ pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
 /// Memory: the image, 4 MiB for hits, and with smooth edges 8 bytes a pixel of the silhouette.
 ///
 /// # Errors
-/// [`RenderError::Usage`] when the size is not possible or the threads do not start.
+/// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start.
 pub fn paint<V: NodeView>(
     view: &V,
     space: &GridSpace,
@@ -375,9 +370,9 @@ impl<V: NodeView> Painter<'_, V> {
     /// World normal: the stored one, else that of the face, else towards the eye.
     fn normal(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
         let code = if seen.is_voxel {
-            self.view.voxel_normal(seen.box_number.wrapping_sub(self.view.node_count()))
+            self.view.voxel_normal(BoxIndex::new(seen.box_number).voxel(self.view.node_count()))
         } else {
-            self.view.node_normal(seen.box_number)
+            self.view.node_normal(NodeIndex::new(seen.box_number))
         };
         let box_frame = match (code, seen.face()) {
             (Some(code), _) => normal::decode_l1(code).map(f64::from),

@@ -4,6 +4,7 @@
 //! volume; [`nearest_by_slabs`] intersects the ray with every skin voxel. They share nothing with the
 //! traversal but the integers of the quantised ray. Comparisons multiply crosswise in i128: no division.
 
+use crate::geom::{BoxIndex, Octant};
 use crate::load::NodeView;
 
 use super::ray::{FRACTION_BITS, Face, Ray};
@@ -32,16 +33,16 @@ impl BitVolume {
             return Some(volume);
         }
         // (box number, lowest cell, level); at most 7 entries wait per level.
-        let mut waiting = vec![(0_u64, [0_u32; 3], volume.depth)];
+        let mut waiting = vec![(BoxIndex::ROOT, [0_u32; 3], volume.depth)];
         while let Some((number, low, level)) = waiting.pop() {
             if level == 0 {
                 volume.set(low);
                 continue;
             }
-            for octant in 0..8_u32 {
-                if let Some(child) = view.child(number, octant) {
+            for octant in Octant::ALL {
+                if let Some(child) = view.child(number.node(), octant) {
                     let half = 1 << (level - 1);
-                    let at = std::array::from_fn(|a| low[a] + (octant >> a & 1) * half);
+                    let at = std::array::from_fn(|a| low[a] + octant.high()[a] * half);
                     waiting.push((child, at, level - 1));
                 }
             }

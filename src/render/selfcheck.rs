@@ -1,6 +1,6 @@
 //! The traversal against the reference on many random rays, for tests and for users who want to see it.
 
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, BoxIndex, Dims, Octant};
 use crate::load::NodeView;
 
 use super::form::Form;
@@ -92,7 +92,7 @@ impl Mismatches {
             (Some(got), Some(want)) if got.cell != want.cell => self.voxel += 1,
             (Some(got), Some(want)) if got.face != want.face => self.face += 1,
             (Some(got), Some(_)) => {
-                let found = number_of(view, got.cell) == Some(got.box_number);
+                let found = number_of(view, got.cell).map(BoxIndex::get) == Some(got.box_number);
                 self.inconsistent += u64::from(!found || !lies_on_face(ray, &got));
             }
         }
@@ -177,10 +177,10 @@ pub fn tile_mismatches<V: NodeView>(view: &V, rays: u64, seed: u64) -> Mismatche
 }
 
 /// Number of the voxel box at a cell, by descending from the root.
-fn number_of<V: NodeView>(view: &V, cell: [u32; 3]) -> Option<u64> {
-    (0..view.depth()).rev().try_fold(0, |number, level| {
+fn number_of<V: NodeView>(view: &V, cell: [u32; 3]) -> Option<BoxIndex> {
+    (0..view.depth()).rev().try_fold(BoxIndex::ROOT, |number, level| {
         let bit = |a: usize| cell[a] >> level & 1;
-        view.child(number, bit(0) | bit(1) << 1 | bit(2) << 2)
+        view.child(number.node(), Octant::low_bits(bit(0) | bit(1) << 1 | bit(2) << 2))
     })
 }
 

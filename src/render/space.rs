@@ -1,6 +1,6 @@
 //! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
 
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant};
 use crate::load::NodeView;
 
 use super::RenderError;
@@ -95,12 +95,12 @@ impl GridSpace {
                 sum + weight[a] * f64::from(at)
             })
         };
-        if view.voxel_count() == 0 || (depth > 0 && view.infobyte(0) == 0) {
+        if view.voxel_count() == 0 || (depth > 0 && view.infobyte(NodeIndex::ROOT) == 0) {
             let corner = self.dims.to_array();
             return (0..3).fold(constant, |sum, a| sum + weight[a].max(0.0) * f64::from(corner[a]));
         }
         let mut best = f64::NEG_INFINITY;
-        let mut waiting = vec![(bound([0; 3], 1 << depth), 0_u64, [0_u32; 3], depth)];
+        let mut waiting = vec![(bound([0; 3], 1 << depth), BoxIndex::ROOT, [0_u32; 3], depth)];
         let mut visits = 0;
         while let Some((most, number, low, level)) = waiting.pop() {
             visits += 1;
@@ -113,9 +113,9 @@ impl GridSpace {
             }
             let half = 1_u32 << (level - 1);
             let first = waiting.len();
-            for octant in 0..8_u32 {
-                if let Some(child) = view.child(number, octant) {
-                    let at = std::array::from_fn(|a| low[a] + (octant >> a & 1) * half);
+            for octant in Octant::ALL {
+                if let Some(child) = view.child(number.node(), octant) {
+                    let at = std::array::from_fn(|a| low[a] + octant.high()[a] * half);
                     waiting.push((bound(at, half), child, at, level - 1));
                 }
             }

@@ -19,6 +19,7 @@
 //! Departure from the paper (section 3): its 14-bit table answers for a discrete 6-connected ray and lists
 //! boxes that the line does not pierce; here every box visited is pierced.
 
+use crate::geom::NodeIndex;
 use crate::load::NodeView;
 
 use super::ray::{FRACTION_BITS, Face, MAX_DEPTH, Ray};
@@ -250,12 +251,12 @@ fn trace<V: NodeView>(view: &V, ray: &Ray, lod_edge_log2: u32, sealed: bool) -> 
             level = level.wrapping_sub(1);
             let bit = |a: usize| cell[a].wrapping_shr(level) & 1;
             let octant = (bit(0) | bit(1) << 1 | bit(2) << 2) ^ mirror;
-            let mask = u32::from(view.infobyte(node));
+            let mask = u32::from(view.infobyte(NodeIndex::new(node)));
             if mask.wrapping_shr(octant) & 1 == 0 {
                 break;
             }
             let before = (mask & edge(octant).wrapping_sub(1)).count_ones();
-            node = view.first_child(node).wrapping_add(u64::from(before));
+            node = view.first_child(NodeIndex::new(node)).after(before).get();
             path[level as usize % PATH] = node;
         }
         let next = walk.next_cell(cell, level);

@@ -1,6 +1,6 @@
 //! Adaptive binary range coder (SPEC 5.2): carry-free, 32 bits, two-speed probabilities.
 
-use crate::format::FormatError;
+use super::CodingError;
 
 /// Probability of a 1 in one context, as the mean of a fast and a slow estimate in 1/65536.
 #[derive(Clone, Copy, Debug)]
@@ -46,7 +46,7 @@ pub trait BitCoder {
     ///
     /// # Errors
     /// A decoder ran out of bytes.
-    fn code(&mut self, context: &mut Bit, bit: bool) -> Result<bool, FormatError>;
+    fn code(&mut self, context: &mut Bit, bit: bool) -> Result<bool, CodingError>;
 }
 
 /// Writes bits.
@@ -80,7 +80,7 @@ fn split(low: u32, high: u32, p: u32) -> u32 {
 
 impl BitCoder for Encoder {
     #[inline(always)]
-    fn code(&mut self, context: &mut Bit, bit: bool) -> Result<bool, FormatError> {
+    fn code(&mut self, context: &mut Bit, bit: bool) -> Result<bool, CodingError> {
         let mid = split(self.low, self.high, context.probability());
         if bit {
             self.high = mid;
@@ -106,17 +106,13 @@ pub struct Decoder<'a> {
     rest: &'a [u8],
 }
 
-fn ended() -> FormatError {
-    FormatError::invalid("a packed group ends early (SPEC 5.2)")
-}
-
 impl<'a> Decoder<'a> {
     /// Starts on a payload.
     ///
     /// # Errors
     /// Fewer than four bytes.
-    pub fn new(payload: &'a [u8]) -> Result<Self, FormatError> {
-        let (first, rest) = payload.split_first_chunk::<4>().ok_or_else(ended)?;
+    pub fn new(payload: &'a [u8]) -> Result<Self, CodingError> {
+        let (first, rest) = payload.split_first_chunk::<4>().ok_or(CodingError::GroupCut)?;
         Ok(Self { low: 0, high: u32::MAX, value: u32::from_be_bytes(*first), rest })
     }
 
@@ -124,17 +120,17 @@ impl<'a> Decoder<'a> {
     ///
     /// # Errors
     /// Bytes are left.
-    pub fn finish(self) -> Result<(), FormatError> {
+    pub fn finish(self) -> Result<(), CodingError> {
         if self.rest.is_empty() && self.value == self.low {
             return Ok(());
         }
-        Err(FormatError::invalid("a packed group has bytes left over (SPEC 5.2)"))
+        Err(CodingError::GroupSurplus)
     }
 }
 
 impl BitCoder for Decoder<'_> {
     #[inline(always)]
-    fn code(&mut self, context: &mut Bit, _: bool) -> Result<bool, FormatError> {
+    fn code(&mut self, context: &mut Bit, _: bool) -> Result<bool, CodingError> {
         let mid = split(self.low, self.high, context.probability());
         let bit = self.value <= mid;
         if bit {
@@ -144,7 +140,7 @@ impl BitCoder for Decoder<'_> {
         }
         context.learn(bit);
         while (self.low ^ self.high) >> 24 == 0 {
-            let (next, rest) = self.rest.split_first().ok_or_else(ended)?;
+            let (next, rest) = self.rest.split_first().ok_or(CodingError::GroupCut)?;
             self.rest = rest;
             self.low <<= 8;
             self.high = self.high << 8 | 0xff;

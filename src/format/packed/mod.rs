@@ -6,14 +6,18 @@
 //! | [`structure`] | infobytes of a subtree, from the boxes around |
 //! | [`normals`] | normals of a subtree, from the voxels around |
 //! | [`planes`] | everything else: differences, byte planes, zstd |
+//! | [`CodingError`] | what can be wrong with coded bytes |
 //!
 //! Encoder and decoder of each codec are one function over a [`coder::BitCoder`], so that they cannot
 //! disagree about a context.
 
 pub mod coder;
+mod error;
 pub mod normals;
 pub mod planes;
 pub mod structure;
+
+pub use error::CodingError;
 
 /// Stored bytes are the content (SPEC 5.1).
 pub const CODEC_NONE: u8 = 0;

@@ -1,8 +1,8 @@
 //! Normals of a subtree, each predicted from the voxels around it that are coded already (SPEC 5.4).
 
+use super::CodingError;
 use super::coder::{Bit, BitCoder};
 use super::structure::Cell;
-use crate::format::FormatError;
 use crate::format::normal::{SCALE, decode_l1};
 
 /// Boxes along a side of the grid: 64 cells and a border.
@@ -39,7 +39,7 @@ impl Component {
     }
 
     /// Codes a residual in -254..=254.
-    fn code(&mut self, coder: &mut impl BitCoder, context: usize, value: i32) -> Result<i32, FormatError> {
+    fn code(&mut self, coder: &mut impl BitCoder, context: usize, value: i32) -> Result<i32, CodingError> {
         let other = context % OTHERS;
         if coder.code(&mut self.zero[context], value == 0)? {
             return Ok(0);
@@ -159,7 +159,7 @@ impl NormalCoder {
         coder: &mut impl BitCoder,
         cells: &[Cell],
         codes: &mut [u16],
-    ) -> Result<(), FormatError> {
+    ) -> Result<(), CodingError> {
         let index = |cell: &Cell| {
             let [x, y, z] = cell.map(|c| usize::from(c) + 1);
             (z * SIDE + y) * SIDE + x
@@ -196,7 +196,7 @@ impl NormalCoder {
         at: usize,
         last: [i32; 3],
         code: u16,
-    ) -> Result<u16, FormatError> {
+    ) -> Result<u16, CodingError> {
         let expected = self.expect(at, last);
         let vector = decode_l1(code);
         let due = chart(mirrored(vector, expected.mirror));
@@ -213,8 +213,7 @@ impl NormalCoder {
                 _ => 3,
             };
         }
-        let out_of_range = || FormatError::invalid("a packed normal is out of range (SPEC 5.4)");
-        let vector = mirrored(decode_l1(code_of(got).ok_or_else(out_of_range)?), expected.mirror);
+        let vector = mirrored(decode_l1(code_of(got).ok_or(CodingError::NormalRange)?), expected.mirror);
         let mut plain = chart(vector);
         // On the square's rim two codes share a direction: one bit says which.
         if vector[2] < 0 {
@@ -227,7 +226,7 @@ impl NormalCoder {
                 }
             }
         }
-        code_of(plain).ok_or_else(out_of_range)
+        code_of(plain).ok_or(CodingError::NormalRange)
     }
 
     /// SPEC 5.4: the weighted sum of the coded neighbours, or the voxel before.

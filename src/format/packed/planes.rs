@@ -1,6 +1,8 @@
 //! Any array of small items: differences, byte planes, zstd (SPEC 5.5).
 
-use crate::format::FormatError;
+use std::io;
+
+use super::CodingError;
 
 /// Content bytes of a block, rounded down to whole items.
 pub const BLOCK_BYTES: usize = 1 << 16;
@@ -18,7 +20,7 @@ pub fn block_bytes(item: u8) -> usize {
 ///
 /// # Errors
 /// The compressor failed (out of memory).
-pub fn encode(content: &[u8], item: u8) -> Result<Vec<u8>, FormatError> {
+pub fn encode(content: &[u8], item: u8) -> io::Result<Vec<u8>> {
     let item = usize::from(item.max(1));
     let mut planes = Vec::with_capacity(content.len());
     for plane in 0..item {
@@ -29,19 +31,18 @@ pub fn encode(content: &[u8], item: u8) -> Result<Vec<u8>, FormatError> {
         }
     }
     zstd::bulk::compress(&planes, LEVEL)
-        .map_err(|e| FormatError::invalid(format!("a block cannot be compressed ({e})")))
 }
 
 /// Decompresses one block of `len` content bytes, which the caller has bounded.
 ///
 /// # Errors
 /// Bytes that are not such a block.
-pub fn decode(stored: &[u8], item: u8, len: usize) -> Result<Vec<u8>, FormatError> {
+pub fn decode(stored: &[u8], item: u8, len: usize) -> Result<Vec<u8>, CodingError> {
     let item = usize::from(item.max(1));
     let planes = zstd::bulk::decompress(stored, len)
         .ok()
         .filter(|p| p.len() == len && len.is_multiple_of(item))
-        .ok_or_else(|| FormatError::invalid("a packed block cannot be decoded (SPEC 5.5)"))?;
+        .ok_or_else(|| CodingError::BlockUnreadable { due: u32::try_from(len).unwrap_or(u32::MAX) })?;
     let mut content = vec![0; len];
     for (plane, bytes) in planes.chunks_exact((len / item).max(1)).enumerate() {
         let mut before = 0_u8;

@@ -1,7 +1,7 @@
 //! Infobytes of a subtree, each bit predicted from the boxes around it (SPEC 5.3).
 
+use super::CodingError;
 use super::coder::{Bit, BitCoder};
-use crate::format::FormatError;
 
 /// Cell of a subtree, each coordinate below 64.
 pub type Cell = [u8; 3];
@@ -70,7 +70,7 @@ impl StructureCoder {
         levels: &mut [Vec<u8>],
         decode: bool,
         cells: &mut Vec<Cell>,
-    ) -> Result<(), FormatError> {
+    ) -> Result<(), CodingError> {
         let mut parents = vec![[0; 3]];
         let mut touched = Vec::new();
         if let Some(root) = self.grids.first_mut() {
@@ -110,19 +110,25 @@ impl StructureCoder {
         parents: &[Cell],
         level: &mut [u8],
         children: &mut Vec<Cell>,
-    ) -> Result<(), FormatError> {
+    ) -> Result<(), CodingError> {
         let (above, below) = self.grids.split_at_mut(depth + 1);
         let (Some(nodes), Some(boxes)) = (above.last_mut(), below.first_mut()) else {
-            return Err(FormatError::invalid("a subtree is too deep (SPEC 5.3)"));
+            return Err(CodingError::SubtreeTooDeep);
         };
         if level.len() != parents.len() {
-            return Err(FormatError::invalid("a depth has too many or too few nodes (SPEC I11)"));
+            return Err(wrong_count(level, parents));
         }
         for (parent, mask) in parents.iter().zip(level) {
             *mask = code_node(coder, &mut self.contexts, nodes, boxes, *parent, *mask, children)?;
         }
         Ok(())
     }
+}
+
+/// A depth of a subtree that does not belong to the boxes above; both have at most 8^6 items.
+fn wrong_count(level: &[u8], parents: &[Cell]) -> CodingError {
+    let count = |len: usize| u32::try_from(len).unwrap_or(u32::MAX);
+    CodingError::SubtreeNodes { found: count(level.len()), due: count(parents.len()) }
 }
 
 /// Codes one infobyte and notes its children.
@@ -134,7 +140,7 @@ fn code_node(
     parent: Cell,
     mask: u8,
     children: &mut Vec<Cell>,
-) -> Result<u8, FormatError> {
+) -> Result<u8, CodingError> {
     let at = nodes.index(parent);
     let (node_step, box_step) = (nodes.steps(), boxes.steps());
     // States of the neighbouring nodes, by offset; the centre is never asked for.
@@ -186,11 +192,11 @@ fn code_node(
 ///
 /// # Errors
 /// Depths that do not belong together.
-pub fn cells_of(levels: &[Vec<u8>], cells: &mut Vec<Cell>) -> Result<(), FormatError> {
+pub fn cells_of(levels: &[Vec<u8>], cells: &mut Vec<Cell>) -> Result<(), CodingError> {
     let mut parents = vec![[0_u8; 3]];
     for level in levels {
         if level.len() != parents.len() {
-            return Err(FormatError::invalid("a depth has too many or too few nodes (SPEC I11)"));
+            return Err(wrong_count(level, &parents));
         }
         let mut next = Vec::new();
         for (parent, mask) in parents.iter().zip(level) {

@@ -43,7 +43,7 @@ use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
 use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::catalogue::Catalogue;
-use crate::clean::CleanOptions;
+use crate::clean::{CleanError, CleanOptions};
 use crate::error::Error;
 use crate::facts::Instead;
 use crate::format::Channel;
@@ -423,14 +423,16 @@ impl Run<'_> {
             && !self.lacks_thumbnail(&done, thumbnails)
         {
             let preset = self.request.clean.preset;
-            item.warnings.extend(preset.and_then(|preset| preset.doubt(source.modality())));
+            let doubt = preset.and_then(|preset| preset.doubt(source.modality()));
+            item.warnings.extend(doubt.map(|doubt| doubt.to_string()));
             return self.skipped(done, item, thumbnails);
         }
         let progress = self.watcher.begin(slot, &item.name);
         // A defect in one volume's way must not take the others along.
         let built = catch_unwind(AssertUnwindSafe(|| self.build(source, &item.name, thumbnails, progress)));
+        let built = built.unwrap_or(Err(Error::Internal));
         match built {
-            Ok(Ok((facts, thumbnail_bytes, warnings))) => {
+            Ok((facts, thumbnail_bytes, warnings)) => {
                 item.status = Status::Converted;
                 for warning in warnings {
                     if !item.warnings.contains(&warning) {
@@ -446,22 +448,14 @@ impl Run<'_> {
                     item.reason = Some(format!("its record cannot be written ({cause})"));
                 }
             }
-            Ok(Err(e)) => {
+            Err(e) => {
                 item.cause = Some(match &e {
-                    Error::Build(
-                        BuildError::EmptyResult { .. }
-                        | BuildError::NothingKept { .. }
-                        | BuildError::NoNumbers { .. },
-                    ) => Cause::Empty,
+                    Error::Internal => Cause::Defect,
+                    Error::Build(BuildError::EmptyResult { .. } | BuildError::NoNumbers { .. })
+                    | Error::Clean(CleanError::NothingKept { .. }) => Cause::Empty,
                     e => Cause::of(e.kind()),
                 });
                 item.reason = Some(e.to_string());
-                Record::clear(&self.request.out, &item.name);
-            }
-            Err(_) => {
-                item.cause = Some(Cause::Defect);
-                item.reason =
-                    Some("an internal error stopped its conversion; please report it with the file".into());
                 Record::clear(&self.request.out, &item.name);
             }
         }

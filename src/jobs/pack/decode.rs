@@ -7,21 +7,18 @@ use crate::format::packed::coder::Decoder;
 use crate::format::packed::normals::NormalCoder;
 use crate::format::packed::structure::{StructureCoder, cells_of};
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_PLANES, CODEC_STRUCTURE, GROUP_BYTES_LIMIT, GROUP_VOXELS,
-    planes,
+    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_PLANES, CODEC_STRUCTURE, CodingError, GROUP_BYTES_LIMIT,
+    GROUP_VOXELS, planes,
 };
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
 };
+use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
 
 use super::Stop;
 use super::encode::finish_frame;
 use super::stream::{Subtrees, Writer, roots, subtree_shape};
-
-fn invalid(what: &str) -> Stop {
-    FormatError::invalid(what).into()
-}
 
 /// Unpacks into an empty file and returns the frame of what was written; its checksums are verified.
 pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
@@ -70,7 +67,7 @@ fn lay_out(packed: &Frame) -> Result<Frame, Stop> {
         entry.stored_crc = entry.content_crc;
         end = entry.end();
         if end >= 1 << 62 {
-            return Err(invalid("its sections are too large to be true"));
+            return Err(CodingError::ContentTooLarge.into());
         }
     }
     mapped.header.file_bytes = end;
@@ -88,7 +85,7 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         CODEC_STRUCTURE | CODEC_NORMALS => {
             subtree_shape(frame).1 == 0 || frame.header.voxels <= blocks(12, 2 * GROUP_VOXELS)
         }
-        other => return Err(invalid(&format!("codec {other} is unknown; update infobyte"))),
+        codec => return Err(CodingError::UnknownCodec { codec }.into()),
     };
     let right_kind = match (entry.codec, entry.kind) {
         (CODEC_NONE, _) => true,
@@ -97,7 +94,10 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         (CODEC_PLANES, _) => true,
         (codec, Some(kind)) => kind.codec() == codec,
     };
-    if ok && right_kind { Ok(()) } else { Err(invalid("a packed section is impossible (SPEC 5.1)")) }
+    if ok && right_kind {
+        return Ok(());
+    }
+    Err(CodingError::ImplausibleSection { kind: entry.kind, codec: entry.codec }.into())
 }
 
 fn decode_section<R: ReadAt + ?Sized>(
@@ -122,10 +122,10 @@ fn decode_section<R: ReadAt + ?Sized>(
         CODEC_NORMALS => normals(&mut stored, mapped, &mut writer, out)?,
         _ => {}
     }
-    if stored.0.left() > 0 {
-        return Err(invalid("a packed section has bytes left over (SPEC 5.1)"));
+    match stored.0.left() {
+        0 => Ok(()),
+        left => Err(CodingError::SectionSurplus { left }.into()),
     }
-    Ok(())
 }
 
 /// Stored bytes of one section, read from front to back.
@@ -133,14 +133,14 @@ struct Stored<'a, R: ReadAt + ?Sized>(Cursor<'a, R>);
 
 impl<R: ReadAt + ?Sized> Stored<'_, R> {
     fn number(&mut self) -> Result<u32, Stop> {
-        let bytes = self.0.take::<4>()?.ok_or_else(|| invalid("a packed section ends early (SPEC 5.1)"))?;
+        let bytes = self.0.take::<4>()?.ok_or(CodingError::SectionCut)?;
         Ok(u32::from_le_bytes(bytes))
     }
 
     /// The next `len` bytes; a length beyond the section or the limit is refused before allocating.
     fn bytes(&mut self, len: u32, limit: u32) -> Result<Vec<u8>, Stop> {
         if len > limit || u64::from(len) > self.0.left() {
-            return Err(invalid("a packed block is longer than its section or its limit (SPEC 5.1)"));
+            return Err(CodingError::BlockTooLong { bytes: len }.into());
         }
         let mut bytes = Vec::with_capacity(len as usize);
         while bytes.len() < len as usize {
@@ -166,7 +166,7 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
     fn group(&mut self, left: u64) -> Result<(u32, Vec<u8>), Stop> {
         let (len, subtrees) = (self.number()?, self.number()?);
         if subtrees == 0 || u64::from(subtrees) > left {
-            return Err(invalid("a packed group has an impossible number of subtrees (SPEC 5.3)"));
+            return Err(CodingError::GroupSubtrees { subtrees }.into());
         }
         Ok((subtrees, self.bytes(len, GROUP_BYTES_LIMIT)?))
     }
@@ -182,11 +182,11 @@ fn structure<R: ReadAt + ?Sized>(
     if depth == 0 {
         return Ok(());
     }
-    let top = frame.level(root_depth).start;
+    let top = frame.level(Level::new(root_depth)).start;
     stored.planes(1, &mut Writer::new(out, target.offset, target.offset + top))?;
     let mut writers: Vec<Writer> = (root_depth..root_depth + depth)
         .map(|d| {
-            let level = frame.level(d);
+            let level = frame.level(Level::new(d));
             Writer::new(out, target.offset + level.start, target.offset + level.end)
         })
         .collect();
@@ -194,16 +194,16 @@ fn structure<R: ReadAt + ?Sized>(
     let mut levels = vec![Vec::new(); depth as usize];
     let mut cells = Vec::new();
     let mut left = roots(frame);
-    let wrong_count = || invalid("a depth has too many or too few nodes (SPEC I11)");
     while left > 0 {
         let (subtrees, payload) = stored.group(left)?;
         let mut decoder = Decoder::new(&payload)?;
         coder.restart();
         for _ in 0..subtrees {
             coder.code(&mut decoder, &mut levels, true, &mut cells)?;
-            for (writer, level) in writers.iter_mut().zip(&levels) {
-                if (level.len() as u64) > writer.room() {
-                    return Err(wrong_count());
+            for (depth, (writer, level)) in (root_depth..).zip(writers.iter_mut().zip(&levels)) {
+                let (room, brought) = (writer.room(), level.len() as u64);
+                if brought > room {
+                    return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought }.into());
                 }
                 writer.write(level).map_err(Stop::Output)?;
             }
@@ -211,9 +211,14 @@ fn structure<R: ReadAt + ?Sized>(
         decoder.finish()?;
         left -= u64::from(subtrees);
     }
-    for writer in &mut writers {
+    for (depth, writer) in (root_depth..).zip(&mut writers) {
         if !writer.is_full() {
-            return Err(wrong_count());
+            return Err(FormatError::SubtreeNodes {
+                level: Level::new(depth),
+                room: writer.room(),
+                brought: 0,
+            }
+            .into());
         }
         writer.flush().map_err(Stop::Output)?;
     }
@@ -237,7 +242,7 @@ fn normals<R: ReadAt + ?Sized>(
         for _ in 0..count {
             let voxels = subtrees.next(&mut levels)?.unwrap_or(0);
             if voxels.saturating_mul(2) > writer.room() {
-                return Err(invalid("there are more voxels than normals (SPEC I11)"));
+                return Err(FormatError::MissingItem { kind: SectionKind::Voxels(Channel::Normal) }.into());
             }
             cells_of(&levels, &mut cells)?;
             codes.clear();
@@ -251,7 +256,8 @@ fn normals<R: ReadAt + ?Sized>(
         left -= u64::from(count);
     }
     if !writer.is_full() {
-        return Err(invalid("there are more normals than voxels (SPEC I11)"));
+        let (kind, room) = (SectionKind::Voxels(Channel::Normal), writer.room());
+        return Err(FormatError::SurplusItems { kind, room }.into());
     }
     writer.flush().map_err(Stop::Output)
 }
@@ -294,15 +300,15 @@ fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
             };
             let item = u64::from(entry.item_bytes);
             let levels = (0..coarse).map(|d| {
-                let level = mapped.level(d);
+                let level = mapped.level(Level::new(d));
                 Writer::new(out, entry.offset + level.start * item, entry.offset + level.end * item)
             });
             (channel, usize::from(entry.item_bytes), levels.collect())
         })
         .collect();
-    walk(out, mapped, &mut |depth, sums| {
+    walk(out, mapped, &mut |level, sums| {
         for ((channel, item, levels), sum) in writers.iter_mut().zip(sums) {
-            if let (Some(writer), Some(means)) = (levels.get_mut(depth), &channel.row().means) {
+            if let (Some(writer), Some(means)) = (levels.get_mut(level.index()), &channel.row().means) {
                 writer.write(means.rule.mean(sum).get(..*item).unwrap_or_default())?;
             }
         }

@@ -7,11 +7,14 @@ use crate::format::packed::coder::Encoder;
 use crate::format::packed::normals::NormalCoder;
 use crate::format::packed::structure::{StructureCoder, cells_of};
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_PLANES, CODEC_STRUCTURE, GROUP_BYTES_LIMIT, planes,
+    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_PLANES, CODEC_STRUCTURE, CodingError, GROUP_BYTES_LIMIT,
+    planes,
 };
 use crate::format::{
-    ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, table_bytes,
+    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up,
+    table_bytes,
 };
+use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt, verify};
 
 use super::Stop;
@@ -27,7 +30,7 @@ pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
     let at = |kind| frame.sections.iter().position(|e| e.kind == Some(kind));
     // Unpacking puts the directory back right after the nodes.
     if at(SectionKind::Rank) != at(SectionKind::Nodes).map(|n| n + 1) {
-        return Err(FormatError::invalid("a section of unknown kind parts nodes and rank").into());
+        return Err(FormatError::RankApart.into());
     }
     let mut packed = frame.clone();
     packed.sections.retain(|e| e.kind != Some(SectionKind::Rank));
@@ -89,7 +92,7 @@ fn plane_blocks<R: ReadAt + ?Sized>(
         let len = (entry.end() - at).min(full as u64);
         block.resize(usize::try_from(len).unwrap_or(0), 0);
         source.read_at(&mut block, at).map_err(|e| Stop::Input(e.into()))?;
-        let stored = planes::encode(&block, entry.item_bytes)?;
+        let stored = planes::encode(&block, entry.item_bytes).map_err(Stop::Output)?;
         writer.write(&length(stored.len())?.to_le_bytes()).map_err(Stop::Output)?;
         writer.write(&stored).map_err(Stop::Output)?;
         at += len;
@@ -97,11 +100,11 @@ fn plane_blocks<R: ReadAt + ?Sized>(
     Ok(())
 }
 
-fn length(len: usize) -> Result<u32, FormatError> {
+fn length(len: usize) -> Result<u32, CodingError> {
     u32::try_from(len)
         .ok()
         .filter(|len| *len <= GROUP_BYTES_LIMIT)
-        .ok_or_else(|| FormatError::invalid("a packed group passes its limit (SPEC 5.3)"))
+        .ok_or(CodingError::GroupTooLong { bytes: len as u64 })
 }
 
 /// SPEC 5.3: one group after the other.
@@ -121,7 +124,7 @@ fn structure<R: ReadAt + ?Sized>(
     if depth == 0 {
         return Ok(());
     }
-    let top = SectionEntry { stored_bytes: frame.level(root_depth).start, ..*entry };
+    let top = SectionEntry { stored_bytes: frame.level(Level::new(root_depth)).start, ..*entry };
     plane_blocks(source, entry.offset, &top, writer)?;
     let mut coder = StructureCoder::new(depth as usize);
     let (mut levels, mut cells) = (Vec::new(), Vec::new());
@@ -156,9 +159,8 @@ fn normals<R: ReadAt + ?Sized>(
             cells_of(levels, &mut cells)?;
             codes.clear();
             for _ in 0..cells.len() {
-                let code = stored
-                    .take::<2>()?
-                    .ok_or_else(|| FormatError::invalid("there are more voxels than normals (SPEC I11)"))?;
+                let missing = FormatError::MissingItem { kind: SectionKind::Voxels(Channel::Normal) };
+                let code = stored.take::<2>()?.ok_or(missing)?;
                 codes.push(u16::from_le_bytes(code));
             }
             Ok(coder.code(&mut encoder, &cells, &mut codes)?)

@@ -10,8 +10,9 @@ use std::path::Path;
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
-use crate::error::Error;
+use crate::error::{Error, UsageError};
 use crate::format::FormatError;
+use crate::format::packed::CodingError;
 use crate::load::{Fault, Frame, LoadError, ReadAt, open_regular};
 
 /// What packing or unpacking did.
@@ -45,6 +46,12 @@ impl From<Fault> for Stop {
 impl From<FormatError> for Stop {
     fn from(cause: FormatError) -> Self {
         Self::Input(Fault::Format(cause))
+    }
+}
+
+impl From<CodingError> for Stop {
+    fn from(cause: CodingError) -> Self {
+        FormatError::Coding(cause).into()
     }
 }
 
@@ -85,10 +92,7 @@ fn convert(
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
         && from == to
     {
-        let path = output.display();
-        return Err(Error::Usage(format!(
-            "{path}: is the input, and would be replaced; name another file with --output"
-        )));
+        return Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into());
     }
     // The input's frame first: a foreign file is refused before anything is said about the output.
     Frame::read(&source).map_err(|fault| fault.at(input))?;

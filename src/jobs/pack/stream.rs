@@ -6,6 +6,7 @@ use std::os::unix::fs::FileExt;
 
 use crate::format::packed::{GROUP_VOXELS, SUBTREE_DEPTH};
 use crate::format::{FormatError, SectionKind};
+use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
 
 /// Bytes of a writer's or a cursor's buffer.
@@ -78,6 +79,8 @@ pub(super) fn subtree_shape(frame: &Frame) -> (u32, u32) {
 #[derive(Debug)]
 pub(super) struct Subtrees<'a, R: ReadAt + ?Sized> {
     cursors: Vec<Cursor<'a, R>>,
+    /// Depth of the first cursor.
+    root_depth: u32,
     left: u64,
 }
 
@@ -87,11 +90,11 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         let nodes = frame.section(SectionKind::Nodes).map_or(0, |e| e.offset);
         let cursors = (root_depth..root_depth + levels)
             .map(|d| {
-                let level = frame.level(d);
+                let level = frame.level(Level::new(d));
                 Cursor::new(source, nodes + level.start, nodes + level.end, BUFFER_BYTES)
             })
             .collect();
-        Self { cursors, left: roots(frame) }
+        Self { cursors, root_depth, left: roots(frame) }
     }
 
     /// Puts the next subtree's infobytes by depth into `levels`; its number of voxels, or `None`
@@ -103,17 +106,12 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         self.left -= 1;
         levels.resize(self.cursors.len(), Vec::new());
         let mut count = 1_u64;
-        for (cursor, level) in self.cursors.iter_mut().zip(levels) {
+        for (depth, (cursor, level)) in (self.root_depth..).zip(self.cursors.iter_mut().zip(levels)) {
             level.clear();
             for _ in 0..count {
                 match cursor.take::<1>()? {
                     Some([mask]) if mask != 0 => level.push(mask),
-                    _ => {
-                        return Err(FormatError::invalid(
-                            "a depth has fewer nodes than their parents have children (SPEC I11)",
-                        )
-                        .into());
-                    }
+                    _ => return Err(FormatError::SubtreeCut { level: Level::new(depth) }.into()),
                 }
             }
             count = level.iter().map(|m| u64::from(m.count_ones())).sum();
@@ -128,7 +126,7 @@ pub(super) fn roots(frame: &Frame) -> u64 {
     if levels == 0 {
         return frame.header.voxels;
     }
-    let level = frame.level(root_depth);
+    let level = frame.level(Level::new(root_depth));
     level.end - level.start
 }
 

@@ -1,10 +1,10 @@
-//! Every sentence about an input: facts are values up to here, and become text last.
+//! The sentences: what every fact of the library reads like, with the names of flags and commands.
 //!
-//! Names of flags and commands are written here only; what reads volumes knows none of them.
+//! Nothing below `jobs` writes a sentence: the types there hold facts, and become text last, here.
 //!
 //! | file | sentences about |
 //! |---|---|
-//! | `note` | what was guessed, left out, replaced or odd |
+//! | `note` | what was guessed, left out, replaced or odd in an input |
 //! | `error` | why a volume cannot be used |
 //! | `found` | files that are left out, and the choice among volumes |
 //! | `header` | headers of text: NRRD, MetaImage, and what they share |
@@ -13,17 +13,27 @@
 //! | `samples` | samples in files |
 //! | `sidecar` | side-cars |
 //! | `dicom` | DICOM |
+//! | `builder`, `clean` | why a build stops, before and after cleaning |
+//! | `format`, `load` | what is wrong with an `.oct`, and why it cannot be opened |
+//! | `render` | why a picture cannot be made |
+//! | `top` | what stops a job, and the system's refusals |
 
 mod binary;
+mod builder;
+mod clean;
 mod codec;
 mod dicom;
 mod error;
+mod format;
 mod found;
 mod header;
+mod load;
 mod note;
 mod picture;
+mod render;
 mod samples;
 mod sidecar;
+mod top;
 
 use crate::facts::Note;
 

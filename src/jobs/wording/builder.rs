@@ -1,0 +1,66 @@
+//! Why a build stops.
+
+use std::fmt;
+
+use crate::budget::SizeArgument;
+use crate::builder::{BuildError, ScratchFault, Sought};
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Source(inner) => inner.fmt(f),
+            Self::Format(inner) => inner.fmt(f),
+            Self::BudgetTooSmall { name, limit_bytes, minimum_bytes } => write!(
+                f,
+                "{name}: --memory {} is too small; the smallest that works is --memory {}",
+                SizeArgument(*limit_bytes),
+                SizeArgument(*minimum_bytes)
+            ),
+            Self::EmptyResult { name, sought, min, max } => write!(
+                f,
+                "{name}: no voxel lies in {sought}; the values of this volume run from {min} to {max}: choose --iso or --range within them"
+            ),
+            Self::NothingInside { name } => write!(
+                f,
+                "{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it"
+            ),
+            Self::NoChannel { name, channel } => {
+                write!(f, "{name}: does not have the channel '{channel}'; leave it out")
+            }
+            Self::NoNumbers { name } => write!(f, "{name}: holds no finite value; check --dtype"),
+            Self::EmptyRange { .. } => f.write_str("the range is empty: write it as LO..HI with LO <= HI"),
+            Self::Scratch { path, cause } => write!(
+                f,
+                "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
+                path.display()
+            ),
+            Self::Output { path, cause } => write!(
+                f,
+                "{}: cannot be written ({cause}); check the folder and its free space",
+                path.display()
+            ),
+            Self::Threads { cause, .. } => {
+                write!(f, "worker threads cannot be started ({cause}); try --threads 1")
+            }
+        }
+    }
+}
+
+impl fmt::Display for Sought {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Split => f.write_str("Otsu's threshold, which needs two different values"),
+            Self::Within(range) if range.hi.is_infinite() => write!(f, "the range from {} up", range.lo),
+            Self::Within(range) => write!(f, "the range {}..{}", range.lo, range.hi),
+        }
+    }
+}
+
+impl fmt::Display for ScratchFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Changed => "its contents were changed by someone else",
+            Self::TooManyBricks => "the model has too many bricks for this machine",
+        })
+    }
+}

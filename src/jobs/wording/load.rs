@@ -1,0 +1,24 @@
+//! Why a file cannot be opened as a model.
+
+use std::fmt;
+
+use crate::load::{LoadError, NotRegular};
+
+impl fmt::Display for LoadError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unreadable { path, cause } => write!(
+                f,
+                "{}: cannot be read ({cause}); check that it exists and that you may read it",
+                path.display()
+            ),
+            Self::Format { path, cause } => write!(f, "{}: {cause}", path.display()),
+        }
+    }
+}
+
+impl fmt::Display for NotRegular {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("it is not a regular file")
+    }
+}

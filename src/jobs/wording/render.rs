@@ -1,0 +1,55 @@
+//! Why a picture cannot be made.
+
+use std::fmt;
+
+use crate::render::{CameraFault, Layer, RenderError};
+
+impl fmt::Display for RenderError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Camera(fault) => fault.fmt(f),
+            Self::Size { width, height, most_side, most_pixels } => write!(
+                f,
+                "a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels"
+            ),
+            Self::NoLayer(layer) => {
+                let name = match layer {
+                    Layer::Depth => "depth",
+                    Layer::Normals => "normals",
+                };
+                write!(f, "the picture was made without {name}; ask for it")
+            }
+            Self::Threads { threads, cause } => {
+                write!(f, "{threads} threads cannot be started ({cause}); choose fewer")
+            }
+            Self::TooDeep { depth, most } => write!(
+                f,
+                "a grid of 2^{depth} cells a side is too large to be compared cell by cell; choose a model of at most 2^{most}"
+            ),
+            Self::SingularAffine => f.write_str(
+                "the model's axes are (nearly) parallel, so it has no volume to look at; check its spacing and orientation",
+            ),
+            Self::Write { path, cause } => write!(
+                f,
+                "{}: cannot be written ({cause}); check the folder and the free space",
+                path.display()
+            ),
+        }
+    }
+}
+
+impl fmt::Display for CameraFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::FieldOfView { degrees, least, most } => {
+                return write!(f, "the field of view is {degrees} degrees; choose {least} to {most}");
+            }
+            Self::NotFinite => "a camera coordinate is not a finite number",
+            Self::EyeInTarget => {
+                "the eye is in the point that it looks at; move one of them (--eye, --look-at)"
+            }
+            Self::UpWithoutLength => "the up direction has no length; give another (--up)",
+            Self::UpAlongSight => "the up direction is along the line of sight; give another (--up)",
+        })
+    }
+}

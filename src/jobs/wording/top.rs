@@ -1,0 +1,80 @@
+//! What stops a job: the gathered error, wrong requests, and the system's refusals that have a reason of ours.
+
+use std::fmt;
+
+use crate::atomic::TargetFault;
+use crate::budget::Bytes;
+use crate::error::{Error, UsageError};
+use crate::scratch::NoRoom;
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Usage(inner) => inner.fmt(f),
+            Self::Source(inner) => inner.fmt(f),
+            Self::Build(inner) => inner.fmt(f),
+            Self::Clean(inner) => inner.fmt(f),
+            Self::Format(inner) => inner.fmt(f),
+            Self::Load(inner) => inner.fmt(f),
+            Self::Render(inner) => inner.fmt(f),
+            Self::Busy { path } => write!(
+                f,
+                "{}: another batch is writing into this folder; wait until it has finished, or choose another folder with --out",
+                path.display()
+            ),
+            Self::Output { path, cause } => write!(
+                f,
+                "{}: cannot be written ({cause}); check the folder and its free space",
+                path.display()
+            ),
+            Self::Internal => {
+                f.write_str("an internal error stopped its conversion; please report it with the file")
+            }
+        }
+    }
+}
+
+impl fmt::Display for UsageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ReplacesInput { path, folder: true } => write!(
+                f,
+                "{}: is the input, or part of it, and would be replaced by the model; name another file with --output",
+                path.display()
+            ),
+            Self::ReplacesInput { path, folder: false } => write!(
+                f,
+                "{}: is the input, and would be replaced; name another file with --output",
+                path.display()
+            ),
+            Self::ReplacesModel { path } => write!(
+                f,
+                "{}: is the model and would be replaced by a picture; name another file",
+                path.display()
+            ),
+            Self::NamedTwice { path } => {
+                write!(f, "{}: is named for two pictures; name another file for one of them", path.display())
+            }
+            Self::HeadSize { side } => {
+                write!(f, "a head of {side} voxels a side cannot be made; choose 1 to 65536")
+            }
+        }
+    }
+}
+
+impl fmt::Display for TargetFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::DanglingLink => "it is a link to a place that does not exist",
+            Self::NotRegular => "it exists and is not a regular file",
+            Self::NoFileName => "it is not a file name",
+            Self::NoFreeName => "no free temporary name in the folder",
+        })
+    }
+}
+
+impl fmt::Display for NoRoom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} are needed, and {} are free", Bytes(self.needed_bytes), Bytes(self.free_bytes))
+    }
+}
