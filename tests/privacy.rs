@@ -83,8 +83,8 @@ impl Patient {
         self.name.replace('^', "_")
     }
 
-    /// A series of three slices of 2 x 2 voxels; `burn` sets what makes them carry text.
-    fn series(&self, folder: &Path, uid: &str, burn: &dyn Fn(&mut Elements)) {
+    /// A series of three slices of 2 x 2 voxels; `also` is one more element.
+    fn series(&self, folder: &Path, uid: &str, also: Option<(u32, &'static str, &str)>) {
         fs::create_dir_all(folder).unwrap();
         for i in 0..3 {
             let mut image = Elements::ct(f64::from(i), i + 1, [2900, 20, 2900, 20]);
@@ -95,7 +95,9 @@ impl Patient {
             image.set(0x0010_0010, "PN", self.name).set(0x0010_0020, "LO", self.id);
             image.set(0x0010_0030, "DA", self.birth).set(0x0020_000e, "UI", uid);
             image.set(0x0008_103e, "LO", self.name);
-            burn(&mut image);
+            if let Some((tag, vr, value)) = also {
+                image.set(tag, vr, value);
+            }
             fs::write(folder.join(format!("{}-{i}.dcm", self.folder())), image.bytes()).unwrap();
         }
     }
@@ -178,7 +180,7 @@ fn studies(top: &Path) -> Vec<String> {
     let mut words = Vec::new();
     for (n, patient) in PATIENTS.iter().enumerate() {
         let folder = top.join(format!("{}_{}", patient.folder(), patient.birth)).join(patient.accession);
-        patient.series(&folder, &format!("1.2.3.{n}"), &|_| ());
+        patient.series(&folder, &format!("1.2.3.{n}"), None);
         // Other files beside the images, named like the patient, and a refused one.
         let depth = 4 + u32::try_from(n).unwrap();
         file(&folder, &format!("{}_seg.nrrd", patient.folder()), &nrrd(&object(depth), "raw", false, ""));
@@ -317,17 +319,16 @@ fn thumbnails_of_images_that_may_carry_text_are_made_on_request_only() {
     let folder = tempfile::tempdir().unwrap();
     let (top, out) = (folder.path().join("in"), folder.path().join("out"));
     let [patient, ..] = &PATIENTS;
-    type Burn<'a> = (&'a str, &'a dyn Fn(&mut Elements));
-    let kinds: [Burn<'_>; 6] = [
-        ("stated", &|image| drop(image.set(0x0028_0301, "CS", "YES"))),
-        ("ultrasound", &|image| drop(image.set(0x0008_0060, "CS", "US"))),
-        ("secondary_capture", &|image| drop(image.set(0x0008_0016, "UI", "1.2.840.10008.5.1.4.1.1.7"))),
-        ("secondary_capture", &|image| drop(image.set(0x0008_0064, "CS", "WSD"))),
-        ("screen_capture", &|image| drop(image.set(0x0008_0008, "CS", "DERIVED\\SECONDARY\\SCREEN SAVE"))),
-        ("", &|image| drop(image.set(0x0028_0301, "CS", "NO"))),
+    let kinds = [
+        ("stated", (0x0028_0301, "CS", "YES")),
+        ("ultrasound", (0x0008_0060, "CS", "US")),
+        ("secondary_capture", (0x0008_0016, "UI", "1.2.840.10008.5.1.4.1.1.7")),
+        ("secondary_capture", (0x0008_0064, "CS", "WSD")),
+        ("screen_capture", (0x0008_0008, "CS", "DERIVED\\SECONDARY\\SCREEN SAVE")),
+        ("", (0x0028_0301, "CS", "NO")),
     ];
-    for (n, (_, burn)) in kinds.iter().enumerate() {
-        patient.series(&top.join(n.to_string()), &format!("1.2.9.{n}"), burn);
+    for (n, (_, said)) in kinds.iter().enumerate() {
+        patient.series(&top.join(n.to_string()), &format!("1.2.9.{n}"), Some(*said));
     }
     let thumbnails = |report: &Value| -> Vec<bool> {
         let items = report["items"].as_array().unwrap();
