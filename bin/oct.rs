@@ -28,7 +28,7 @@ use args::{Cli, Command, Switch, cores};
 use bars::{Bars, BatchBars};
 
 fn main() -> ExitCode {
-    infobyte::resident::map_large_buffers();
+    jobs::map_large_buffers();
     // With a handler in place, writing past a file-size limit is an error that can be told, not the end of
     // the process. Without one (it cannot be set twice), the system's way stays.
     let _ = signal_hook::flag::register(
@@ -82,11 +82,11 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Batch(args) => Ok(batch(&args)?),
         Command::Scan(args) => Ok(scan(&args)?),
         Command::Info(args) => {
-            let info = info::info(&args.model)?;
+            let info = info::read_info(&args.model)?;
             Ok(print(args.json, || info.json(), || info.text())?)
         }
         Command::Verify(args) => {
-            let report = verify::verify(&args.model)?;
+            let report = verify::verify_file(&args.model)?;
             Ok(print(args.json, || report.json(), || report.text())?)
         }
         Command::Pack(args) => {
@@ -123,7 +123,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     };
     let bars = Bars::new(args.quiet || args.json);
     let cleaning = args.clean.options();
-    let summary = jobs::build::build_cleaned(&args.input, &how, &cleaning, &options, &args.output, &bars);
+    let summary = jobs::build::convert(&args.input, &how, &cleaning, &options, &args.output, &bars);
     bars.finish();
     let summary = summary?;
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)

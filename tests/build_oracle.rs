@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use infobyte::budget::MemoryCap;
-use infobyte::builder::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build};
+use infobyte::builder::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build_volume as build};
 use infobyte::format::{Channel, Channels, SectionKind, normal};
 use infobyte::geom::{Dims, Orientation, VoxelIndex};
 use infobyte::load::{Model, verify};

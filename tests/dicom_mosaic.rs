@@ -7,7 +7,7 @@ use std::ops::Deref;
 use std::path::Path;
 
 use infobyte::budget::Budget;
-use infobyte::catalogue::{Catalogue, open};
+use infobyte::catalogue::{Catalogue, open_unprepared as open};
 use infobyte::jobs::wording::sentences;
 use infobyte::progress::Silent;
 use infobyte::source::{Finding, OpenOptions};

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use infobyte::catalogue::open;
+use infobyte::catalogue::open_unprepared as open;
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::wording::sentences;
 use infobyte::source::{OpenOptions, RawOptions, RawVolume};

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use infobyte::budget::Budget;
-use infobyte::catalogue::{Catalogue, open};
+use infobyte::catalogue::{Catalogue, open_unprepared as open};
 use infobyte::format::{Channel, SectionKind};
 use infobyte::jobs::wording::sentences;
 use infobyte::load::Model;

@@ -31,7 +31,9 @@ mod random;
 mod volume;
 
 use infobyte::budget::MemoryCap;
-use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build};
+use infobyte::builder::{
+    BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build_volume as build,
+};
 use infobyte::format::{Channels, normal};
 use infobyte::geom::{Affine, BoxIndex, Octant, morton};
 use infobyte::load::{Model, NodeView};

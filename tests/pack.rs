@@ -29,9 +29,9 @@ fn unpacking_gives_the_file_and_packing_again_gives_the_archive() {
             assert!(fs::read(name("b")).unwrap() == file, "{dims:?} {channels:?} seed {seed}");
             pack::pack(&name("b"), &name("q")).unwrap();
             assert!(fs::read(name("p")).unwrap() == fs::read(name("q")).unwrap());
-            verify::verify(&name("p")).unwrap();
+            verify::verify_file(&name("p")).unwrap();
 
-            let (mapped, archived) = (info::info(&name("a")).unwrap(), info::info(&name("p")).unwrap());
+            let (mapped, archived) = (info::read_info(&name("a")).unwrap(), info::read_info(&name("p")).unwrap());
             assert_eq!(archived.frame.header.encoding, Encoding::Packed);
             assert_eq!(mapped.json()["checksum"], archived.json()["checksum"]);
             assert_eq!(mapped.json()["nodes"], archived.json()["nodes"]);
@@ -82,7 +82,7 @@ fn the_files_of_every_version_are_read_as_they_were_written() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
     let (mapped, packed) = (folder.join("v1.0-mapped.oct"), folder.join("v1.0-packed.oct"));
     for path in [&mapped, &packed] {
-        let report = verify::verify(path).unwrap();
+        let report = verify::verify_file(path).unwrap();
         assert_eq!((report.frame.header.voxels, report.frame.header.nodes), FIXTURE_COUNTS);
         assert_eq!(report.json()["checksum"], FIXTURE_CHECKSUM);
     }
@@ -92,7 +92,7 @@ fn the_files_of_every_version_are_read_as_they_were_written() {
     for (name, part) in
         [("x_foreign.oct", "not an infobyte"), ("x_cut.oct", "cut short"), ("x_newer.oct", "version 2")]
     {
-        let error = info::info(&folder.join(name)).unwrap_err().to_string();
+        let error = info::read_info(&folder.join(name)).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
     }
 }

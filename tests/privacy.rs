@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use infobyte::jobs::info::info;
+use infobyte::jobs::info::read_info as info;
 use infobyte::volume::ScalarType;
 use serde_json::Value;
 

@@ -7,7 +7,7 @@
 mod support;
 
 use infobyte::geom::{Affine, Dims, Orientation};
-use infobyte::jobs::render::{RenderRequest, render, selfcheck, thumbnail};
+use infobyte::jobs::render::{RenderRequest, render_view as render, selfcheck, thumbnail};
 use infobyte::load::MemoryTree;
 use infobyte::render::{Image, NamedView, Projection, RenderError, ViewPoint};
 use support::{Scene, in_ball, in_torus};

@@ -8,7 +8,7 @@ use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::format::{Selection, SelectionKind};
 use crate::volume::{ScalarType, VolumeSource};
 
-/// Chooses what is inside, as [`super::build`] does; [`Threshold::Chosen`] hands the result on to it.
+/// Chooses what is inside, as [`super::build_volume`] does; [`Threshold::Chosen`] hands the result on to it.
 ///
 /// Passes over the volume: none, but for Otsu one (wide types: two). Memory: 0.5 MiB and 0.5 MiB a worker,
 /// fewer workers where the cap is small.

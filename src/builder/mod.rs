@@ -7,7 +7,7 @@
 //! ```
 //!
 //! A [`Solid`] says which voxels are inside and describes its skin. A volume with a threshold is one:
-//! [`build()`] makes it of a [`VolumeSource`] and hands it to [`build_solid`].
+//! [`build_volume`] makes it of a [`VolumeSource`] and hands it to [`build_solid`].
 //!
 //! | stage | passes over | memory | order |
 //! |---|---|---|---|
@@ -145,7 +145,7 @@ pub(crate) fn smallest_cap(source: &dyn VolumeSource, options: &BuildOptions, ki
 }
 
 /// Reserves what a model of `source` cannot be built without: the smallest plan for the kindest range of this
-/// sample type. A plan for [`build`] is found from wherever this succeeds.
+/// sample type. A plan for [`build_volume`] is found from wherever this succeeds.
 ///
 /// # Errors
 /// The budget does not have it, or the process has passed its limit before, to open the input: the cap is on the
@@ -227,7 +227,7 @@ pub struct StageSeconds {
 ///
 /// # Errors
 /// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
-pub fn build(
+pub fn build_volume(
     source: &dyn VolumeSource,
     options: &BuildOptions,
     output: &Path,

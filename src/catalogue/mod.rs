@@ -13,7 +13,7 @@ mod sidecar;
 mod surveyor;
 mod walk;
 
-pub use open::{open, open_in};
+pub use open::{open, open_unprepared, open_unprepared_in};
 
 use std::fs::File;
 use std::os::unix::ffi::OsStrExt;

@@ -8,13 +8,15 @@ use std::sync::Arc;
 
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
+use crate::budget::Budget;
 use crate::facts::{Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, Refusal, StatedBy};
+use crate::progress::Silent;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, known};
 use crate::source::{RawVolume, header_of_samples};
 use crate::volume::Noted;
 use crate::volume::place;
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::{SourceError, VolumeSource, Workspace};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -22,17 +24,38 @@ const DEPTH: u32 = 5;
 /// Files or volumes named in one note.
 const NAMED: usize = 3;
 
-/// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
+/// Memory that unrolling a packed input may take in [`open`].
+const UNROLLING_BYTES: u64 = 64 << 20;
+
+/// Opens a volume, ready to be read: headerless if the options say what it is, otherwise by what the files contain.
 ///
-/// As [`open_in`], with the system's folder for temporary files.
+/// What is packed (gzip, compressed images) is unrolled into a nameless file in the system's folder for temporary
+/// files, as large as the volume, within 64 MiB of memory. Of several volumes the largest is taken, unless
+/// [`OpenOptions::volume`] chooses one.
 ///
 /// # Errors
-/// As [`open_in`].
+/// A [`SourceError`] that names the input and says what was found and what to add.
 pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>, SourceError> {
-    open_in(inputs, options, &std::env::temp_dir())
+    let scratch = std::env::temp_dir();
+    let mut volume = open_unprepared_in(inputs, options, &scratch)?;
+    let memory = Budget::new(UNROLLING_BYTES);
+    volume.prepare(&Workspace { scratch: &scratch, memory, progress: &Silent })?;
+    Ok(volume)
 }
 
-/// Opens a volume: headerless if the options say what it is, otherwise by what the files contain.
+/// As [`open_unprepared_in`], with the system's folder for temporary files.
+///
+/// # Errors
+/// As [`open_unprepared_in`].
+pub fn open_unprepared(
+    inputs: &[PathBuf],
+    options: &OpenOptions,
+) -> Result<Box<dyn VolumeSource>, SourceError> {
+    open_unprepared_in(inputs, options, &std::env::temp_dir())
+}
+
+/// Opens a volume whose rows cannot be read before [`VolumeSource::prepare`] has been called: for callers who plan
+/// memory and scratch space themselves.
 ///
 /// Folders are searched five levels deep. Of several volumes the largest is taken, unless
 /// [`OpenOptions::volume`] chooses one; the others are listed in a note. A single slice is a volume,
@@ -43,7 +66,7 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
 /// # Errors
 /// A [`SourceError`] that names the input and says what was found and what to add: nothing that is a
 /// volume, or only what must be refused; of the volume that is chosen, why it cannot be used.
-pub fn open_in(
+pub fn open_unprepared_in(
     inputs: &[PathBuf],
     options: &OpenOptions,
     scratch: &Path,
@@ -270,6 +293,7 @@ fn head_of(file: &File) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use super::open_unprepared as open;
     use super::*;
     use crate::error::ExitKind;
 

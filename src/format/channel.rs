@@ -534,7 +534,7 @@ mod tests {
         );
 
         pack::pack(&at("m.oct"), &at("p.oct")).unwrap();
-        let shown = info::info(&at("p.oct")).unwrap().json();
+        let shown = info::read_info(&at("p.oct")).unwrap().json();
         assert_eq!(shown["channels"], serde_json::json!(["dummy"]));
         assert!(shown["channel_bytes"]["dummy"].as_u64().unwrap() > 0, "{shown}");
         assert_eq!(shown["channel_bytes"]["dummy_lod"], 0);

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::info::{Info, info, static_facts};
+use super::info::{Info, read_info, static_facts};
 use super::wording::sentences;
 use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
@@ -40,25 +40,11 @@ pub struct BuildSummary {
     pub wall_s: f64,
 }
 
-/// Opens the inputs and builds the model.
-///
-/// # Errors
-/// As [`catalogue::open_in`] and [`builder::build`]; an old model is untouched then.
-pub fn build(
-    inputs: &[PathBuf],
-    how: &OpenOptions,
-    options: &BuildOptions,
-    output: &Path,
-    progress: &dyn Progress,
-) -> Result<BuildSummary, Error> {
-    build_cleaned(inputs, how, &CleanOptions::default(), options, output, progress)
-}
-
 /// Opens the inputs, cleans the volume, and builds the model.
 ///
 /// # Errors
-/// As [`build()`] and [`CleanOptions::clean`].
-pub fn build_cleaned(
+/// As [`catalogue::open_unprepared_in`], [`builder::build_volume`] and [`CleanOptions::clean`]; an old model is untouched then.
+pub fn convert(
     inputs: &[PathBuf],
     how: &OpenOptions,
     cleaning: &CleanOptions,
@@ -71,10 +57,10 @@ pub fn build_cleaned(
     // Where not even a little is left, the builder says it better.
     let opening_bytes = Budget::of(options.memory).left_bytes().max(costs::LEAST_OPENING);
     let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
-    let source = catalogue::open_in(inputs, &how, &options.scratch_folder(output))?;
+    let source = catalogue::open_unprepared_in(inputs, &how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
-    build_cleaned_source(source, input, cleaning, options, output, progress, started)
+    convert_source(source, input, cleaning, options, output, progress, started)
 }
 
 /// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
@@ -99,7 +85,7 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
 /// Builds the model of an open source; `started` is when the job began.
 ///
 /// # Errors
-/// As [`builder::build`].
+/// As [`builder::build_volume`].
 pub fn build_source(
     source: &mut dyn VolumeSource,
     input: String,
@@ -110,14 +96,14 @@ pub fn build_source(
 ) -> Result<BuildSummary, Error> {
     prepare(source, &CleanOptions::default(), options, output, progress)?;
     give_back();
-    let report = builder::build(source, options, output, progress)?;
+    let report = builder::build_volume(source, options, output, progress)?;
     let wall_s = started.elapsed().as_secs_f64();
     Ok(BuildSummary {
         input,
         output: output.to_path_buf(),
         memory_bytes: options.memory.bytes(),
         report,
-        info: info(output)?,
+        info: read_info(output)?,
         cleaning: None,
         warnings: sentences(&source.info().notes),
         wall_s,
@@ -127,8 +113,8 @@ pub fn build_source(
 /// Cleans an open source and builds its model; `started` is when the job began.
 ///
 /// # Errors
-/// As [`builder::build`] and [`CleanOptions::clean`].
-pub fn build_cleaned_source(
+/// As [`builder::build_volume`] and [`CleanOptions::clean`].
+pub fn convert_source(
     source: Box<dyn VolumeSource>,
     input: String,
     cleaning: &CleanOptions,
@@ -137,14 +123,14 @@ pub fn build_cleaned_source(
     progress: &dyn Progress,
     started: Instant,
 ) -> Result<BuildSummary, Error> {
-    build_reshaped_source(cleaning.reshape(source)?, input, cleaning, options, output, progress, started)
+    convert_reshaped(cleaning.reshape(source)?, input, cleaning, options, output, progress, started)
 }
 
-/// As [`build_cleaned_source`], of a source that [`CleanOptions::reshape`] has cut and shrunk already.
+/// As [`convert_source`], of a source that [`CleanOptions::reshape`] has cut and shrunk already.
 ///
 /// # Errors
-/// As [`build_cleaned_source`].
-pub fn build_reshaped_source(
+/// As [`convert_source`].
+pub fn convert_reshaped(
     mut source: Box<dyn VolumeSource>,
     input: String,
     cleaning: &CleanOptions,
@@ -167,9 +153,9 @@ pub fn build_reshaped_source(
     let report = match &cleaned {
         Some(cleaned) => {
             options.threshold = Threshold::Chosen(cleaned.selection);
-            builder::build(cleaned.source(), &options, output, progress)?
+            builder::build_volume(cleaned.source(), &options, output, progress)?
         }
-        None => builder::build(&*source, &options, output, progress)?,
+        None => builder::build_volume(&*source, &options, output, progress)?,
     };
     let wall_s = started.elapsed().as_secs_f64();
     let mut warnings = sentences(&source.info().notes);
@@ -179,7 +165,7 @@ pub fn build_reshaped_source(
         output: output.to_path_buf(),
         memory_bytes: options.memory.bytes(),
         report,
-        info: info(output)?,
+        info: read_info(output)?,
         cleaning: (!cleaning.is_empty()).then(|| (cleaning.operations(), cleaned.map(|c| c.report))),
         warnings,
         wall_s,

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::build::{BuildSummary, build_source};
 use super::picture::{refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
-use super::verify::verify;
+use super::verify::verify_file;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::{BuildOptions, Progress};
@@ -74,7 +74,7 @@ pub fn demo(
         Ok(started.elapsed().as_secs_f64())
     };
     progress.stage("verify", 1);
-    let verify_s = timed(&mut || verify(&files.model).map(|_| ()))?;
+    let verify_s = timed(&mut || verify_file(&files.model).map(|_| ()))?;
     let request = RenderRequest { threads, smooth_edges: true, ..RenderRequest::default() };
     progress.stage("render", 1);
     let render_s =

@@ -30,7 +30,7 @@ pub struct Info {
 ///
 /// # Errors
 /// The file is unreadable, foreign, newer or damaged.
-pub fn info(path: &Path) -> Result<Info, Error> {
+pub fn read_info(path: &Path) -> Result<Info, Error> {
     let file =
         open_regular(path).map_err(|cause| LoadError::Unreadable { path: path.to_path_buf(), cause })?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;

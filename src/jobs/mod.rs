@@ -10,3 +10,5 @@ pub mod render;
 pub mod scan;
 pub mod verify;
 pub mod wording;
+
+pub use crate::resident::map_large_buffers;

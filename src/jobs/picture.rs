@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::render::{RenderReport, RenderRequest, render, thumbnail};
+use super::render::{RenderReport, RenderRequest, render_view, thumbnail};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::load::Model;
@@ -22,7 +22,7 @@ pub fn render_file(
     refuse_clash(model, &outputs)?;
     let model = Model::open(model)?;
     let request = RenderRequest { depth: depth.is_some(), normals: normals.is_some(), ..*request };
-    let (image, mut report) = render(&model.view(), model.dims(), &model.affine(), &request)?;
+    let (image, mut report) = render_view(&model.view(), model.dims(), &model.affine(), &request)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
     image.write_png(output)?;
     if let Some(path) = depth {

@@ -105,7 +105,7 @@ pub struct RenderReport {
 /// # Errors
 /// [`RenderError::Camera`] and [`RenderError::Size`] for what makes no sense, [`RenderError::SingularAffine`] for a
 /// model without a volume.
-pub fn render<V: NodeView>(
+pub fn render_view<V: NodeView>(
     view: &V,
     dims: Dims,
     affine: &Affine,
@@ -215,7 +215,7 @@ pub fn thumbnail<V: NodeView>(
         smooth_edges: true,
         ..RenderRequest::default()
     };
-    render(view, dims, affine, &request)
+    render_view(view, dims, affine, &request)
 }
 
 /// Rays that one task of the self-check compares.

@@ -28,7 +28,7 @@ pub struct VerifyReport {
 ///
 /// # Errors
 /// The first rule that is broken, or a failure to read.
-pub fn verify(path: &Path) -> Result<VerifyReport, Error> {
+pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
     let unreadable = |cause| LoadError::Unreadable { path: path.to_path_buf(), cause };
     let file = open_regular(path).map_err(unreadable)?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;

@@ -20,6 +20,7 @@
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
 
 pub mod camera;
+mod caster;
 mod error;
 pub mod form;
 pub mod image;
@@ -41,6 +42,7 @@ pub mod tile;
 pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};
+pub use caster::{RayCaster, SurfacePoint};
 pub use error::{CameraFault, Layer, RenderError};
 pub use image::Image;
 pub use space::GridSpace;

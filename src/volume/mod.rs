@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `scalar` | types of samples and their byte order |
 //! | `description` | what a model tells of its origin |
+//! | [`Voxels`] | a volume that is in memory already |
 //! | `block`, `blend`, `spool` | rows read by position, mixed, and unrolled first |
 //! | `wrapper`, `noted`, `placement`, `crop`, `downsample` | volumes that stand before another one, and say or show something else |
 
@@ -19,6 +20,7 @@ mod noted;
 mod placement;
 mod scalar;
 mod spool;
+mod voxels;
 mod wrapper;
 
 pub use crate::facts::{Note, SourceError};
@@ -32,6 +34,7 @@ pub use placement::Placement;
 pub(crate) use placement::place;
 pub use scalar::{Endian, Scalar, ScalarType};
 pub(crate) use spool::Spool;
+pub use voxels::Voxels;
 pub(crate) use wrapper::Wrapper;
 
 use std::fmt;

@@ -36,7 +36,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::build::build_reshaped_source;
+use super::build::convert_reshaped;
 use super::picture::thumbnail_file;
 use super::wording::sentences;
 use crate::atomic::sweep;
@@ -531,8 +531,7 @@ impl Run<'_> {
         };
         let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..template };
         let prepared = source.preparation().scratch_bytes;
-        let built =
-            build_reshaped_source(source, String::new(), cleaning, &options, &model, progress, started)?;
+        let built = convert_reshaped(source, String::new(), cleaning, &options, &model, progress, started)?;
         let memory_bytes = grant.bytes();
         drop(grant);
         let mut warnings = built.warnings;
