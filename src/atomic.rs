@@ -13,7 +13,7 @@ use rustix::fs::{AtFlags, CWD, Mode, OFlags};
 
 /// Why a target cannot be written that the system itself would not refuse; held by an [`io::Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TargetFault {
+pub(crate) enum TargetFault {
     /// It is a link to a place that does not exist.
     DanglingLink,
     /// It is a folder or a device.
@@ -35,7 +35,7 @@ impl From<TargetFault> for io::Error {
 /// A file being written that will become `target` on [`AtomicFile::commit`]; dropped before that, it
 /// leaves nothing.
 #[derive(Debug)]
-pub struct AtomicFile {
+pub(crate) struct AtomicFile {
     target: PathBuf,
     folder: PathBuf,
     storage: Storage,
@@ -55,7 +55,7 @@ impl AtomicFile {
     ///
     /// # Errors
     /// The folder is missing or read-only, or the target is a folder or a device.
-    pub fn create(target: &Path) -> io::Result<Self> {
+    pub(crate) fn create(target: &Path) -> io::Result<Self> {
         let target = match fs::canonicalize(target) {
             Ok(real) => real,
             Err(_) => target.to_path_buf(),
@@ -89,7 +89,7 @@ impl AtomicFile {
     }
 
     /// The file, open for reading and writing.
-    pub fn file(&self) -> &File {
+    pub(crate) fn file(&self) -> &File {
         match &self.storage {
             Storage::Nameless(file) => file,
             Storage::Named(file) => file.as_file(),
@@ -100,7 +100,7 @@ impl AtomicFile {
     ///
     /// # Errors
     /// The disk or the folder failed; the old target is untouched then.
-    pub fn commit(self) -> io::Result<()> {
+    pub(crate) fn commit(self) -> io::Result<()> {
         self.file().sync_all()?;
         match self.storage {
             Storage::Named(file) => {
@@ -139,7 +139,7 @@ fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
 
 /// Removes what processes that were killed in the one moment of replacing a file have left in `folder`: a
 /// whole file under a second, hidden name.
-pub fn sweep(folder: &Path) {
+pub(crate) fn sweep(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();

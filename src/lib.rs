@@ -102,6 +102,7 @@ mod codec;
 mod compress;
 mod cpu;
 pub mod error;
+mod exit;
 pub mod facts;
 pub mod format;
 pub mod geom;
@@ -119,7 +120,8 @@ pub mod volume;
 
 pub use budget::MemoryCap;
 pub use builder::{BuildOptions, BuildReport, Connectivity, Threshold};
-pub use error::{Error, ExitKind, UsageError};
+pub use error::{Error, UsageError};
+pub use exit::ExitKind;
 pub use format::{Channel, Channels};
 pub use geom::{Affine, Dims};
 pub use jobs::render::{RenderReport, RenderRequest};

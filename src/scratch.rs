@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// A disk with less room than a scratch file needs; held by an [`io::Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NoRoom {
+pub(crate) struct NoRoom {
     /// Bytes that are needed.
     pub needed_bytes: u64,
     /// Bytes that are free.
@@ -20,7 +20,7 @@ impl std::error::Error for NoRoom {}
 ///
 /// # Errors
 /// The folder is missing, read-only or full.
-pub fn nameless(folder: &Path) -> io::Result<File> {
+pub(crate) fn nameless(folder: &Path) -> io::Result<File> {
     tempfile::tempfile_in(folder)
 }
 
@@ -29,7 +29,7 @@ pub fn nameless(folder: &Path) -> io::Result<File> {
 ///
 /// # Errors
 /// As [`nameless`], and [`io::ErrorKind::StorageFull`] with both figures.
-pub fn nameless_for(folder: &Path, bytes: u64) -> io::Result<File> {
+pub(crate) fn nameless_for(folder: &Path, bytes: u64) -> io::Result<File> {
     let file = nameless(folder)?;
     if let Ok(system) = rustix::fs::fstatvfs(&file) {
         let free = system.f_bavail.saturating_mul(system.f_frsize);

@@ -31,7 +31,8 @@ fn unpacking_gives_the_file_and_packing_again_gives_the_archive() {
             assert!(fs::read(name("p")).unwrap() == fs::read(name("q")).unwrap());
             verify::verify_file(&name("p")).unwrap();
 
-            let (mapped, archived) = (info::read_info(&name("a")).unwrap(), info::read_info(&name("p")).unwrap());
+            let (mapped, archived) =
+                (info::read_info(&name("a")).unwrap(), info::read_info(&name("p")).unwrap());
             assert_eq!(archived.frame.header.encoding, Encoding::Packed);
             assert_eq!(mapped.json()["checksum"], archived.json()["checksum"]);
             assert_eq!(mapped.json()["nodes"], archived.json()["nodes"]);

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::io;
 use std::path::PathBuf;
 
-use crate::error::ExitKind;
+use crate::exit::ExitKind;
 use crate::format::{Channel, FormatError, Selection};
 use crate::volume::SourceError;
 

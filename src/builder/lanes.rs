@@ -115,17 +115,17 @@ pub(super) type FastF32 = [f32; LANES];
 mod avx2 {
     // SAFETY (every block here): a value of these types is made only with the proof that this machine has
     // AVX2, in this module or by `widen_fast`; no memory is accessed.
-    use super::{LANES, Lanes};
+    use crate::builder::lanes::{LANES, Lanes};
     use crate::cpu::Avx2;
     use bytemuck::cast;
     use std::arch::x86_64::*;
 
     /// Eight 32-bit integers.
     #[derive(Clone, Copy)]
-    pub(in super::super) struct FastI32(pub(super) __m256i);
+    pub(in crate::builder) struct FastI32(pub(super) __m256i);
     /// Eight singles.
     #[derive(Clone, Copy)]
-    pub(in super::super) struct FastF32(pub(super) __m256);
+    pub(in crate::builder) struct FastF32(pub(super) __m256);
 
     impl Lanes for FastI32 {
         type Sum = i32;

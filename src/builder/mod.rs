@@ -34,10 +34,12 @@ mod lanes;
 mod layout;
 mod merge;
 mod occupancy;
+mod options;
 mod parallel;
 mod plan;
 mod pool;
 mod range;
+mod report;
 mod ring;
 mod seal;
 mod simd;
@@ -52,6 +54,8 @@ pub use error::{BuildError, ScratchFault, Sought};
 pub use gradient::ESTIMATOR;
 pub use item::ItemForm;
 pub use job::build_solid;
+pub use options::{BuildOptions, Threshold};
+pub use report::{BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 
@@ -59,11 +63,11 @@ pub(crate) use occupancy::{RangeTest, for_each_block, range_test, worker_bytes a
 
 pub use crate::progress::{Progress, Silent};
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
-use crate::format::{Channels, Selection};
+use crate::format::Selection;
 use crate::volume::{ScalarType, VolumeSource};
 use choose::Chooser;
 use item::ChannelForm;
@@ -72,65 +76,6 @@ use plan::{ColumnPlan, PlanRequest};
 use range::{Ordered, SampleRange};
 use ring::{Depths, RingForm, Samples};
 use volume::{RingShape, VolumeSolid, volume_form};
-
-/// How to choose what is inside; values are physical (after rescale).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Threshold {
-    /// `value >= iso`.
-    Iso(f64),
-    /// `lo <= value <= hi`.
-    Range(f64, f64),
-    /// Otsu's threshold of the volume's histogram.
-    Otsu,
-    /// What [`choose_selection`] has found already.
-    Chosen(Selection),
-}
-
-/// What to build, and within which means.
-#[derive(Clone, Debug)]
-pub struct BuildOptions {
-    /// What is inside a volume; other solids know for themselves.
-    pub threshold: Threshold,
-    /// Which neighbours make a voxel skin.
-    pub connectivity: Connectivity,
-    /// What is stored of every skin voxel.
-    pub channels: Channels,
-    /// Store means of coarse nodes for level of detail?
-    pub lod: bool,
-    /// Cap on resident memory.
-    pub memory: MemoryCap,
-    /// Most worker threads; fewer are used when the cap is small.
-    pub threads: usize,
-    /// Folder of the scratch file; beside the output if not given.
-    pub scratch: Option<PathBuf>,
-}
-
-impl Default for BuildOptions {
-    /// Otsu's threshold, the thin skin with normals and coarse means, within 64 MiB beside what the process
-    /// holds, on all cores.
-    fn default() -> Self {
-        Self {
-            threshold: Threshold::Otsu,
-            connectivity: Connectivity::Thin26,
-            channels: Channels::default(),
-            lod: true,
-            memory: MemoryCap::Share(64 << 20),
-            threads: std::thread::available_parallelism().map_or(1, usize::from),
-            scratch: None,
-        }
-    }
-}
-
-impl BuildOptions {
-    /// The folder of scratch files for a model: as given, or the model's own.
-    pub fn scratch_folder(&self, output: &Path) -> PathBuf {
-        let models_own = || match output.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
-            _ => PathBuf::from("."),
-        };
-        self.scratch.clone().unwrap_or_else(models_own)
-    }
-}
 
 /// The smallest [`MemoryCap::Share`] within which a model of `source` can be built.
 pub fn smallest_share(source: &dyn VolumeSource, options: &BuildOptions) -> u64 {
@@ -174,48 +119,6 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
         solid_bytes: Box::new(move |tile| shape.bytes(tile)),
         input_bytes: source.resident_bytes(),
     }
-}
-
-/// What was built and what it took.
-#[derive(Clone, Debug)]
-pub struct BuildReport {
-    /// What is inside, with the threshold that was found.
-    pub selection: Selection,
-    /// Skin voxels.
-    pub skin_voxels: u64,
-    /// Infobytes.
-    pub nodes: u64,
-    /// Length of the file.
-    pub file_bytes: u64,
-    /// Bytes of every section, by name.
-    pub section_bytes: Vec<(&'static str, u64)>,
-    /// What the plan promised to stay within.
-    pub plan_bytes: u64,
-    /// Bytes written to the scratch file.
-    pub scratch_bytes: u64,
-    /// Workers used.
-    pub threads: usize,
-    /// Columns (x) of a tile.
-    pub tile: u32,
-    /// Seconds: choosing the threshold, scanning the volume, merging, sealing, syncing and renaming.
-    pub seconds: StageSeconds,
-}
-
-/// Wall time of the stages.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct StageSeconds {
-    /// Histogram passes of Otsu's method.
-    pub histogram: f64,
-    /// Part of the scan that one worker waited for the source, on average.
-    pub read: f64,
-    /// Reading, range test, skin, gradients, swapping out.
-    pub scan: f64,
-    /// Census and merge.
-    pub merge: f64,
-    /// Rank directory and checksums.
-    pub seal: f64,
-    /// Sync and rename.
-    pub commit: f64,
 }
 
 /// Builds the skin octree of `source`, of the voxels whose values lie in [`BuildOptions::threshold`], into

@@ -295,7 +295,7 @@ fn head_of(file: &File) -> Vec<u8> {
 mod tests {
     use super::open_unprepared as open;
     use super::*;
-    use crate::error::ExitKind;
+    use crate::exit::ExitKind;
 
     #[test]
     fn the_side_car_beside_a_single_file_is_used() {

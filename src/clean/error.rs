@@ -4,7 +4,7 @@ use std::error::Error;
 use std::io;
 
 use crate::builder::BuildError;
-use crate::error::ExitKind;
+use crate::exit::ExitKind;
 use crate::format::Selection;
 
 /// A volume that cannot be cleaned.

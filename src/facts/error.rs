@@ -8,17 +8,18 @@ use thiserror::Error;
 
 use super::dicom::DicomFault;
 use super::header::HeaderFault;
+use super::left_out::{Known, NotVolume};
 use super::metaimage::MetaImageFault;
 use super::nifti::NiftiFault;
-use super::note::StatedBy;
 use super::npy::NpyFault;
 use super::nrrd::NrrdFault;
 use super::png::PngFault;
-use super::samples::{RawFault, RawLayout, StoredFault};
+use super::raw::{RawFault, RawLayout};
+use super::samples::StoredFault;
 use super::sidecar::SideCarFault;
+use super::stated::StatedBy;
 use super::tiff::TiffFault;
-use super::{Known, NotVolume};
-use crate::error::ExitKind;
+use crate::exit::ExitKind;
 use crate::geom::Dims;
 
 /// A source that cannot be used: which file or folder, and why.

@@ -1,56 +1,8 @@
 //! What files below a folder are, where they are not the volume that was looked for.
 
-use std::io;
 use std::sync::Arc;
 
-use super::dicom::Obstacle;
 use super::error::SourceError;
-use super::sidecar::Unparsed;
-
-/// Why a file or folder is left out.
-#[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
-pub enum NotVolume {
-    /// It has no bytes.
-    Empty,
-    /// The system refused.
-    Unreadable(io::ErrorKind),
-    /// DICOM, but not an image.
-    Dicom(Obstacle),
-    /// The picture of a model.
-    ModelPicture,
-    /// One picture alone.
-    SinglePicture,
-    /// Of a kind that is known, but not read.
-    Known(Known),
-    /// A side-car of data that another one describes.
-    OtherSideCar,
-    /// A side-car that cannot be parsed.
-    SideCar(Unparsed),
-    /// Of no kind that is known.
-    Unknown,
-    /// A folder that may not be read.
-    FolderUnreadable,
-    /// A folder below the deepest that is searched.
-    FolderTooDeep,
-    /// One of more reasons than are kept apart.
-    Other,
-}
-
-/// Formats that are known by their first bytes, but not read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Known {
-    /// Gzip of something that is not read.
-    Gzip,
-    /// JPEG.
-    Jpeg,
-    /// A PLY mesh.
-    Ply,
-    /// An OFF mesh.
-    Off,
-    /// A model.
-    Oct,
-}
 
 /// Which of several volumes was taken.
 #[derive(Clone, Debug, PartialEq)]

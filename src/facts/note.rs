@@ -1,7 +1,9 @@
 //! What was guessed, left out, replaced or odd about a volume that can be used all the same.
 
 use super::DicomNote;
-use super::found::{Choice, NotVolume, Refusal};
+use super::found::{Choice, Refusal};
+use super::left_out::NotVolume;
+use super::stated::{Carrier, Form, Packing, StatedBy};
 use crate::geom::Orientation;
 
 /// One thing that whoever uses a volume should know of it.
@@ -130,55 +132,6 @@ pub enum Note {
         /// How many.
         count: u64,
     },
-}
-
-/// What carries samples, and states or does not state where they lie.
-#[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Carrier {
-    /// A header of a format that could state it.
-    Header,
-    /// A TIFF file; some state their spacing.
-    Tiff,
-    /// PNG pictures.
-    Png,
-    /// A NumPy array.
-    Npy,
-}
-
-/// Who states what the file does not, or otherwise.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StatedBy {
-    /// Whoever opens the volume.
-    Caller,
-    /// A side-car beside the file.
-    SideCar,
-}
-
-/// One of the two affines of a NIfTI header.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
-    /// The one of three rows.
-    Sform,
-    /// The one of a quaternion.
-    Qform,
-}
-
-/// How samples are packed in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Packing {
-    /// As they are.
-    Raw,
-    /// Gzip.
-    Gzip,
-    /// Zlib.
-    Zlib,
-    /// Bzip2.
-    Bzip2,
-    /// Numbers as text.
-    Text,
-    /// Hexadecimal digits.
-    Hex,
 }
 
 impl Note {

@@ -1,6 +1,6 @@
 //! What can be wrong with side-cars.
 
-use super::samples::{RawFault, RawLayout};
+use super::raw::{RawFault, RawLayout};
 
 /// Why a side-car cannot be used.
 #[non_exhaustive]

@@ -2,11 +2,11 @@
 //!
 //! Written for clarity, from SPEC.md alone; tests compare faster code with it.
 
-use super::channel::Channel;
 use super::error::FormatError;
 use super::header::{Encoding, HEADER_BYTES, Header, VERSION_MINOR};
+use super::kind::{Channel, SectionKind};
 use super::metadata::{Metadata, Selection, SelectionKind, SourceMeta};
-use super::section::{ENTRY_BYTES, SectionEntry, SectionKind, align_up, table_bytes};
+use super::section::{ENTRY_BYTES, SectionEntry, align_up, table_bytes};
 use super::{normal, rank};
 use crate::geom::{Dims, morton};
 

@@ -6,27 +6,10 @@
 
 use std::fmt;
 
+use super::kind::Channel;
 use super::metadata::Metadata;
 use super::normal;
 use super::packed::{CODEC_NORMALS, CODEC_PLANES};
-
-/// One attribute of skin voxels, in the order in which sections stand in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Channel {
-    /// Outward direction of the surface (SPEC 4.6).
-    Normal,
-    /// What the volume holds at the voxel (SPEC 4.7).
-    Value,
-    /// Distance to the true surface.
-    Offset,
-    /// RGB8.
-    Color,
-    /// Material number.
-    Material,
-    /// A row for the test below.
-    #[cfg(test)]
-    Dummy,
-}
 
 /// What there is to know of a channel.
 #[derive(Debug)]

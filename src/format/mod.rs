@@ -7,6 +7,7 @@ pub mod assemble;
 mod channel;
 mod error;
 mod header;
+mod kind;
 mod metadata;
 pub mod normal;
 pub mod packed;
@@ -14,10 +15,11 @@ pub mod rank;
 mod section;
 
 pub(crate) use channel::number;
-pub use channel::{Channel, ChannelRow, Channels, MeanBytes, MeanRule, Means, Sum};
+pub use channel::{ChannelRow, Channels, MeanBytes, MeanRule, Means, Sum};
 pub use error::FormatError;
 pub use header::{Encoding, HEADER_BYTES, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
+pub use kind::{Channel, SectionKind};
 pub use metadata::{METADATA_LIMIT, Metadata, Selection, SelectionKind, SourceMeta};
 pub use section::{
-    ENTRY_BYTES, MAX_SECTIONS, SECTION_ALIGN, SectionEntry, SectionKind, align_up, parse_table, table_bytes,
+    ENTRY_BYTES, MAX_SECTIONS, SECTION_ALIGN, SectionEntry, align_up, parse_table, table_bytes,
 };

@@ -1,8 +1,9 @@
 //! The section table (SPEC 3, 4.2, 4.3).
 
-use super::channel::Channel;
 use super::error::FormatError;
 use super::header::{HEADER_BYTES, Header};
+use super::kind::Channel;
+use super::kind::SectionKind;
 use super::packed::{CODEC_DERIVED, CODEC_NONE, CODEC_STRUCTURE};
 
 /// Sections start at multiples of this: a cache line.
@@ -18,23 +19,6 @@ pub const fn align_up(offset: u64) -> u64 {
         Some(sum) => sum / SECTION_ALIGN * SECTION_ALIGN,
         None => u64::MAX,
     }
-}
-
-/// Kind of a section, in the order in which sections stand in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum SectionKind {
-    /// Metadata.
-    Meta,
-    /// First node of every depth.
-    Levels,
-    /// Infobytes.
-    Nodes,
-    /// Rank directory.
-    Rank,
-    /// Means of a channel over coarse nodes.
-    Means(Channel),
-    /// One item of a channel per voxel.
-    Voxels(Channel),
 }
 
 impl SectionKind {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::error::ExitKind;
+use crate::exit::ExitKind;
 use crate::format::FormatError;
 
 /// A model that cannot be used.

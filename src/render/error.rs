@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::error::ExitKind;
+use crate::exit::ExitKind;
 
 /// A picture that cannot be made or written.
 #[non_exhaustive]

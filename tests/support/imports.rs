@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 
 /// A module by its names from the crate down; the crate itself is empty.
-pub type Module = Vec<String>;
+pub(crate) type Module = Vec<String>;
 
 /// One file: what it names, and what its own names stand for.
 #[derive(Default)]
@@ -22,15 +22,15 @@ struct File {
 }
 
 /// The files of a library and the arrows between them.
-pub struct Imports {
+pub(crate) struct Imports {
     files: BTreeMap<Module, File>,
     /// Files that a file depends on.
-    pub arrows: BTreeMap<Module, BTreeSet<Module>>,
+    pub(crate) arrows: BTreeMap<Module, BTreeSet<Module>>,
 }
 
 impl Imports {
     /// Reads every file below a folder `src`.
-    pub fn read(src: &Path) -> Self {
+    pub(crate) fn read(src: &Path) -> Self {
         let mut texts = BTreeMap::new();
         collect(src, &mut Vec::new(), &mut texts);
         let known: BTreeSet<Module> = texts.keys().cloned().collect();
@@ -82,7 +82,7 @@ impl Imports {
     }
 
     /// Groups of files of which each depends on every other, largest first.
-    pub fn circles(&self) -> Vec<Vec<String>> {
+    pub(crate) fn circles(&self) -> Vec<Vec<String>> {
         let reach: BTreeMap<&Module, BTreeSet<&Module>> =
             self.files.keys().map(|module| (module, self.reachable(module))).collect();
         let mut seen = BTreeSet::new();
@@ -112,7 +112,7 @@ impl Imports {
     }
 
     /// Lines of the files of each top module.
-    pub fn lines(&self) -> BTreeMap<&str, usize> {
+    pub(crate) fn lines(&self) -> BTreeMap<&str, usize> {
         let mut lines = BTreeMap::new();
         for (module, file) in &self.files {
             *lines.entry(module.first().map_or("lib", String::as_str)).or_default() += file.lines;
@@ -173,13 +173,20 @@ fn read_file(module: &Module, text: &str, known: &BTreeSet<Module>) -> File {
             file.named.push((path, public));
         }
     }
-    for path in paths_in(&rest) {
+    for path in paths_in(&without_visibility(&rest)) {
         let leads = matches!(path[0].as_str(), "crate" | "self" | "super");
         if leads || known.contains(&child(module, &path[0])) {
             file.named.push((path, false));
         }
     }
     file
+}
+
+/// `pub(in crate::a)` says who may look, and looks at nobody.
+fn without_visibility(code: &str) -> String {
+    let mut parts = code.split("pub(in ");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |all, part| all + part.split_once(')').map_or(part, |(_, after)| after))
 }
 
 /// The code of a file before its unit tests.
@@ -198,7 +205,8 @@ fn without_comments_and_tests(text: &str) -> String {
 fn leaves(tree: &str) -> Vec<(Vec<String>, Option<String>)> {
     let tree = tree.trim();
     let Some(open) = tree.find('{') else {
-        let (path, name) = tree.split_once(" as ").map_or((tree, None), |(p, n)| (p, Some(n.trim().to_owned())));
+        let (path, name) =
+            tree.split_once(" as ").map_or((tree, None), |(p, n)| (p, Some(n.trim().to_owned())));
         return vec![(path.trim().split("::").map(str::to_owned).collect(), name)];
     };
     let before: Vec<String> =
@@ -219,7 +227,10 @@ fn leaves(tree: &str) -> Vec<(Vec<String>, Option<String>)> {
     }
     parts.push(part);
     let whole = |part: &String| {
-        leaves(part).into_iter().map(|(path, name)| ([before.clone(), path].concat(), name)).collect::<Vec<_>>()
+        leaves(part)
+            .into_iter()
+            .map(|(path, name)| ([before.clone(), path].concat(), name))
+            .collect::<Vec<_>>()
     };
     parts.iter().filter(|part| !part.trim().is_empty()).flat_map(whole).collect()
 }
@@ -229,5 +240,7 @@ fn paths_in(code: &str) -> Vec<Vec<String>> {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let words = code.split(|c: char| !is_word(c) && c != ':');
     let paths = words.map(|word| word.split("::").map(str::to_owned).collect::<Vec<_>>());
-    paths.filter(|path| path.len() > 1 && path.iter().all(|p| !p.is_empty() && p.chars().all(is_word))).collect()
+    paths
+        .filter(|path| path.len() > 1 && path.iter().all(|p| !p.is_empty() && p.chars().all(is_word)))
+        .collect()
 }

@@ -97,7 +97,7 @@ mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
 
     use super::*;
-    use crate::error::ExitKind;
+    use crate::exit::ExitKind;
 
     #[test]
     fn one_owner_at_a_time_and_nothing_is_left() {

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use crate::atomic::AtomicFile;
-use crate::error::ExitKind;
+use crate::exit::ExitKind;
 use crate::scratch::nameless;
 use crate::source::BurnedIn;
 

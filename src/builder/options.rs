@@ -1,0 +1,66 @@
+//! What to build, and within which means.
+
+use std::path::{Path, PathBuf};
+
+use super::Connectivity;
+use crate::budget::MemoryCap;
+use crate::format::{Channels, Selection};
+
+/// How to choose what is inside; values are physical (after rescale).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Threshold {
+    /// `value >= iso`.
+    Iso(f64),
+    /// `lo <= value <= hi`.
+    Range(f64, f64),
+    /// Otsu's threshold of the volume's histogram.
+    Otsu,
+    /// What [`choose_selection`](super::choose_selection) has found already.
+    Chosen(Selection),
+}
+
+/// What to build, and within which means.
+#[derive(Clone, Debug)]
+pub struct BuildOptions {
+    /// What is inside a volume; other solids know for themselves.
+    pub threshold: Threshold,
+    /// Which neighbours make a voxel skin.
+    pub connectivity: Connectivity,
+    /// What is stored of every skin voxel.
+    pub channels: Channels,
+    /// Store means of coarse nodes for level of detail?
+    pub lod: bool,
+    /// Cap on resident memory.
+    pub memory: MemoryCap,
+    /// Most worker threads; fewer are used when the cap is small.
+    pub threads: usize,
+    /// Folder of the scratch file; beside the output if not given.
+    pub scratch: Option<PathBuf>,
+}
+
+impl Default for BuildOptions {
+    /// Otsu's threshold, the thin skin with normals and coarse means, within 64 MiB beside what the process
+    /// holds, on all cores.
+    fn default() -> Self {
+        Self {
+            threshold: Threshold::Otsu,
+            connectivity: Connectivity::Thin26,
+            channels: Channels::default(),
+            lod: true,
+            memory: MemoryCap::Share(64 << 20),
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            scratch: None,
+        }
+    }
+}
+
+impl BuildOptions {
+    /// The folder of scratch files for a model: as given, or the model's own.
+    pub fn scratch_folder(&self, output: &Path) -> PathBuf {
+        let models_own = || match output.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        self.scratch.clone().unwrap_or_else(models_own)
+    }
+}

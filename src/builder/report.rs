@@ -1,0 +1,45 @@
+//! What was built and what it took.
+
+use crate::format::Selection;
+
+/// What was built and what it took.
+#[derive(Clone, Debug)]
+pub struct BuildReport {
+    /// What is inside, with the threshold that was found.
+    pub selection: Selection,
+    /// Skin voxels.
+    pub skin_voxels: u64,
+    /// Infobytes.
+    pub nodes: u64,
+    /// Length of the file.
+    pub file_bytes: u64,
+    /// Bytes of every section, by name.
+    pub section_bytes: Vec<(&'static str, u64)>,
+    /// What the plan promised to stay within.
+    pub plan_bytes: u64,
+    /// Bytes written to the scratch file.
+    pub scratch_bytes: u64,
+    /// Workers used.
+    pub threads: usize,
+    /// Columns (x) of a tile.
+    pub tile: u32,
+    /// Seconds: choosing the threshold, scanning the volume, merging, sealing, syncing and renaming.
+    pub seconds: StageSeconds,
+}
+
+/// Wall time of the stages.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StageSeconds {
+    /// Histogram passes of Otsu's method.
+    pub histogram: f64,
+    /// Part of the scan that one worker waited for the source, on average.
+    pub read: f64,
+    /// Reading, range test, skin, gradients, swapping out.
+    pub scan: f64,
+    /// Census and merge.
+    pub merge: f64,
+    /// Rank directory and checksums.
+    pub seal: f64,
+    /// Sync and rename.
+    pub commit: f64,
+}
