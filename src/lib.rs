@@ -55,7 +55,7 @@
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1.0-mapped.oct");
-//! let model = infobyte::Model::open(path)?;
+//! let model = infobyte::Model::open(path.as_ref())?;
 //! println!("{} skin voxels in {}", model.header().voxels, model.dims());
 //! infobyte::render(&model, &infobyte::RenderRequest { width: 64, height: 64, ..Default::default() })?;
 //! # Ok(())

@@ -228,15 +228,15 @@ fn forbidden(source: &Source) -> Vec<String> {
         return vec![format!("{}: the module `{module}` has no place in MAY_SEE", source.path)];
     };
     let mut wrong = Vec::new();
-    for (name, rest) in crate_paths(&source.without_tests()) {
+    for (name, _) in crate_paths(&source.without_tests()) {
         if name == module {
             continue;
         }
         // Both are re-exported at the top.
-        let (name, item) = match name.as_str() {
-            "Error" => ("error".to_owned(), name),
-            "ExitKind" => ("exit".to_owned(), name),
-            _ => (name, rest.trim_start_matches("::").to_owned()),
+        let name = match name.as_str() {
+            "Error" => "error".to_owned(),
+            "ExitKind" => "exit".to_owned(),
+            _ => name,
         };
         if !may_see.contains(&name.as_str()) {
             wrong.push(format!("{}: `{module}` must not see `{name}`", source.path));

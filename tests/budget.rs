@@ -7,10 +7,11 @@ use std::path::Path;
 
 use infobyte::budget::{Budget, MemoryCap, costs};
 use infobyte::builder::{
-    BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build, smallest_share,
+    BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build_volume as build,
+    smallest_share,
 };
 use infobyte::catalogue;
-use infobyte::clean::{CleanOptions, SizeLimit};
+use infobyte::clean::{CleanError, CleanOptions, SizeLimit};
 use infobyte::format::{Channel, Channels};
 use infobyte::source::OpenOptions;
 use infobyte::volume::{ScalarType, SourceError, VolumeSource, Workspace};
@@ -90,7 +91,7 @@ fn a_build_allocates_no_more_than_it_has_reserved() {
                         assert!(minimum_bytes >= kindest && minimum_bytes > share, "{name}: {minimum_bytes}");
                         assert!(built(&source, threshold, minimum_bytes, &output).0.is_ok(), "{name}");
                     }
-                    Err(e) => panic!("{name}: {e}"),
+                    Err(e) => panic!("{name}: {e:?}"),
                 }
             }
             assert!(!models.is_empty() && models.iter().all(|model| *model == models[0]));
@@ -143,8 +144,10 @@ fn cleaning_allocates_no_more_than_it_has_reserved() {
         }
         let options = options(threshold, MemoryCap::Share(smallest - costs::STATED_STEP));
         match clean.clean(&source, &options, &output, &Silent) {
-            Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) => assert_eq!(minimum_bytes, smallest),
-            Err(e) => panic!("{e}"),
+            Err(CleanError::Build(BuildError::BudgetTooSmall { minimum_bytes, .. })) => {
+                assert_eq!(minimum_bytes, smallest);
+            }
+            Err(e) => panic!("{e:?}"),
             Ok(_) => panic!("{:?}: one step less is enough", clean.operations()),
         }
     }

@@ -211,7 +211,7 @@ impl<'a> Merge<'a> {
         let mut sums = Vec::new();
         let mut done = 0;
         while done < self.census.bricks {
-            let now = (self.census.bricks - done).min(SUMMARIES as u64) as usize;
+            let now = usize::try_from(self.census.bricks - done).unwrap_or(SUMMARIES).min(SUMMARIES);
             let part = &mut bytes[..now * self.summary_bytes];
             self.scratch.read(part, self.summaries + done * self.summary_bytes as u64)?;
             for summary in part.chunks_exact(self.summary_bytes) {

@@ -33,8 +33,7 @@ impl Model<Mapping> {
     ///
     /// # Errors
     /// [`LoadError`] with the path: unreadable, foreign, damaged, newer, or packed.
-    pub fn open(path: impl AsRef<Path>) -> Result<Self, LoadError> {
-        let path = path.as_ref();
+    pub fn open(path: &Path) -> Result<Self, LoadError> {
         let open = || -> Result<Self, Fault> {
             let file = open_regular(path)?;
             // Through ordinary reads, so that a file that is no model is never mapped.

@@ -297,7 +297,6 @@ impl Lanes for Portable {
         a.truths(b, |a, b| a <= b)
     }
     #[inline(always)]
-    #[expect(clippy::float_cmp, reason = "equality is what is asked")]
     fn d_eq(self, a: Self::D, b: Self::D) -> Bits {
         a.truths(b, |a, b| a == b)
     }

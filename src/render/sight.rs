@@ -122,6 +122,7 @@ impl<'a> Sight<'a> {
         let (x, y) = (corner.0 as f64, corner.1 as f64);
         let mut pencil = self.pencil?;
         for rays in [&mut pencil.origin, &mut pencil.direction] {
+            #[expect(clippy::needless_range_loop, reason = "axes of several arrays at once")]
             for a in 0..3 {
                 rays[0][a] += x * rays[1][a] + y * rays[2][a];
             }

@@ -119,6 +119,7 @@ impl<L: Lanes> Line<L> {
             boxes &= l.extrude(pair, l.f_le(beside, l.f(self.half[pair])).bits());
         }
         if self.starts_inside {
+            #[expect(clippy::needless_range_loop, reason = "axes of several arrays at once")]
             for a in 0..3 {
                 let behind = self.start[a].wrapping_sub(low[a].cast_signed()) >> edge;
                 boxes &= at_least(a, behind.clamp(0, 4).cast_unsigned());
@@ -169,8 +170,11 @@ pub(crate) fn first_hit<L: Lanes, V: NodeView, S: Surface<V>>(
 
     let mirror = exact.mirror;
     let mut edge = top_edge(depth);
-    let brick =
-        if depth % 2 == 0 { Brick::of(lanes, view, 0, mirror) } else { Brick::above_root(view, mirror) };
+    let brick = if depth.is_multiple_of(2) {
+        Brick::of(lanes, view, 0, mirror)
+    } else {
+        Brick::above_root(view, mirror)
+    };
     let low = [0; 3];
     let mut open = Open { brick, pending: brick.boxes & line.pierced(lanes, low, edge), first: 0, low };
     open.first = brick.first(view);

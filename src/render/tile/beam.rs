@@ -105,7 +105,10 @@ impl<L: Lanes> Beam<L> {
                 mirror |= 1 << a;
             } else if range[a].0 > -SURELY_STILL * shortest && range[a].1 < SURELY_STILL * shortest {
                 still[a] = true;
-            } else if !(range[a].0 > SURELY_MOVES * longest) {
+            } else if range[a].0 > SURELY_MOVES * longest {
+                // It surely moves forwards.
+            } else {
+                // What is not a number is not sure either.
                 return None;
             }
         }

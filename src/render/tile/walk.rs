@@ -64,7 +64,7 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
         let levels = depth - unit;
         let top = top_edge(levels);
         let mut edge = top;
-        let brick = if levels % 2 == 0 {
+        let brick = if levels.is_multiple_of(2) {
             Brick::of(l, self.view, 0, beam.mirror)
         } else {
             Brick::above_root(self.view, beam.mirror)
