@@ -168,7 +168,7 @@ fn unrolling_allocates_no_more_than_is_stated_and_one_byte_less_is_refused() {
     }
     formats::pngs(&object, &at("png"));
     for name in ["v.nii.gz", "v.nrrd", "5.tif", "8.tif", "png"] {
-        let mut source = catalogue::open(&[at(name)], &OpenOptions::default()).unwrap();
+        let mut source = catalogue::open_unprepared(&[at(name)], &OpenOptions::default()).unwrap();
         let needed = source.preparation().memory_bytes;
         assert!(needed > 0, "{name} is read in place");
         let workspace =

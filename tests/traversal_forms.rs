@@ -267,7 +267,11 @@ impl NodeView for Garbage {
     fn infobyte(&self, node: NodeIndex) -> u8 {
         let hash = Random::new(node.get() ^ self.0).bits();
         // Of some seeds nearly all nodes are full, and lead to empty ones in the end.
-        if self.0 % 2 == 0 { u8::from(hash % 16 > 0) * 255 } else { (hash & hash >> 8 & 255) as u8 }
+        if self.0.is_multiple_of(2) {
+            u8::from(!hash.is_multiple_of(16)) * 255
+        } else {
+            (hash & hash >> 8 & 255) as u8
+        }
     }
     fn first_child(&self, node: NodeIndex) -> BoxIndex {
         BoxIndex::new(Random::new(node.get().wrapping_add(self.0)).bits())

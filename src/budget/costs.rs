@@ -3,27 +3,33 @@
 //! A buffer's size is chosen where the buffer is, and is exact. What stands here is caused by others (the
 //! system that maps code, the C library's allocator, stacks, the insides of decoders) or bounds what cannot
 //! be known beforehand, and holds for the machines that it was measured on: x86-64 Linux, pages of 4 KiB,
-//! glibc 2.36. `scripts/costs.py` measures each again with a release build and prints it beside the figure
+//! glibc 2.36. `scripts/costs.py` measures them again with a release build and prints each beside the figure
 //! that stands here; run it after the compiler, a large dependency or the allocator's settings have changed.
 //!
 //! | figures of | measured by |
 //! |---|---|
-//! | code, spreads, opening | `scripts/costs.py code` |
-//! | workers, shares | `scripts/costs.py workers` |
+//! | code | `scripts/costs.py code` |
+//! | spreads | `scripts/costs.py spreads` |
+//! | workers | `scripts/costs.py workers` |
+//! | shares, merging, readers and decoders | `cargo test --test budget -- --nocapture` counts allocations |
 //! | cleaning | `scripts/costs.py cleaning` |
-//! | readers and decoders | `scripts/costs.py readers` |
+//! | opening | `cargo test --test catalogue_memory -- --nocapture` |
 //! | a batch | `scripts/costs.py batch` |
 //!
-//! `tests/memory.rs` and `scripts/memory.py` hold their sum to the cap, and `tests/budget.rs` what a build
-//! allocates to what it has reserved.
+//! `tests/memory.rs` and `scripts/memory.py` hold their sum to the cap, and `tests/budget.rs` what a build or a
+//! reader allocates to what it has reserved.
 
 // ---- The process.
 
 /// Code and constants of the program, and of the libraries it uses, that one stage of a job has resident at
 /// most, if the stages before it gave theirs back; larger where they are not optimised.
 ///
-/// Measured over every reader, cleaning and range as the largest `RssFile`, with room for where the system
-/// happens to place them: sixteen pages are mapped around each one that runs.
+/// Measured over every reader, cleaning and range as the largest `RssFile` while a job holds most, with room for
+/// where the system happens to place them: sixteen pages are mapped around each one that runs, or more where the
+/// page cache holds the file in larger pieces. A fresh copy of the program takes 0.5 MiB more than one that was
+/// read in bit by bit, so compare two programs as copies that were made together. Such a copy
+/// passes this figure by up to 0.6 MiB where a build counts a histogram or decodes; what workers reserve and never
+/// touch covers that, as `tests/memory.rs` and `scripts/memory.py` show.
 pub const CODE_BYTES: u64 = if cfg!(debug_assertions) { 6 << 20 } else { 4 << 20 };
 
 /// By how much [`super::MemoryCap::held`] differs between two runs of the same job: largest less smallest

@@ -17,6 +17,8 @@
 //!
 //! Scratch: a bit a voxel (for closing two), and 4 bytes a run of voxels with 4 to 16 bytes a component for 4
 //! and 5. The result does not depend on budget or threads.
+#![doc = "\n"]
+#![doc = include_str!("CLEANING.md")]
 
 mod bits;
 mod close;

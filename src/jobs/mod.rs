@@ -1,4 +1,6 @@
 //! What the commands do: one function each, from plain options to a report.
+#![doc = "\n"]
+#![doc = include_str!("COMMANDS.md")]
 
 pub mod batch;
 pub mod build;

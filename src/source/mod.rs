@@ -10,6 +10,8 @@
 //! | `options`, `finding` | what a caller may choose, and what a reader found |
 //! | `stored`, `reversed` | samples read where they lie, or unrolled first |
 //! | `files`, `header`, `natural`, `stable_hash` | what several of them share |
+#![doc = "\n"]
+#![doc = include_str!("READING.md")]
 
 pub mod dicom;
 mod files;
