@@ -134,7 +134,7 @@ fn the_table_is_removed_and_the_skin_of_the_body_is_unchanged() {
     assert_eq!(number(&report["cleaning"], "voxels_added"), filled);
     // What was done stands in the file.
     let info = oct(&["info", &text(&at("outer.oct")), "--json"]).json().to_string();
-    assert!(info.contains("both.raw [fill-cavities; keep-largest 1]"), "{info}");
+    assert!(info.contains("volume [fill-cavities; keep-largest 1]"), "{info}");
 }
 
 #[test]
