@@ -371,7 +371,10 @@ fn a_killed_build_leaves_the_old_model_and_nothing_else() {
     for (signal, number) in [("INT", 2), ("KILL", 9), ("TERM", 15)] {
         for wait_ms in [20, 200, 500] {
             let stage = Stage::new();
-            let mut child = Command::new(binary())
+            // Where the tests run in the background, INT is ignored, and children inherit that.
+            let mut child = Command::new("env")
+                .arg("--default-signal=INT")
+                .arg(binary())
                 .args(["demo", "--size", "900", "--quiet", "--threads", "2", "--memory", "64MiB", "-o"])
                 .arg(stage.output())
                 .stdin(Stdio::null())

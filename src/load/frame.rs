@@ -109,7 +109,9 @@ impl Frame {
                 SectionKind::Rank => (entry.item_bytes == 1, rank::directory_bytes(n).1),
                 SectionKind::Means(channel) => {
                     let due = self.section(SectionKind::Voxels(channel)).map(|e| e.item_bytes);
-                    (Some(entry.item_bytes) == due, self.coarse_nodes())
+                    // Where the voxels' own items are illegal, that is what is told, below.
+                    let illegal = due.is_some_and(|due| !channel.row().item_bytes.contains(&due));
+                    (Some(entry.item_bytes) == due || illegal, self.coarse_nodes())
                 }
                 SectionKind::Voxels(channel) => (channel.row().item_bytes.contains(&entry.item_bytes), v),
             };
