@@ -88,7 +88,7 @@
 //! | [`builder`] | plan, classify, skin, gradient, swap, merge, atomic output |
 //! | [`clean`] | what is done to the occupancy before the build: components, cavities, closing |
 //! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
-//! | [`render`] | camera, the one traversal kernel, shading, images |
+//! | [`mod@render`] | camera, the one traversal kernel, shading, images |
 //! | [`jobs`] | what the commands do, one function each |
 
 mod atomic;

@@ -21,7 +21,7 @@ use crate::geom::Dims;
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is not asked.
 ///
-/// Memory and temporary disk as [`super::build()`]; the solid's part is what it says of itself.
+/// Memory and temporary disk as [`super::build_volume`]; the solid's part is what it says of itself.
 ///
 /// # Errors
 /// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.

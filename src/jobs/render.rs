@@ -198,7 +198,7 @@ fn thumbnail_view(dims: Dims, affine: &Affine) -> NamedView {
 /// transparent background.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render_view`].
 pub fn thumbnail<V: NodeView>(
     view: &V,
     dims: Dims,

@@ -3,7 +3,7 @@
 //! At each node the ray's line is compared with the 4 x 4 x 4 boxes two levels below at once: a box is
 //! pierced if and only if its three projections are (see [`super::tile`]), so three planes of 16 cells give
 //! 64 bits. Those that are occupied wait in Morton order, which in mirrored coordinates is front to back.
-//! All that is an over-estimate in singles; at the last level [`super::pierce`] decides in integers.
+//! All that is an over-estimate in singles; at the last level `pierce` decides in integers.
 //!
 //! Cost: some 40 ns a node, most of it waiting for memory: the rank of a node, then its children's
 //! infobytes. Memory: under 1 KiB of stack.

@@ -10,7 +10,7 @@
 //!                     |  not proved, or no beam: one ray alone (`single`)
 //! ```
 //!
-//! 1. **Two levels at once.** [`super::occupancy`] gives the 4 x 4 x 4 boxes below a node as 64 bits.
+//! 1. **Two levels at once.** `occupancy` gives the 4 x 4 x 4 boxes below a node as 64 bits.
 //! 2. **Order for free.** In mirrored coordinates no ray runs backwards, so Morton order is front to back for
 //!    all of them, and the first hit is the lowest set bit of pierced and occupied.
 //! 3. **Pierced boxes by three projections.** Three intervals on a line have a point in common if every two
