@@ -28,7 +28,10 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("volume", &["budget", "exit", "facts", "geom", "progress", "scratch"]),
     ("source", &["budget", "codec", "cpu", "exit", "facts", "geom", "progress", "scratch", "volume"]),
     ("catalogue", &["budget", "exit", "facts", "geom", "progress", "scratch", "source", "volume"]),
-    ("builder", &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "scratch", "volume"]),
+    (
+        "builder",
+        &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "resident", "scratch", "volume"],
+    ),
     ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "volume"]),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load"]),

@@ -198,7 +198,7 @@ impl Job<'_> {
         self.progress.stage("scan", count);
         let next = AtomicU64::new(0);
         let totals = Mutex::new(ScanTotals::default());
-        parallel::run_workers(plan.threads, &|stop| {
+        parallel::run_stage(plan.threads, self.options.memory, &|stop| {
             let _memory = self.part(solid, plan, plan.scan_bytes)?;
             let mut worker = ColumnWorker::new(&shared);
             while !stop() {
@@ -228,7 +228,7 @@ impl Job<'_> {
         let forms = &target.channels.forms;
         self.progress.stage("merge", census.bricks);
         let merge = Merge::new(solid.dims(), scratch, target, census)?;
-        parallel::run_workers(plan.threads, &|stop| {
+        parallel::run_stage(plan.threads, self.options.memory, &|stop| {
             let _memory = self.part(solid, plan, merge::worker_bytes(forms))?;
             merge.work(stop, &|bricks| self.progress.advance(bricks))
         })?;
