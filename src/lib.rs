@@ -83,7 +83,8 @@
 //! | `codec` (private) | compressed images, one frame at a time, row by row |
 //! | [`facts`] | what readers find, assume and refuse, as values |
 //! | [`volume`] | the trait of a volume, its facts, crop, downsample, georeference, spooling |
-//! | [`source`] | where voxels come from: raw files, DICOM series, NRRD, NIfTI and others, the synthetic head |
+//! | [`source`] | where voxels come from: raw files, DICOM series, NRRD, NIfTI and others |
+//! | [`synthetic`] | bodies whose true surface is known, as volumes, and a head |
 //! | [`catalogue`] | what lies in folders: the walk, the survey, side-cars |
 //! | [`builder`] | plan, classify, skin, gradient, swap, merge, atomic output |
 //! | [`clean`] | what is done to the occupancy before the build: components, cavities, closing |
@@ -116,6 +117,7 @@ pub mod render;
 mod resident;
 mod scratch;
 pub mod source;
+pub mod synthetic;
 pub mod volume;
 
 pub use budget::MemoryCap;

@@ -27,7 +27,11 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("facts", &["budget", "codec", "exit", "geom"]),
     ("volume", &["budget", "exit", "facts", "geom", "progress", "scratch"]),
     ("source", &["budget", "codec", "cpu", "exit", "facts", "geom", "progress", "scratch", "volume"]),
-    ("catalogue", &["budget", "exit", "facts", "geom", "progress", "scratch", "source", "volume"]),
+    ("synthetic", &["facts", "geom", "volume"]),
+    (
+        "catalogue",
+        &["budget", "exit", "facts", "geom", "progress", "scratch", "source", "synthetic", "volume"],
+    ),
     (
         "builder",
         &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "resident", "scratch", "volume"],
@@ -56,6 +60,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "resident",
             "scratch",
             "source",
+            "synthetic",
             "volume",
         ],
     ),
@@ -268,6 +273,7 @@ fn arrows_between_modules_point_one_way() {
         "load",
         "render",
         "source",
+        "synthetic",
         "volume",
     ] {
         assert!(modules.contains(name), "no module {name}");

@@ -24,8 +24,9 @@ use crate::facts::dicom::DicomFault;
 use crate::facts::{Fault, NotVolume, StatedBy};
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
-    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, natural_cmp,
+    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, StableHash, natural_cmp,
 };
+use crate::synthetic;
 use crate::volume::{Placement, SourceError, VolumeSource, place};
 use content::{EachFile, hash_of, is_copy};
 use log::{Log, Record};
@@ -98,6 +99,8 @@ enum What {
     Stack(u8),
     Sidecar,
     Raw,
+    /// Not a file: the description of a volume that is computed.
+    Synthetic,
 }
 
 /// How deep the folders below an input are searched, if nothing else is said: deep enough for every
@@ -105,12 +108,12 @@ enum What {
 const DEPTH: u32 = 16;
 
 impl Catalogue {
-    /// Searches the inputs: files are taken as they are, folders are searched with everything below them
-    /// (hidden entries are left out, and links to folders). The result does not depend on the order in
+    /// Searches the inputs: files are taken as they are, and descriptions of [`synthetic`] volumes; folders are
+    /// searched with everything below them (hidden entries are left out, and links to folders). The result does not depend on the order in
     /// which a folder lists its files.
     ///
     /// # Errors
-    /// An input cannot be read at all, or `scratch` cannot hold what does not fit into memory.
+    /// An input cannot be read at all or describes nothing, or `scratch` cannot hold what does not fit into memory.
     pub fn survey(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Self, SourceError> {
         Self::survey_to_depth(inputs, options, scratch, DEPTH)
     }
@@ -227,6 +230,13 @@ impl Catalogue {
             let path = path.clone();
             return Err(failed(SourceError::ManyImages { path, images, needed_bytes, allowed_bytes }));
         }
+        if item.what == What::Synthetic {
+            let hash = StableHash::new().part(path.as_os_str().as_bytes()).finish();
+            let files = InputFiles { fingerprint: hash, ..InputFiles::default() };
+            let id = format!("synthetic-{:012x}", hash >> 16);
+            let opened = synthetic::open(&path).map(|volume| vec![volume]);
+            return Ok(findings(&path, "synthetic", id, files, opened));
+        }
         let one = || {
             let mut files = InputFiles::default();
             files.add(&path, first.size, first.changed);
@@ -326,6 +336,7 @@ impl Catalogue {
                 }
                 None => Vec::new(),
             },
+            What::Synthetic => Vec::new(),
         })
     }
 

@@ -9,11 +9,14 @@ use std::sync::Arc;
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
 use crate::budget::Budget;
-use crate::facts::{Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, Refusal, StatedBy};
+use crate::facts::{
+    Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, Refusal, StatedBy, SyntheticFault,
+};
 use crate::progress::Silent;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, known};
 use crate::source::{RawVolume, header_of_samples};
+use crate::synthetic;
 use crate::volume::Noted;
 use crate::volume::place;
 use crate::volume::{SourceError, VolumeSource, Workspace};
@@ -72,6 +75,9 @@ pub fn open_unprepared_in(
     scratch: &Path,
 ) -> Result<Box<dyn VolumeSource>, SourceError> {
     if let Some(raw) = &options.raw {
+        if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
+            return Err(synthetic::usage(described, SyntheticFault::Described));
+        }
         return Ok(Box::new(RawVolume::open(inputs, raw)?));
     }
     let Some(first) = inputs.first() else {

@@ -7,6 +7,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::facts::{Fault, NotVolume};
+use crate::synthetic::is_synthetic;
 use crate::volume::SourceError;
 
 /// What a walk comes across.
@@ -23,6 +24,12 @@ pub(super) trait Visitor {
     /// What ends the walk.
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError>;
 
+    /// A volume that an input describes, without a file.
+    ///
+    /// # Errors
+    /// What ends the walk.
+    fn synthetic(&mut self, input: u32) -> Result<(), SourceError>;
+
     /// A folder that may not be read, or that lies too deep.
     fn not_entered(&mut self, path: &Path, why: NotVolume);
 }
@@ -36,6 +43,10 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, visitor: &mut dyn Visitor) ->
     for (at, input) in inputs.iter().enumerate() {
         let unreadable = |cause| SourceError::Unreadable { path: input.clone(), cause };
         let at = u32::try_from(at).unwrap_or(u32::MAX);
+        if is_synthetic(input) {
+            visitor.synthetic(at)?;
+            continue;
+        }
         let meta = fs::metadata(input).map_err(unreadable)?;
         if meta.is_dir() {
             let entries = fs::read_dir(input).map_err(unreadable)?;
@@ -95,7 +106,7 @@ fn folder(
 pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, SourceError> {
     let real = |input: &PathBuf| {
         let unreadable = |cause: io::Error| SourceError::Unreadable { path: input.clone(), cause };
-        fs::canonicalize(input).map_err(unreadable)
+        if is_synthetic(input) { Ok(input.clone()) } else { fs::canonicalize(input).map_err(unreadable) }
     };
     let all: Vec<PathBuf> = inputs.iter().map(real).collect::<Result<_, _>>()?;
     let known: HashSet<&Path> = all.iter().map(PathBuf::as_path).collect();

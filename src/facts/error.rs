@@ -18,6 +18,7 @@ use super::raw::{RawFault, RawLayout};
 use super::samples::StoredFault;
 use super::sidecar::SideCarFault;
 use super::stated::StatedBy;
+use super::synthetic::SyntheticFault;
 use super::tiff::TiffFault;
 use crate::exit::ExitKind;
 use crate::geom::Dims;
@@ -259,6 +260,8 @@ pub enum Misuse {
     },
     /// There is no volume at all.
     NoneFound,
+    /// The description of a synthetic volume is wrong.
+    Synthetic(SyntheticFault),
 }
 
 macro_rules! of_family {

@@ -13,6 +13,7 @@
 //! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
 //! | [`samples`] | faults of samples in files, with a header and without |
 //! | [`sidecar`] | faults of side-cars |
+//! | [`SyntheticFault`] | why a text describes no synthetic volume |
 
 pub mod codec;
 pub mod dicom;
@@ -30,6 +31,7 @@ mod raw;
 pub mod samples;
 pub mod sidecar;
 mod stated;
+mod synthetic;
 mod system;
 pub mod tiff;
 
@@ -39,4 +41,5 @@ pub use found::{Candidate, Choice, Refusal};
 pub use left_out::{Known, NotVolume};
 pub use note::Note;
 pub use stated::{Carrier, Form, Packing, StatedBy};
+pub use synthetic::{SyntheticFault, SyntheticValue};
 pub use system::SystemError;

@@ -14,7 +14,7 @@ use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::{BuildOptions, Progress};
 use crate::error::{Error, UsageError};
-use crate::source::SyntheticHead;
+use crate::synthetic::SyntheticHead;
 use crate::volume::{Endian, VolumeSource};
 
 /// Files that the demonstration writes: the model, and beside it a picture and a thumbnail.

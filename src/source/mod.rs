@@ -5,7 +5,7 @@
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack`, `synthetic` | one kind of source each |
+//! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack` | one kind of source each |
 //! | `formats` | the lists of what is read, and what is known but not read |
 //! | `options`, `finding` | what a caller may choose, and what a reader found |
 //! | `stored`, `reversed` | samples read where they lie, or unrolled first |
@@ -29,7 +29,6 @@ mod raw;
 mod reversed;
 mod stable_hash;
 mod stored;
-mod synthetic;
 mod tiff;
 
 pub(crate) use files::FileList;
@@ -40,4 +39,3 @@ pub(crate) use nifti::header_of_samples;
 pub use options::{GapPolicy, OpenOptions};
 pub use raw::{RawOptions, RawVolume};
 pub(crate) use stable_hash::StableHash;
-pub use synthetic::SyntheticHead;

@@ -149,6 +149,7 @@ impl fmt::Display for Misuse {
                 "there is no volume {wanted} among the {found} that were found; oct scan lists them"
             ),
             Self::NoneFound => f.write_str("no volume was found"),
+            Self::Synthetic(fault) => fault.fmt(f),
         }
     }
 }

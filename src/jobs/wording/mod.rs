@@ -12,6 +12,7 @@
 //! | `picture` | TIFF and PNG |
 //! | `samples` | samples in files |
 //! | `sidecar` | side-cars |
+//! | `synthetic` | synthetic volumes |
 //! | `dicom` | DICOM |
 //! | `builder`, `clean` | why a build stops, before and after cleaning |
 //! | `format`, `load` | what is wrong with an `.oct`, and why it cannot be opened |
@@ -33,6 +34,7 @@ mod picture;
 mod render;
 mod samples;
 mod sidecar;
+mod synthetic;
 mod top;
 
 use crate::facts::Note;
