@@ -49,6 +49,8 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// Compare random rays through a model with a slow exact reference
     Selfcheck(SelfcheckArgs),
+    /// Measure and draw how fast and how wrong every choice is
+    Report(ReportArgs),
 }
 
 /// What is only looked at.
@@ -91,6 +93,32 @@ pub(crate) struct SelfcheckArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("subject").required(true).multiple(true))]
+pub(crate) struct ReportArgs {
+    /// A model: what can be known without the truth
+    #[arg(value_name = "MODEL.oct", group = "subject")]
+    pub(crate) model: Option<PathBuf>,
+    /// A synthetic volume whose surface is known, as NAME, NAME@N or NAME@N?key=value; suite for several bodies, head
+    /// for the head; may be given several times
+    #[arg(long, value_name = "NAME", group = "subject")]
+    pub(crate) synthetic: Vec<String>,
+    /// Folder of report.html, report.csv and report.json; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Pixels along a side of the pictures that errors are measured on
+    #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub(crate) pixels: u32,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 /// How many threads work.

@@ -15,6 +15,7 @@ use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
+use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
@@ -101,6 +102,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Thumbnail(args) => Ok(thumbnail(&args)?),
         Command::Demo(args) => Ok(demo(&args)?),
         Command::Selfcheck(args) => Ok(selfcheck(&args)?),
+        Command::Report(args) => Ok(report(&args)?),
     }
 }
 
@@ -109,6 +111,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         threshold: args.selection.threshold(),
         connectivity: args.skin.connectivity,
         channels: args.skin.channels,
+        gradient: args.skin.gradient,
         lod: args.lod == Switch::On,
         memory: MemoryCap::Process(args.memory),
         threads: args.threads.count(),
@@ -140,6 +143,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
             threshold: args.selection.threshold(),
             connectivity: args.skin.connectivity,
             channels: args.skin.channels,
+            gradient: args.skin.gradient,
             lod: true,
             memory: MemoryCap::Process(args.memory),
             threads: args.threads.count(),
@@ -387,6 +391,28 @@ fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Error> {
         || format!("{} rays, {total} mismatches against the exact reference\n", args.rays),
     )?;
     Ok(if total == 0 { code } else { ExitCode::FAILURE })
+}
+
+fn report(args: &args::ReportArgs) -> Result<ExitCode, Error> {
+    // As a shell would take it again.
+    let quoted = |word: String| {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_./@=:,".contains(c);
+        if word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    };
+    let words = std::env::args_os().skip(1).map(|word| quoted(word.to_string_lossy().into_owned()));
+    let request = ReportRequest {
+        model: args.model.clone(),
+        synthetic: args.synthetic.clone(),
+        out: args.out.clone(),
+        threads: args.threads.count(),
+        pixels: args.pixels,
+        command: std::iter::once("oct".to_owned()).chain(words).collect::<Vec<_>>().join(" "),
+    };
+    let bars = Bars::new(args.quiet || args.json);
+    let report = jobs::report::report(&request, &bars);
+    bars.finish();
+    let report = report?;
+    print(args.json, || report.json(), || report.text())
 }
 
 fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<ExitCode, Error> {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use infobyte::builder::Connectivity;
+use infobyte::builder::{Connectivity, Gradient};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::format::{Channel, Channels};
 use infobyte::geom::{Dims, Orientation};
@@ -56,6 +56,13 @@ pub(super) fn connectivity(text: &str) -> Result<Connectivity, String> {
 
 pub(super) fn component_connectivity(text: &str) -> Result<ComponentConnectivity, String> {
     either(text, ComponentConnectivity::Corners26, ComponentConnectivity::Faces6)
+}
+
+pub(super) fn gradient(text: &str) -> Result<Gradient, String> {
+    Gradient::by_name(text).ok_or_else(|| {
+        let names = Gradient::ALL.map(Gradient::name).join(", ");
+        format!("'{text}' is not an estimator of normals; choose one of {names}")
+    })
 }
 
 /// Channels that this version can build of a volume.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
-use infobyte::builder::{Connectivity, Threshold};
+use infobyte::builder::{Connectivity, Gradient, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::format::Channels;
 use infobyte::geom::{Dims, Orientation};
@@ -178,6 +178,10 @@ pub(crate) struct SkinArgs {
     /// Attributes per skin voxel: normal, value, or none
     #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
     pub(crate) channels: Channels,
+    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), or auto,
+    /// which sees finer detail where there is little noise, at three times the time of normals
+    #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
+    pub(crate) gradient: Gradient,
     /// Connectivity of the skin: 26 (thin) or 6 (thick)
     #[arg(long, default_value = "26", value_parser = parse::connectivity)]
     pub(crate) connectivity: Connectivity,

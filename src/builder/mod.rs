@@ -26,6 +26,7 @@ mod choose;
 mod classify;
 mod column;
 mod error;
+mod estimator;
 mod gradient;
 mod histogram;
 mod item;
@@ -51,7 +52,7 @@ mod walk;
 
 pub use choose::choose_selection;
 pub use error::{BuildError, ScratchFault, Sought};
-pub use gradient::ESTIMATOR;
+pub use estimator::Gradient;
 pub use item::ItemForm;
 pub use job::build_solid;
 pub use options::{BuildOptions, Threshold};
@@ -70,6 +71,7 @@ use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::format::Selection;
 use crate::volume::{ScalarType, VolumeSource};
 use choose::Chooser;
+use gradient::NormalRule;
 use item::ChannelForm;
 use job::{Job, channel_forms};
 use plan::{ColumnPlan, PlanRequest};
@@ -108,6 +110,7 @@ pub(crate) fn reserve_least(
 fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> PlanRequest<'a> {
     let info = source.info();
     let shape = RingShape::kindest(info.dims, info.scalar);
+    let more = NormalRule::more_bytes(options.gradient);
     let form_of = |channel| {
         let form = volume_form(info.scalar, channel, &Found::default())?;
         Some(ChannelForm { channel, form })
@@ -116,7 +119,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
         dims: info.dims,
         channels: options.channels.iter().filter_map(form_of).collect(),
         threads: options.threads,
-        solid_bytes: Box::new(move |tile| shape.bytes(tile)),
+        solid_bytes: Box::new(move |tile| shape.bytes(tile) + more),
         input_bytes: source.resident_bytes(),
     }
 }
@@ -192,7 +195,7 @@ impl<'a> Front<'a> {
         selection: Selection,
         histogram_s: f64,
     ) -> Result<BuildReport, BuildError> {
-        let solid = VolumeSolid::new(self.source, form, selection, self.chooser());
+        let solid = VolumeSolid::new(self.source, form, selection, self.job.options.gradient, self.chooser());
         let mut report = self.job.run(files, &solid)?;
         report.seconds.histogram = histogram_s;
         Ok(report)

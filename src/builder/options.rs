@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Connectivity;
+use super::{Connectivity, Gradient};
 use crate::budget::MemoryCap;
 use crate::format::{Channels, Selection};
 
@@ -28,6 +28,8 @@ pub struct BuildOptions {
     pub connectivity: Connectivity,
     /// What is stored of every skin voxel.
     pub channels: Channels,
+    /// How normals are estimated, of volumes.
+    pub gradient: Gradient,
     /// Store means of coarse nodes for level of detail?
     pub lod: bool,
     /// Cap on resident memory.
@@ -46,6 +48,7 @@ impl Default for BuildOptions {
             threshold: Threshold::Otsu,
             connectivity: Connectivity::Thin26,
             channels: Channels::default(),
+            gradient: Gradient::default(),
             lod: true,
             memory: MemoryCap::Share(64 << 20),
             threads: std::thread::available_parallelism().map_or(1, usize::from),

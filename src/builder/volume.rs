@@ -15,9 +15,9 @@ use std::time::Instant;
 use super::choose::Chooser;
 use super::classify::classify;
 use super::error::{BuildError, Sought};
+use super::estimator::Gradient;
 use super::gradient::{
-    ESTIMATOR, Gradients, NormalRule, OVERREAD, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths,
-    gradients,
+    Gradients, NormalRule, OVERREAD, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths,
 };
 use super::item::{ItemForm, push_swapped, value_bytes, value_form, value_scale};
 use super::range::{Ordered, SampleRange};
@@ -125,6 +125,7 @@ pub(super) struct VolumeSolid<'a, F> {
     pub(super) source: &'a dyn VolumeSource,
     pub(super) form: F,
     pub(super) selection: Selection,
+    pub(super) gradient: Gradient,
     pub(super) rule: NormalRule,
     /// Says which values there are, if none lies in the range.
     pub(super) chooser: Chooser<'a>,
@@ -136,10 +137,11 @@ impl<'a, F: RingForm> VolumeSolid<'a, F> {
         source: &'a dyn VolumeSource,
         form: F,
         selection: Selection,
+        gradient: Gradient,
         chooser: Chooser<'a>,
     ) -> Self {
-        let rule = NormalRule::new(source.info().spacing_mm);
-        Self { source, form, selection, rule, chooser }
+        let rule = NormalRule::new(source.info().spacing_mm, gradient);
+        Self { source, form, selection, gradient, rule, chooser }
     }
 }
 
@@ -170,7 +172,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
             rescale: [rescale.slope, rescale.intercept],
             selection: self.selection,
             connectivity: 0,
-            gradient: ESTIMATOR.into(),
+            gradient: self.gradient.name().into(),
             value_scale: value_scale(*scalar, found.extent, *rescale),
         }
     }
@@ -184,7 +186,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        RingShape::of::<F>(self.source.info()).bytes(tile)
+        RingShape::of::<F>(self.source.info()).bytes(tile) + NormalRule::more_bytes(self.gradient)
     }
 
     fn input_bytes(&self) -> u64 {
@@ -255,7 +257,7 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
             plane_len,
             staging: vec![bytemuck::Zeroable::zeroed(); staging_slices * shape.block_samples(tile)],
             staging_slices,
-            gradients: Gradients::new(),
+            gradients: Gradients::new(&solid.rule),
             codes: Box::new([0; SLICE_VOXELS]),
             count: 0,
             swapped_values: Vec::with_capacity(if values { SLICE_VOXELS * shape.value_bytes } else { 0 }),
@@ -286,11 +288,11 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
         });
         let origin = row0 * f.stride + (x0 - f.cols.start) as usize;
         let window = SliceWindow { planes, stride: f.stride, origin, skin: skin.rows(), interior: &interior };
-        gradients(&window, self.rule.taps, &mut self.gradients);
+        let estimate = self.rule.estimate(&window, &mut self.gradients);
         let faces: [Exposed; BRICK_ROWS] = std::array::from_fn(|y| skin.exposed(y));
         let (dims, form) = (self.dims, self.form);
-        let (unit, taps) = (border_unit::<F>(), self.rule.taps);
-        self.rule.codes(&window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
+        let unit = border_unit::<F>();
+        NormalRule::codes(&estimate, &window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
             let (cx, cy) = (i64::from(x0 + x), i64::from(f.column.y.start) + y as i64);
             let depths = std::array::from_fn(|k| {
                 std::array::from_fn(|j| {
@@ -308,7 +310,7 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
                     })
                 })
             });
-            gradient_of_depths(taps, &depths)
+            gradient_of_depths(&estimate, &depths)
         });
     }
 

@@ -9,6 +9,7 @@ pub mod info;
 pub mod pack;
 pub mod picture;
 pub mod render;
+pub mod report;
 pub mod scan;
 pub mod verify;
 pub mod wording;

@@ -584,8 +584,15 @@ enum Named {
 fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
     let text = format!(
-        "{:?} {:?} {:?} {} {} {:?} {:?}",
-        b.threshold, b.connectivity, b.channels, b.lod, request.thumbnails, request.how, request.clean
+        "{:?} {:?} {:?} {} {} {} {:?} {:?}",
+        b.threshold,
+        b.connectivity,
+        b.channels,
+        b.gradient,
+        b.lod,
+        request.thumbnails,
+        request.how,
+        request.clean
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }
@@ -602,6 +609,7 @@ fn options_told(request: &BatchRequest) -> Value {
         },
         "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
         "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
+        "gradient": b.gradient.name(),
         "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
         "cleaning": request.clean.operations(),
         "thumbnails": request.thumbnails,
