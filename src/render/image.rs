@@ -135,16 +135,16 @@ mod tests {
     #[test]
     fn failures_name_the_file_and_leave_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let error = small().write_png(&folder.path().join("missing/a.png")).unwrap_err().to_string();
+        let error = small().write_png(folder.path().join("missing/a.png")).unwrap_err().to_string();
         assert!(error.contains("missing/a.png") && error.contains("check the folder"), "{error}");
         // The target is a folder.
         let taken = folder.path().join("taken");
         std::fs::create_dir(&taken).unwrap();
         assert!(small().write_png(&taken).is_err());
         let broken = Image { rgba: vec![0; 3], ..small() };
-        assert!(broken.write_png(&folder.path().join("b.png")).is_err());
+        assert!(broken.write_png(folder.path().join("b.png")).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         let plain = Image { depth: None, ..small() };
-        assert!(plain.write_depth_png(&folder.path().join("d.png")).is_err());
+        assert!(plain.write_depth_png(folder.path().join("d.png")).is_err());
     }
 }
