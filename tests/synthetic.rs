@@ -5,6 +5,7 @@
 mod command;
 
 use std::fs;
+use std::path::Path;
 
 use command::{measured_build, names, oct, text};
 use infobyte::synthetic::analytic;
@@ -34,7 +35,7 @@ fn a_body_builds_as_its_samples_in_a_file_do() {
     }
     // The level 1/2 is the stored 2048, so structure and normals are the same bytes.
     let (a, b) = (fs::read(at("a.oct")).unwrap(), fs::read(at("b.oct")).unwrap());
-    let model = Model::open(at("a.oct").as_ref()).unwrap();
+    let model = Model::open(Path::new(&at("a.oct"))).unwrap();
     assert!(model.header().voxels > 1000);
     let same = a.iter().rev().zip(b.iter().rev()).take_while(|(a, b)| a == b).count();
     assert!(2 * same > a.len(), "{same} of {} bytes at the end agree", a.len());
