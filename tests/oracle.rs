@@ -71,7 +71,7 @@ fn exact_ray(random: &mut Random, depth: u32) -> ([f64; 3], [f64; 3]) {
     let origin = [0; 3].map(|_| (random.range(0.0, side) * step).round() / step);
     let whole = f64::from(1_u32 << (DIRECTION_BITS - 1));
     let steep = [1.0, 3.0, 64.0, whole][(kind >> 8 & 3) as usize];
-    let direction = [0; 3].map(|_| (random.range(-1.0, 1.0) * steep).round() / steep);
+    let direction = [0; 3].map(|_| (random.range(-1.0, 1.0) * steep).round());
     (origin, direction)
 }
 

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use command::{measured_build, names, oct, text};
 use infobyte::synthetic::analytic;
+use infobyte::volume::Endian;
 use infobyte::{BuildOptions, Model, RayCaster, Threshold, VolumeSource};
 
 #[test]
@@ -23,7 +24,8 @@ fn a_body_builds_as_its_samples_in_a_file_do() {
     for z in 0..dims.nz() {
         let mut slice = vec![0; 48 * 48 * 2];
         volume.read_rows(z, 0..48, 0..48, &mut slice).unwrap();
-        samples.extend(slice.as_chunks::<2>().0.iter().flat_map(|s| u16::from_ne_bytes(*s).to_le_bytes()));
+        Endian::Little.to_native(2, &mut slice);
+        samples.append(&mut slice);
     }
     fs::write(at("torus.raw"), samples).unwrap();
     let built = oct(&["build", input, "-o", &at("a.oct"), "--iso", "0.5", "--json"]).json();
@@ -61,7 +63,7 @@ fn every_command_that_takes_a_volume_takes_a_body() {
 #[test]
 fn wrong_words_are_told_at_once() {
     let folder = tempfile::tempdir().unwrap();
-    let model = text(&folder.path().join("a.oct"));
+    let (model, out) = (text(&folder.path().join("a.oct")), text(&folder.path().join("out")));
     for (input, words) in [
         ("synthetic:spere@64", &["no synthetic body 'spere'", "sphere", "menger", "head"][..]),
         ("synthetic:sphere", &["needs its size", "synthetic:NAME@N"]),
@@ -76,7 +78,7 @@ fn wrong_words_are_told_at_once() {
     ] {
         oct(&["build", input, "-o", &model]).refused(2, words);
         oct(&["scan", input]).refused(2, words);
-        oct(&["batch", input, "--out", &model]).refused(2, words);
+        oct(&["batch", input, "--out", &out]).refused(2, words);
     }
     let raw = ["--dims", "8x8x8", "--dtype", "u8"];
     oct(&[&["build", "synthetic:sphere@8", "-o", &model][..], &raw].concat()).refused(2, &["--dims"]);

@@ -160,7 +160,7 @@ mod tests {
             let t = f64::from(i) * 0.001;
             let share = share_below(t);
             assert!(share >= last, "{t}");
-            assert_eq!((share + share_below(-t) - 1.0).abs() < 1e-15, true, "{t}");
+            assert!((share + share_below(-t) - 1.0).abs() < 1e-15, "{t}");
             last = share;
         }
         assert_eq!((share_below(0.0), share_below(9.0), share_below(-9.0)), (0.5, 1.0, 0.0));

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::*;
 use crate::exit::ExitKind;
 use crate::facts::SyntheticValue;
+use crate::volume::ScalarType;
 
 /// All samples as densities.
 fn densities(volume: &AnalyticVolume) -> Vec<f64> {
@@ -16,10 +17,10 @@ fn densities(volume: &AnalyticVolume) -> Vec<f64> {
     for (z, y) in (0..nz).flat_map(|z| (0..ny).map(move |y| (z, y))) {
         volume.read_rows(z, y..y + 1, 0..nx, &mut row).unwrap();
         all.extend(row.chunks_exact(width).map(|b| {
-            let sample = match *b {
-                [v] => f64::from(v),
-                [a, b] => f64::from(u16::from_ne_bytes([a, b])),
-                _ => f64::from(f32::from_ne_bytes(b.try_into().unwrap())),
+            let sample = match info.scalar {
+                ScalarType::U8 => f64::from(b[0]),
+                ScalarType::U16 => f64::from(bytemuck::pod_read_unaligned::<u16>(b)),
+                _ => f64::from(bytemuck::pod_read_unaligned::<f32>(b)),
             };
             info.rescale.apply(sample)
         }));

@@ -70,13 +70,23 @@ impl Dyadic {
         (at(self), at(other), exponent)
     }
 
-    /// About its value, for figures in reports.
-    pub(crate) fn to_f64(&self) -> f64 {
+    /// Its highest bits, and the power of two that they stand for.
+    fn parts(&self) -> (f64, i64) {
         let bits = i64::try_from(self.whole.bits()).unwrap();
         let drop = (bits - 60).max(0);
         let top = i64::try_from(self.whole.clone() >> usize::try_from(drop).unwrap()).unwrap();
-        let exponent = i32::try_from((self.exponent + drop).clamp(-1000, 1000)).unwrap();
-        top as f64 * 2.0_f64.powi(exponent)
+        (top as f64, self.exponent + drop)
+    }
+
+    /// About its value.
+    pub(crate) fn to_f64(&self) -> f64 {
+        self.over(&Self::of(1))
+    }
+
+    /// About the quotient of two, however great or small both are.
+    pub(crate) fn over(&self, other: &Self) -> f64 {
+        let ((a, e), (b, f)) = (self.parts(), other.parts());
+        a / b * 2.0_f64.powi(i32::try_from((e - f).clamp(-1000, 1000)).unwrap())
     }
 }
 
@@ -146,7 +156,7 @@ impl Time {
 
     /// About its value.
     pub(crate) fn to_f64(&self) -> f64 {
-        self.over.to_f64() / self.under.to_f64()
+        self.over.over(&self.under)
     }
 }
 
@@ -300,7 +310,7 @@ impl ExactRay {
                 let to_other = &at(b) - &(&self.origin[b] * &time.under);
                 let off = &(&to_main * &self.direction[b]) - &(&to_other * &self.direction[main]);
                 let scale = &time.under * &self.direction[main];
-                worst = worst.max((off.to_f64() / scale.to_f64()).abs());
+                worst = worst.max(off.over(&scale).abs());
             }
         }
         Some(worst)

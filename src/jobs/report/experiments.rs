@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::rays::{self, Met};
+use super::rays::{self, Line, Met};
 use super::rows::{Costs, Errors, Experiment, Metric, Row};
 use crate::budget::{Bytes, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Gradient, Silent, Threshold, build_volume};
@@ -112,10 +112,7 @@ impl Bench<'_> {
         Ok(Built { model, costs })
     }
 
-    fn lines(
-        &self,
-        model: &Model<impl AsRef<[u8]>>,
-    ) -> Result<(GridSpace, Vec<([f64; 3], [f64; 3])>), Error> {
+    fn lines(&self, model: &Model<impl AsRef<[u8]>>) -> Result<(GridSpace, Vec<Line>), Error> {
         let space = GridSpace::new(model.dims(), &model.affine())?;
         let lines = rays::lines(&space, model, self.pixels)?;
         Ok((space, lines))

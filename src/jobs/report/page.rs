@@ -58,13 +58,8 @@ pub(super) fn page(report: &Report) -> String {
 }
 
 fn section(experiment: &Experiment, html: &mut String) {
-    let _ = write!(
-        html,
-        "<section id=\"{}\"><h2>{}</h2><p>{}</p>\n",
-        experiment.id,
-        escaped(experiment.title),
-        escaped(experiment.about)
-    );
+    let (title, about) = (escaped(experiment.title), escaped(experiment.about));
+    let _ = writeln!(html, "<section id=\"{}\"><h2>{title}</h2><p>{about}</p>", experiment.id);
     let series = series(experiment);
     if let Some(svg) = scatter(&series, Costs::TITLES[experiment.cost], experiment.metric.title()) {
         html.push_str(&svg);

@@ -23,7 +23,7 @@ const FOV_DEG: f64 = 40.0;
 const AWAY: f64 = 4.8;
 
 /// A line of sight in the world: where it begins, and its direction.
-type Line = ([f64; 3], [f64; 3]);
+pub(super) type Line = ([f64; 3], [f64; 3]);
 
 /// What a ray met.
 #[derive(Clone, Copy, Debug)]
