@@ -107,6 +107,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
 fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     let options = BuildOptions {
         threshold: args.selection.threshold(),
+        surface: args.skin.surface,
         connectivity: args.skin.connectivity,
         channels: args.skin.channels,
         lod: args.lod == Switch::On,
@@ -138,6 +139,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
+            surface: args.skin.surface,
             connectivity: args.skin.connectivity,
             channels: args.skin.channels,
             lod: true,

@@ -6,7 +6,8 @@ use super::item::{ChannelForm, ItemForm};
 use super::layout::{BRICK_LEVELS, StoredChannels};
 use super::simd::{Isa, Kernel, dispatch};
 use super::swap::{BrickEntry, Scratch, read_fragment};
-use crate::format::{MeanRule, Sum};
+use crate::format::cell::{CORNERS, HAS_CORNERS};
+use crate::format::{Channel, MeanRule, Sum};
 use crate::geom::morton;
 
 const EDGE: usize = 32;
@@ -17,6 +18,7 @@ const WORDS: usize = VOXELS / 64;
 
 /// One channel of the brick at hand.
 pub(super) struct BrickChannel {
+    channel: Channel,
     form: ItemForm,
     /// How its means come about, if they are wanted.
     rule: Option<MeanRule>,
@@ -30,12 +32,16 @@ pub(super) struct BrickChannel {
 
 /// Bytes of a channel's items at their fullest, in both orders, and of its sums.
 pub(super) fn channel_bytes(channel: &ChannelForm) -> u64 {
+    if channel.channel.row().is_sparse {
+        return (2 * VOXELS * channel.form.stored_bytes() + VOXELS * size_of::<(u16, u16)>()) as u64;
+    }
     (2 * VOXELS * channel.form.stored_bytes() + Sum::BYTES * WORDS) as u64
 }
 
 impl BrickChannel {
     fn new(channel: &ChannelForm, rule: Option<MeanRule>) -> Self {
         Self {
+            channel: channel.channel,
             form: channel.form,
             rule,
             scan: Vec::new(),
@@ -124,6 +130,8 @@ pub(super) struct BrickReader {
     pub(super) words: Box<[u64; WORDS]>,
     /// Voxels before each word.
     before: Box<[u32; WORDS]>,
+    /// Cells with corners: their ranks, and their numbers in the order of the scan.
+    ranks: Vec<(u16, u16)>,
     pub(super) channels: Vec<BrickChannel>,
 }
 
@@ -139,6 +147,7 @@ impl BrickReader {
             rows: Box::new([0; EDGE * EDGE]),
             words: Box::new([0; WORDS]),
             before: Box::new([0; WORDS]),
+            ranks: Vec::new(),
             channels: channels.with_means().map(|(c, rule)| BrickChannel::new(c, rule)).collect(),
         }
     }
@@ -166,7 +175,11 @@ impl BrickReader {
             }
         }
         dispatch(WordsKernel { reader: self });
-        for BrickChannel { form, scan, items, .. } in &mut self.channels {
+        self.sort_corners();
+        for BrickChannel { channel, form, scan, items, .. } in &mut self.channels {
+            if channel.row().is_sparse {
+                continue;
+            }
             let order = MortonOrder { rows: &self.rows, words: &self.words, before: &self.before };
             match form.stored_bytes() {
                 1 => dispatch(SortKernel::<1> { order, scan, items }),
@@ -177,6 +190,35 @@ impl BrickReader {
             }
         }
         Ok(())
+    }
+
+    /// Puts the corners into the order of their cells.
+    fn sort_corners(&mut self) {
+        let Some(at) = self.channels.iter().position(|c| c.channel.row().is_sparse) else { return };
+        let (before, rest) = self.channels.split_at_mut(at);
+        let (Some(sparse), Some(offsets)) =
+            (rest.first_mut(), before.iter().find(|c| c.channel == Channel::Offset))
+        else {
+            return;
+        };
+        sparse.items.clear();
+        if sparse.scan.is_empty() {
+            return;
+        }
+        let order = MortonOrder { rows: &self.rows, words: &self.words, before: &self.before };
+        self.ranks.clear();
+        let mut announced = offsets.scan.iter();
+        order.for_each_rank(|rank| {
+            if announced.next() == Some(&HAS_CORNERS.cast_unsigned()) {
+                let number = self.ranks.len() as u16;
+                self.ranks.push((rank as u16, number));
+            }
+        });
+        self.ranks.sort_unstable();
+        let corners = sparse.scan.as_chunks::<CORNERS>().0;
+        for (_, number) in &self.ranks {
+            sparse.items.extend(corners.get(usize::from(*number)).unwrap_or(&[1; CORNERS]));
+        }
     }
 
     /// Appends the fragment in `payload` to the scan-order buffers; `None` if it is not one.
@@ -198,9 +240,14 @@ impl BrickReader {
                 count += row.count_ones() as usize;
             }
         }
+        let mut corners = 0;
         for channel in &mut self.channels {
-            let (swapped, more) = rest.split_at_checked(channel.form.swapped_bytes() * count)?;
+            let items = if channel.channel.row().is_sparse { corners } else { count };
+            let (swapped, more) = rest.split_at_checked(channel.form.swapped_bytes() * items)?;
             rest = more;
+            if channel.channel == Channel::Offset {
+                corners = swapped.iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
+            }
             channel.form.store(swapped, &mut channel.scan);
         }
         Some(())

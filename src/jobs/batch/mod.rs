@@ -584,8 +584,15 @@ enum Named {
 fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
     let text = format!(
-        "{:?} {:?} {:?} {} {} {:?} {:?}",
-        b.threshold, b.connectivity, b.channels, b.lod, request.thumbnails, request.how, request.clean
+        "{:?} {:?} {:?} {:?} {} {} {:?} {:?}",
+        b.threshold,
+        b.volume_surface(),
+        b.connectivity,
+        b.channels,
+        b.lod,
+        request.thumbnails,
+        request.how,
+        request.clean
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }
@@ -600,6 +607,7 @@ fn options_told(request: &BatchRequest) -> Value {
             Threshold::Otsu => json!("otsu"),
             Threshold::Chosen(selection) => json!({ "range": [selection.lo, selection.hi] }),
         },
+        "surface": b.volume_surface().name(),
         "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
         "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
         "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
