@@ -30,10 +30,18 @@ pub(super) struct BrickChannel {
     pub(super) sums: Vec<Sum>,
 }
 
+/// A cell with corners: its rank in Morton order among all cells of the brick, and its number among those with
+/// corners in the order of the scan.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Corner {
+    rank: u16,
+    scanned: u16,
+}
+
 /// Bytes of a channel's items at their fullest, in both orders, and of its sums.
 pub(super) fn channel_bytes(channel: &ChannelForm) -> u64 {
     if channel.channel.row().is_sparse {
-        return (2 * VOXELS * channel.form.stored_bytes() + VOXELS * size_of::<(u16, u16)>()) as u64;
+        return (VOXELS * (channel.form.stored_bytes() + size_of::<Corner>())) as u64;
     }
     (2 * VOXELS * channel.form.stored_bytes() + Sum::BYTES * WORDS) as u64
 }
@@ -48,6 +56,16 @@ impl BrickChannel {
             items: Vec::new(),
             sums: vec![Sum::default(); if rule.is_some() { WORDS } else { 0 }],
         }
+    }
+
+    /// Does only a part of the voxels have an item?
+    pub(super) fn is_sparse(&self) -> bool {
+        self.channel.row().is_sparse
+    }
+
+    /// Corners of a cell that has them.
+    pub(super) fn corner(&self, cell: Corner) -> &[u8] {
+        self.scan.as_chunks::<CORNERS>().0.get(usize::from(cell.scanned)).unwrap_or(&[1; CORNERS])
     }
 
     /// Bytes of a stored item.
@@ -130,8 +148,8 @@ pub(super) struct BrickReader {
     pub(super) words: Box<[u64; WORDS]>,
     /// Voxels before each word.
     before: Box<[u32; WORDS]>,
-    /// Cells with corners: their ranks, and their numbers in the order of the scan.
-    ranks: Vec<(u16, u16)>,
+    /// Cells with corners, in Morton order.
+    pub(super) corners: Vec<Corner>,
     pub(super) channels: Vec<BrickChannel>,
 }
 
@@ -147,7 +165,7 @@ impl BrickReader {
             rows: Box::new([0; EDGE * EDGE]),
             words: Box::new([0; WORDS]),
             before: Box::new([0; WORDS]),
-            ranks: Vec::new(),
+            corners: Vec::new(),
             channels: channels.with_means().map(|(c, rule)| BrickChannel::new(c, rule)).collect(),
         }
     }
@@ -192,33 +210,23 @@ impl BrickReader {
         Ok(())
     }
 
-    /// Puts the corners into the order of their cells.
+    /// Finds the cells with corners, and puts them into Morton order.
     fn sort_corners(&mut self) {
-        let Some(at) = self.channels.iter().position(|c| c.channel.row().is_sparse) else { return };
-        let (before, rest) = self.channels.split_at_mut(at);
-        let (Some(sparse), Some(offsets)) =
-            (rest.first_mut(), before.iter().find(|c| c.channel == Channel::Offset))
-        else {
-            return;
-        };
-        sparse.items.clear();
-        if sparse.scan.is_empty() {
+        self.corners.clear();
+        let sparse = self.channels.iter().find(|c| c.is_sparse());
+        if sparse.is_none_or(|c| c.scan.is_empty()) {
             return;
         }
+        let Some(offsets) = self.channels.iter().find(|c| c.channel == Channel::Offset) else { return };
         let order = MortonOrder { rows: &self.rows, words: &self.words, before: &self.before };
-        self.ranks.clear();
-        let mut announced = offsets.scan.iter();
+        let (mut announced, mut scanned) = (offsets.scan.iter(), 0);
         order.for_each_rank(|rank| {
             if announced.next() == Some(&HAS_CORNERS.cast_unsigned()) {
-                let number = self.ranks.len() as u16;
-                self.ranks.push((rank as u16, number));
+                self.corners.push(Corner { rank: rank as u16, scanned });
+                scanned += 1;
             }
         });
-        self.ranks.sort_unstable();
-        let corners = sparse.scan.as_chunks::<CORNERS>().0;
-        for (_, number) in &self.ranks {
-            sparse.items.extend(corners.get(usize::from(*number)).unwrap_or(&[1; CORNERS]));
-        }
+        self.corners.sort_unstable();
     }
 
     /// Appends the fragment in `payload` to the scan-order buffers; `None` if it is not one.

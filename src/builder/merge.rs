@@ -32,10 +32,14 @@ fn runs(count: u64) -> u64 {
     count * RUN_BYTES as u64
 }
 
-/// Memory of one worker: a brick, runs for five levels of infobytes, and for each channel one of items and four
-/// of means.
+/// Runs of a channel: one of its items, and four of means if it has any.
+fn runs_of(channel: &ChannelForm) -> u64 {
+    if channel.channel.row().means.is_some() { 5 } else { 1 }
+}
+
+/// Memory of one worker: a brick, runs for five levels of infobytes, and those of each channel.
 pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
-    let own: u64 = channels.iter().map(|c| channel_bytes(c) + runs(5)).sum();
+    let own: u64 = channels.iter().map(|c| channel_bytes(c) + runs(runs_of(c))).sum();
     (BrickReader::BYTES + runs(5) + own + MERGE_LISTS).max(LEAST_WORKER)
 }
 
@@ -306,6 +310,10 @@ impl MergeWorker {
         }
         self.summaries.extend(code.to_le_bytes());
         for (runs, channel) in self.channels.iter_mut().zip(&mut self.reader.channels) {
+            if channel.is_sparse() {
+                self.reader.corners.iter().try_for_each(|c| runs.items.put(target, channel.corner(*c)))?;
+                continue;
+            }
             runs.items.put(target, &channel.items)?;
             let mut boxes = channel.sums.len();
             for e in 2..=BRICK_LEVELS as usize {
