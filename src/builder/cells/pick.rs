@@ -2,8 +2,8 @@
 //!
 //! Tried are the smooth gradient; and the plane that fits the crossings of the cell's edges best, near the
 //! gradient of the trilinear interpolation at their mean, and near the direction from the corners inside to those
-//! outside. Where the best plane would still cover an outside corner by more than [`TOLERANCE`], there are two
-//! surfaces in the cell: it keeps its corners.
+//! outside. Where no plane separates the corners, or where the best plane would still cover an outside corner by more than [`TOLERANCE`], there are two surfaces in
+//! the cell: it keeps its corners.
 
 use super::fit::signed_depth;
 use super::label;
@@ -111,6 +111,10 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
             return tried.picked(cell.mask, &depth, LABEL_TOLERANCE);
         }
     }
+    if !SEPARABLE[usize::from(cell.mask)] {
+        let code = outward(cell.gradient.map(f64::from)).unwrap_or(ANY);
+        return Picked::Corners(code, quantised(cell.mask, &depth));
+    }
     let crossings = Crossings::new(cell.mask, &depth);
     let smooth = outward(cell.gradient.map(f64::from)).map(|code| Tried::new(code, cell.mask, &crossings));
     if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(TOLERANCE)) {
@@ -120,11 +124,45 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
         let fitted = crossings.fitted_near(guess)?;
         Some(Tried::new(encode(fitted)?, cell.mask, &crossings))
     };
-    let tried = [smooth, near(crossings.gradient(&depth)), near(crossings.across(cell.mask))];
-    let best = tried.into_iter().flatten().reduce(|a, b| if b.badness < a.badness { b } else { a });
-    // A cell without any direction, such as a checkerboard's: its corners say all.
+    let better = |a: Option<Tried>, b: Option<Tried>| match (a, b) {
+        (Some(a), Some(b)) => Some(if b.badness < a.badness { b } else { a }),
+        (a, b) => a.or(b),
+    };
+    let mut best = better(smooth, near(crossings.gradient(&depth)));
+    if best.is_none_or(|best| best.badness > f64::from(TOLERANCE)) {
+        best = better(best, near(crossings.across(cell.mask)));
+    }
+    // A cell without any direction: its corners say all.
     best.unwrap_or_else(|| Tried::new(ANY, cell.mask, &crossings)).picked(cell.mask, &depth, TOLERANCE)
 }
+
+/// Patterns of corners that some plane separates: 104 of 256, the empty and the full one among them.
+const SEPARABLE: [bool; 256] = {
+    // Whole weights of -2 to 2 do for every such pattern of three variables.
+    let mut table = [false; 256];
+    let mut weights = 0;
+    while weights < 125 {
+        let w = [weights % 5 - 2, weights / 5 % 5 - 2, weights / 25 - 2];
+        // Twice the greatest value, odd: never the value of a corner.
+        let mut limit = -13;
+        while limit <= 13 {
+            let (mut mask, mut c) = (0, 0);
+            while c < CORNERS {
+                let value = w[0] * (2 * (c & 1) as i32 - 1)
+                    + w[1] * (2 * (c >> 1 & 1) as i32 - 1)
+                    + w[2] * (2 * (c >> 2) as i32 - 1);
+                if 2 * value < limit {
+                    mask |= 1 << c;
+                }
+                c += 1;
+            }
+            table[mask] = true;
+            limit += 2;
+        }
+        weights += 1;
+    }
+    table
+};
 
 /// The code of +z.
 const ANY: u16 = 0;
@@ -358,6 +396,12 @@ mod tests {
             checked += 1;
         }
         assert!(checked > 1500);
+    }
+
+    #[test]
+    fn patterns_that_a_plane_separates_are_counted_as_in_the_literature() {
+        assert_eq!(SEPARABLE.iter().filter(|s| **s).count(), 104);
+        assert!(SEPARABLE[0b1111_0000] && !SEPARABLE[0b1000_0001] && !SEPARABLE[0b0110_1001]);
     }
 
     #[test]
