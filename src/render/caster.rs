@@ -3,7 +3,6 @@
 use super::cells::Cells;
 use super::form::Form;
 use super::picture::cell_coordinates;
-use super::ray::BadRay;
 use super::single;
 use super::surface::Skin;
 use super::{GridSpace, RenderError};
@@ -61,12 +60,12 @@ impl<'a> RayCaster<'a> {
     /// starts in a skin voxel meets that one.
     ///
     /// # Errors
-    /// [`BadRay`] for a ray that is not finite or has no direction.
+    /// [`RenderError::Ray`] for a ray that is not finite or has no direction.
     pub fn first_hit(
         &self,
         origin_mm: [f64; 3],
         direction: [f64; 3],
-    ) -> Result<Option<SurfacePoint>, BadRay> {
+    ) -> Result<Option<SurfacePoint>, RenderError> {
         let Some(ray) = self.space.ray(origin_mm, direction)? else { return Ok(None) };
         let cells = self.view.cells().map(Cells::new);
         let trace = match &cells {
