@@ -109,6 +109,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
 fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     let options = BuildOptions {
         threshold: args.selection.threshold(),
+        surface: args.skin.surface,
         connectivity: args.skin.connectivity,
         channels: args.skin.channels,
         gradient: args.skin.gradient,
@@ -141,6 +142,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
+            surface: args.skin.surface,
             connectivity: args.skin.connectivity,
             channels: args.skin.channels,
             gradient: args.skin.gradient,

@@ -40,6 +40,7 @@ fn noise(dims: [u32; 3], scalar: ScalarType) -> MemoryVolume {
 
 fn options(threshold: Threshold, memory: MemoryCap) -> BuildOptions {
     BuildOptions {
+        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
         connectivity: Connectivity::Thin26,
         channels: Channels::from([Channel::Normal, Channel::Value]),

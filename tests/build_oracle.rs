@@ -365,6 +365,7 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
         _ => Threshold::Otsu,
     };
     let options = BuildOptions {
+        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
         connectivity: random.pick(&[Connectivity::Thin26, Connectivity::Thick6]),
         channels: [(Channel::Normal, 4), (Channel::Value, 3)]
@@ -522,6 +523,7 @@ fn bricks_of_several_fragments_are_joined_in_order() {
             let values: Vec<f64> = field.iter().map(|f| between(span, *f)).collect();
             let source = MemoryVolume::new(dims, scalar, &values);
             let options = BuildOptions {
+                surface: infobyte::format::SurfaceKind::Skin,
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity,
                 channels: Channels::from([Channel::Normal, Channel::Value]),
@@ -544,6 +546,7 @@ fn the_skin_of_a_solid_is_its_six_faces() {
     for dims in SMALL {
         let source = MemoryVolume::new(dims, ScalarType::I16, &fill(dims, Shape::Solid, &mut Random(1)));
         let options = BuildOptions {
+            surface: infobyte::format::SurfaceKind::Skin,
             threshold: Threshold::Iso(-5.0),
             connectivity: Connectivity::Thin26,
             channels: Channels::from([Channel::Normal, Channel::Value]),
@@ -584,6 +587,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
             }
             let source = MemoryVolume::new(dims, scalar, &values);
             let options = BuildOptions {
+                surface: infobyte::format::SurfaceKind::Skin,
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity: Connectivity::Thin26,
                 channels: Channels::default(),

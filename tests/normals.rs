@@ -74,6 +74,7 @@ fn stored_codes(
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.oct");
     let options = BuildOptions {
+        surface: infobyte::format::SurfaceKind::Skin,
         threshold: Threshold::Iso(iso),
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),

@@ -5,7 +5,7 @@ use std::ops::Range;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use infobyte::builder::{Connectivity, Gradient};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
-use infobyte::format::{Channel, Channels};
+use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::render::{NamedView, Projection};
 use infobyte::volume::{Endian, ScalarType};
@@ -65,8 +65,15 @@ pub(super) fn gradient(text: &str) -> Result<Gradient, String> {
     })
 }
 
+pub(super) fn surface(text: &str) -> Result<SurfaceKind, String> {
+    [SurfaceKind::Skin, SurfaceKind::Cells]
+        .into_iter()
+        .find(|surface| surface.name() == text)
+        .ok_or_else(|| format!("'{text}' is not a surface; choose skin or cells"))
+}
+
 /// Channels that this version can build of a volume.
-const BUILT: Channels = Channels::NONE.with(Channel::Normal).with(Channel::Value);
+const BUILT: Channels = Channels::NONE.with(Channel::Normal).with(Channel::Value).with(Channel::Offset);
 
 pub(super) fn channels(text: &str) -> Result<Channels, String> {
     if text == "none" {

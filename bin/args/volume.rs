@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::builder::{Connectivity, Gradient, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
-use infobyte::format::Channels;
+use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::source::GapPolicy;
 use infobyte::volume::{Endian, ScalarType};
@@ -175,7 +175,11 @@ impl SelectionArgs {
 /// Which voxels are kept, and what is stored of them.
 #[derive(Debug, Args)]
 pub(crate) struct SkinArgs {
-    /// Attributes per skin voxel: normal, value, or none
+    /// Surface of the model: skin voxels, or cells between samples with a plane in each, true to a few hundredths
+    /// of a voxel
+    #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
+    pub(crate) surface: SurfaceKind,
+    /// Attributes per skin voxel: normal, value, or none; offset means --surface cells
     #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
     pub(crate) channels: Channels,
     /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), or auto,

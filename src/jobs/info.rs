@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use crate::budget::Bytes;
 use crate::error::Error;
-use crate::format::{SectionKind, SelectionKind, VERSION_MAJOR};
+use crate::format::{SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
 use crate::load::{Frame, LoadError, open_regular};
 use crate::volume::ScalarType;
 
@@ -105,6 +105,7 @@ pub fn static_facts(frame: &Frame) -> Map<String, Value> {
     put("dtype", json!(dtype(frame)));
     let s = &m.selection;
     put("range", json!({"kind": kind_name(s.kind), "lo": finite(s.lo), "hi": finite(s.hi)}));
+    put("surface", json!(frame.surface().name()));
     put("skin_voxels", json!(frame.header.voxels));
     put("nodes", json!(frame.header.nodes));
     put("bytes", json!(frame.header.file_bytes));
@@ -179,8 +180,10 @@ impl Info {
         row(
             "dims",
             format!(
-                "{}  in a grid of {} cells a side, {} levels",
-                frame.dims(),
+                "{}x{}x{}  in a grid of {} cells a side, {} levels",
+                m.dims[0],
+                m.dims[1],
+                m.dims[2],
                 1_u64 << frame.dims().depth(),
                 frame.dims().depth()
             ),
@@ -190,8 +193,12 @@ impl Info {
         row("spacing", format!("{x} x {y} x {z} mm, axes {letters}"));
         let s = &m.selection;
         let range = if s.hi.is_finite() { format!("{} .. {}", s.lo, s.hi) } else { format!(">= {}", s.lo) };
-        row("inside", format!("{range} ({}), skin {}-connected", kind_name(s.kind), m.connectivity));
-        row("skin voxels", voxels.to_string());
+        let (kept, surface) = match frame.surface() {
+            SurfaceKind::Skin => ("skin voxels", format!("skin {}-connected", m.connectivity)),
+            SurfaceKind::Cells => ("cells", "cells between samples".into()),
+        };
+        row("inside", format!("{range} ({}), {surface}", kind_name(s.kind)));
+        row(kept, voxels.to_string());
         row("nodes", frame.header.nodes.to_string());
         let each = |b: u64| format!("{:>12}  {:>7.4} B/skin voxel", Bytes(b).to_string(), ratio(b, voxels));
         row("structure", each(structure_bytes(frame)));

@@ -584,8 +584,9 @@ enum Named {
 fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
     let text = format!(
-        "{:?} {:?} {:?} {} {} {} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {} {} {} {:?} {:?}",
         b.threshold,
+        b.volume_surface(),
         b.connectivity,
         b.channels,
         b.gradient,
@@ -607,6 +608,7 @@ fn options_told(request: &BatchRequest) -> Value {
             Threshold::Otsu => json!("otsu"),
             Threshold::Chosen(selection) => json!({ "range": [selection.lo, selection.hi] }),
         },
+        "surface": b.volume_surface().name(),
         "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
         "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
         "gradient": b.gradient.name(),

@@ -27,6 +27,10 @@ impl fmt::Display for BuildError {
             Self::NoChannel { name, channel } => {
                 write!(f, "{name}: does not have the channel '{channel}'; leave it out")
             }
+            Self::NoRoomForCells { name } => write!(
+                f,
+                "{name}: a side of 65536 voxels is too long for cells; use --surface skin, or a part of the volume with --roi"
+            ),
             Self::NoNumbers { name } => write!(f, "{name}: holds no finite value; check --dtype"),
             Self::EmptyRange { .. } => f.write_str("the range is empty: write it as LO..HI with LO <= HI"),
             Self::Scratch { path, cause } => write!(
