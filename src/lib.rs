@@ -87,6 +87,7 @@
 //! | [`catalogue`] | what lies in folders: the walk, the survey, side-cars |
 //! | [`builder`] | plan, classify, skin, gradient, swap, merge, atomic output |
 //! | [`clean`] | what is done to the occupancy before the build: components, cavities, closing |
+//! | [`mesh`] | triangle meshes as solids: readers, bins, crossings, nearest triangles |
 //! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
 //! | [`mod@render`] | camera, the one traversal kernel, shading, images |
 //! | [`jobs`] | what the commands do, one function each |
@@ -108,6 +109,7 @@ pub mod format;
 pub mod geom;
 pub mod jobs;
 pub mod load;
+pub mod mesh;
 pub mod progress;
 #[cfg(test)]
 #[path = "../tests/support/random.rs"]
