@@ -118,6 +118,15 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         threads: args.threads.count(),
         scratch: args.scratch.clone(),
     };
+    if jobs::mesh::are_meshes(&args.input) {
+        let bars = Bars::new(args.quiet || args.json);
+        let mesh = args.mesh.options(args.raw.dims);
+        let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
+        bars.finish();
+        let summary = summary?;
+        let text = || if args.quiet { String::new() } else { summary.text() };
+        return Ok(print(args.json, || summary.json(), text)?);
+    }
     let how = OpenOptions {
         raw: raw_options(&args.raw)?,
         gaps: args.which.gaps.policy(),

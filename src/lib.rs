@@ -96,6 +96,7 @@ pub mod format;
 pub mod geom;
 pub mod jobs;
 pub mod load;
+pub mod mesh;
 pub mod progress;
 #[cfg(test)]
 #[path = "../tests/support/random.rs"]

@@ -37,6 +37,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
         &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "resident", "scratch", "volume"],
     ),
     ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "volume"]),
+    ("mesh", &["budget", "builder", "facts", "format", "geom", "scratch"]),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load"]),
     (
@@ -55,6 +56,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "format",
             "geom",
             "load",
+            "mesh",
             "progress",
             "render",
             "resident",

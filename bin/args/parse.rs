@@ -212,6 +212,34 @@ pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
+/// A length above 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match number(text) {
+        Ok(length) if length > 0.0 && length.is_finite() => Ok(length),
+        _ => Err("write a length above 0".into()),
+    }
+}
+
+/// Voxels along the longest side of a mesh.
+pub(super) fn grid_side(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(side @ 1..=16384) => Ok(side),
+        _ => Err("write a number of voxels from 1 to 16384".into()),
+    }
+}
+
+/// Millimetres of a unit.
+pub(super) fn unit_mm(text: &str) -> Result<f64, String> {
+    match text {
+        "um" => Ok(0.001),
+        "mm" => Ok(1.0),
+        "cm" => Ok(10.0),
+        "m" => Ok(1000.0),
+        "in" => Ok(25.4),
+        _ => Err("write um, mm, cm, m or in".into()),
+    }
+}
+
 pub(super) fn fov(text: &str) -> Result<f64, String> {
     number(text)
         .ok()

@@ -6,8 +6,10 @@ use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::builder::{Connectivity, Gradient, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
+use infobyte::facts::Fill;
 use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
+use infobyte::mesh::{GridChoice, MeshOptions};
 use infobyte::source::GapPolicy;
 use infobyte::volume::{Endian, ScalarType};
 
@@ -48,6 +50,8 @@ pub(crate) struct BuildArgs {
     pub(crate) clean: CleanArgs,
     #[command(flatten)]
     pub(crate) raw: RawArgs,
+    #[command(flatten)]
+    pub(crate) mesh: MeshArgs,
 }
 
 #[derive(Debug, Args)]
@@ -276,6 +280,56 @@ impl CleanArgs {
             drop_below: self.drop_below,
             connectivity: self.component_connectivity,
         }
+    }
+}
+
+/// How a mesh becomes a solid.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Meshes only (STL, PLY, OBJ, OFF)")]
+pub(crate) struct MeshArgs {
+    /// Voxels along the longest side of the mesh, margins included
+    #[arg(long, value_name = "N", value_parser = parse::grid_side, conflicts_with = "voxel")]
+    pub(crate) grid: Option<u32>,
+    /// Edge of a voxel in mm
+    #[arg(long, value_name = "MM", value_parser = parse::positive)]
+    pub(crate) voxel: Option<f64>,
+    /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims")]
+    pub(crate) origin: Option<[f64; 3]>,
+    /// Voxels left free at every side of the mesh
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) margin: u16,
+    /// Unit of the file's coordinates: um, mm, cm, m or in
+    #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = parse::unit_mm)]
+    pub(crate) unit: f64,
+    /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what fits
+    /// the mesh
+    #[arg(long, value_enum, value_name = "winding|parity")]
+    pub(crate) fill: Option<FillRule>,
+}
+
+/// Which voxels are inside a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FillRule {
+    Winding,
+    Parity,
+}
+
+impl MeshArgs {
+    /// The options of the library, if anything says how fine the grid is.
+    pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
+        let margin = self.margin.into();
+        let grid = match (self.grid, self.voxel, self.origin, dims) {
+            (_, Some(edge_mm), Some(origin_mm), Some(dims)) => GridChoice::Exact { edge_mm, origin_mm, dims },
+            (_, Some(edge_mm), ..) => GridChoice::Voxel { edge_mm, margin },
+            (Some(voxels), ..) => GridChoice::Side { voxels, margin },
+            _ => return None,
+        };
+        let fill = self.fill.map(|rule| match rule {
+            FillRule::Winding => Fill::Winding,
+            FillRule::Parity => Fill::Parity,
+        });
+        Some(MeshOptions { grid, unit_mm: self.unit, fill })
     }
 }
 

@@ -9,6 +9,7 @@ use thiserror::Error;
 use super::dicom::DicomFault;
 use super::header::HeaderFault;
 use super::left_out::{Known, NotVolume};
+use super::mesh::MeshFault;
 use super::metaimage::MetaImageFault;
 use super::nifti::NiftiFault;
 use super::npy::NpyFault;
@@ -195,6 +196,8 @@ pub enum Fault {
     NotDicom,
     /// It is named like a mesh.
     Mesh,
+    /// A mesh that cannot be used.
+    MeshFile(MeshFault),
     /// Files without a header do not fit what is said of them.
     Raw(RawFault),
     /// What formats with headers of text share.

@@ -11,6 +11,7 @@
 //! | [`dicom`] | what is odd or wrong about DICOM |
 //! | [`codec`] | why compressed frames cannot be decoded |
 //! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
+//! | [`MeshFault`], [`MeshFacts`] | what is wrong with a mesh, what was found and chosen |
 //! | [`samples`] | faults of samples in files, with a header and without |
 //! | [`sidecar`] | faults of side-cars |
 //! | [`SyntheticFault`] | why a text describes no synthetic volume |
@@ -21,6 +22,7 @@ mod error;
 mod found;
 pub mod header;
 mod left_out;
+mod mesh;
 pub mod metaimage;
 pub mod nifti;
 mod note;
@@ -39,6 +41,7 @@ pub use dicom::DicomNote;
 pub use error::{Fault, Instead, Misuse, SourceError};
 pub use found::{Candidate, Choice, Refusal};
 pub use left_out::{Known, NotVolume};
+pub use mesh::{Boundary, Fill, MeshFacts, MeshFault};
 pub use note::Note;
 pub use stated::{Carrier, Form, Packing, StatedBy};
 pub use synthetic::{SyntheticFault, SyntheticValue};

@@ -65,7 +65,7 @@ pub fn convert(
 
 /// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
 /// not a model itself.
-fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
+pub(super) fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     let Ok(real) = output.canonicalize() else { return Ok(()) };
     let is_model = || {
         let mut head = [0; MAGIC.len()];

@@ -100,7 +100,10 @@ impl fmt::Display for Fault {
             Self::NotDicom => f.write_str(
                 "is not DICOM, in spite of its name; for headerless voxels add --dims and --dtype",
             ),
-            Self::Mesh => f.write_str("is a mesh by its name; only volumes are read so far"),
+            Self::Mesh => f.write_str(
+                "is a mesh by its name; say how fine its grid is with --grid N or --voxel MM (STL, PLY, OBJ and OFF are read)",
+            ),
+            Self::MeshFile(fault) => fault.fmt(f),
             Self::Raw(fault) => raw(fault, RawKeys::Flags, f),
             Self::Header(fault) => fault.fmt(f),
             Self::Stored(fault) => fault.fmt(f),

@@ -14,6 +14,7 @@
 //! | `sidecar` | side-cars |
 //! | `synthetic` | synthetic volumes |
 //! | `dicom` | DICOM |
+//! | `mesh` | meshes: what is wrong, what was found and chosen |
 //! | `builder`, `clean` | why a build stops, before and after cleaning |
 //! | `format`, `load` | what is wrong with an `.oct`, and why it cannot be opened |
 //! | `render` | why a picture cannot be made |
@@ -29,6 +30,7 @@ mod format;
 mod found;
 mod header;
 mod load;
+mod mesh;
 mod note;
 mod picture;
 mod render;
