@@ -15,12 +15,15 @@ use super::{Switch, ThreadArgs, parse};
 
 #[derive(Debug, Args)]
 pub(crate) struct BuildArgs {
-    /// A file, a folder, or several slice files
+    /// A file, a folder, or several slice files; - for headerless voxels on standard input
     #[arg(required = true, value_name = "INPUT")]
     pub(crate) input: Vec<PathBuf>,
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct")]
     pub(crate) output: PathBuf,
+    /// Write it even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
     /// Peak resident memory of the whole process
@@ -68,7 +71,7 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     /// Volumes worked on at a time; as many as cores by default
-    #[arg(long, value_name = "N", value_parser = parse::threads)]
+    #[arg(long, value_name = "N", value_parser = parse::jobs)]
     pub(crate) jobs: Option<usize>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
@@ -122,6 +125,9 @@ pub(crate) struct DemoArgs {
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct", default_value = "head.oct")]
     pub(crate) output: PathBuf,
+    /// Write model and picture even if their names say that they are other kinds of files
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Voxels along a side of the synthetic volume
     #[arg(long, value_name = "N", default_value = "512", value_parser = parse::side)]
     pub(crate) size: u32,

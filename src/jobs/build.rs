@@ -8,7 +8,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::info::{Info, read_info, static_facts};
-use super::wording::sentences;
+use super::wording::{Short, sentences};
 use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
@@ -239,9 +239,9 @@ impl BuildSummary {
     pub fn text(&self) -> String {
         let r = &self.report;
         let range = if r.selection.hi.is_finite() {
-            format!("{}..{}", r.selection.lo, r.selection.hi)
+            format!("{}..{}", Short(r.selection.lo), Short(r.selection.hi))
         } else {
-            format!("{} and more ({})", r.selection.lo, super::info::kind_name(r.selection.kind))
+            format!("{} and more ({})", Short(r.selection.lo), super::info::kind_name(r.selection.kind))
         };
         #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;

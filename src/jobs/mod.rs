@@ -6,6 +6,7 @@ pub mod batch;
 pub mod build;
 pub mod demo;
 pub mod info;
+pub mod measure;
 pub mod pack;
 pub mod picture;
 pub mod render;

@@ -11,6 +11,7 @@ use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
+use super::facing;
 use super::form::Form;
 use super::image::Image;
 use super::ray::Face;
@@ -183,14 +184,28 @@ pub fn paint<V: NodeView>(
     camera: &Camera,
     canvas: Canvas,
 ) -> Result<(Image, Counts), RenderError> {
+    paint_watched(view, space, camera, canvas, &|_| {})
+}
+
+/// As [`paint`]; `rows_done` is told each time how many more rows are painted.
+///
+/// # Errors
+/// As [`paint`].
+pub fn paint_watched<V: NodeView>(
+    view: &V,
+    space: &GridSpace,
+    camera: &Camera,
+    canvas: Canvas,
+    rows_done: &(dyn Fn(u32) + Sync),
+) -> Result<(Image, Counts), RenderError> {
     check_size(canvas.width, canvas.height)?;
     let sight = Sight::new(space, camera, canvas.width, canvas.height);
     let painter = Painter { view, sight, form: Form::best(), canvas, shader: Shader::new() };
-    Ok(pool(canvas.threads)?.install(|| painter.paint()))
+    Ok(pool(canvas.threads)?.install(|| painter.paint(rows_done)))
 }
 
 impl<V: NodeView> Painter<'_, V> {
-    fn paint(&self) -> (Image, Counts) {
+    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Counts) {
         let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
         let mut image = Image {
             width: self.canvas.width,
@@ -211,6 +226,8 @@ impl<V: NodeView> Painter<'_, V> {
             counts = counts.plus(self.trace_band(band, top, rows));
             counts.shade += self.shade_band(band, &mut image, top, rows);
             top += rows;
+            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+            rows_done(rows as u32);
         }
         if self.canvas.smooth_edges {
             counts = counts.plus(self.smooth_edges(&mut image));
@@ -268,8 +285,8 @@ impl<V: NodeView> Painter<'_, V> {
             let (out, _) = row.as_chunks_mut::<4>();
             for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                 if pixel.is_hit() {
-                    let sight = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
-                    let [r, g, b] = self.light(pixel, sight).map(|c| self.shader.encode(c));
+                    let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
+                    let [r, g, b] = self.light(pixel, line).map(|c| self.shader.encode(c));
                     *out = [r, g, b, 255];
                 }
             }
@@ -291,8 +308,8 @@ impl<V: NodeView> Painter<'_, V> {
                 let (out, _) = row.as_chunks_mut::<3>();
                 for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                     if pixel.is_hit() {
-                        let sight = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
-                        *out = self.normal(pixel, sight).map(code);
+                        let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
+                        *out = self.normal(pixel, line).map(code);
                     }
                 }
             });
@@ -335,7 +352,7 @@ impl<V: NodeView> Painter<'_, V> {
                     let seen = Seen::new(&trace);
                     if seen.is_hit() {
                         hits += 1;
-                        let light = self.light(seen, self.sight.line(x + dx, y + dy).1);
+                        let light = self.light(seen, self.sight.line(x + dx, y + dy));
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -363,29 +380,56 @@ impl<V: NodeView> Painter<'_, V> {
         ray.map_or(Trace { hit: None, steps: 0 }, alone)
     }
 
-    fn light(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
-        self.shader.light(self.normal(seen, sight), sight)
+    fn light(&self, seen: Seen, line: Line) -> [f64; 3] {
+        self.shader.light(self.normal(seen, line), line.1)
     }
 
-    /// World normal: the stored one, else that of the face, else towards the eye.
-    fn normal(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
+    /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
+    /// the eye.
+    fn normal(&self, seen: Seen, line: Line) -> [f64; 3] {
         let code = if seen.is_voxel {
             self.view.voxel_normal(BoxIndex::new(seen.box_number).voxel(self.view.node_count()))
         } else {
             self.view.node_normal(NodeIndex::new(seen.box_number))
         };
         let box_frame = match (code, seen.face()) {
-            (Some(code), _) => normal::decode_l1(code).map(f64::from),
+            (Some(code), Some(face)) => {
+                let stored = normal::decode_l1(code).map(f64::from);
+                self.facing(seen, face, line, stored).unwrap_or(stored)
+            }
+            (Some(code), None) => normal::decode_l1(code).map(f64::from),
             (None, Some(face)) => {
                 let mut n = [0.0; 3];
                 n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
                 n
             }
             (None, None) => {
+                let sight = line.1;
                 let length = super::space::dot(sight, sight).sqrt();
                 return sight.map(|c| -c / length);
             }
         };
         self.sight.space().normal_to_world(box_frame)
     }
+
+    /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
+    #[inline]
+    fn facing(&self, seen: Seen, face: Face, (origin, sight): Line, stored: [f64; 3]) -> Option<[f64; 3]> {
+        let space = self.sight.space();
+        // In voxels instead of millimetres: a normal's components grow with the spacing.
+        let spacing = space.spacing_mm();
+        let in_voxels: [f64; 3] = std::array::from_fn(|a| stored[a] * spacing[a]);
+        let edge_log2 = if seen.is_voxel { 0 } else { self.canvas.lod_edge_log2 };
+        let struck = || {
+            let world = super::space::add_scaled(origin, f64::from(seen.depth), sight);
+            let edge = f64::from(1_u32 << edge_log2.min(31));
+            let at = space.world_to_grid().apply(world).map(|c| c / edge);
+            facing::Struck { number: seen.box_number, at, edge_log2, face }
+        };
+        let shown = facing::shown(self.view, face, struck, in_voxels)?;
+        Some(std::array::from_fn(|a| shown[a] / spacing[a]))
+    }
 }
+
+/// Line of sight in the world: origin and direction.
+type Line = ([f64; 3], [f64; 3]);

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::number::Short;
 use crate::budget::SizeArgument;
 use crate::builder::{BuildError, ScratchFault, Sought};
 
@@ -18,7 +19,9 @@ impl fmt::Display for BuildError {
             ),
             Self::EmptyResult { name, sought, min, max } => write!(
                 f,
-                "{name}: no voxel lies in {sought}; the values of this volume run from {min} to {max}: choose --iso or --range within them"
+                "{name}: no voxel lies in {sought}; the values of this volume run from {} to {}: choose --iso or --range within them",
+                Short(*min),
+                Short(*max)
             ),
             Self::NothingInside { name } => write!(
                 f,
@@ -50,8 +53,10 @@ impl fmt::Display for Sought {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Split => f.write_str("Otsu's threshold, which needs two different values"),
-            Self::Within(range) if range.hi.is_infinite() => write!(f, "the range from {} up", range.lo),
-            Self::Within(range) => write!(f, "the range {}..{}", range.lo, range.hi),
+            Self::Within(range) if range.hi.is_infinite() => {
+                write!(f, "the range from {} up", Short(range.lo))
+            }
+            Self::Within(range) => write!(f, "the range {}..{}", Short(range.lo), Short(range.hi)),
         }
     }
 }

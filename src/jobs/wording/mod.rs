@@ -16,6 +16,7 @@
 //! | `builder`, `clean` | why a build stops, before and after cleaning |
 //! | `format`, `load` | what is wrong with an `.oct`, and why it cannot be opened |
 //! | `render` | why a picture cannot be made |
+//! | `number` | numbers with the digits that mean something |
 //! | `top` | what stops a job, and the system's refusals |
 
 mod binary;
@@ -29,6 +30,7 @@ mod found;
 mod header;
 mod load;
 mod note;
+mod number;
 mod picture;
 mod render;
 mod samples;
@@ -36,6 +38,8 @@ mod sidecar;
 mod top;
 
 use crate::facts::Note;
+
+pub use number::{Short, WithError};
 
 /// The sentences of notes in their order, each once.
 pub fn sentences(notes: &[Note]) -> Vec<String> {
