@@ -152,13 +152,17 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
     let request = BatchRequest {
         inputs: args.input.clone(),
         out: args.out.clone(),
-        how: OpenOptions { gaps: args.gaps.policy(), ..OpenOptions::default() },
+        how: OpenOptions {
+            gaps: args.gaps.policy(),
+            placement: Placement { spacing_mm: args.spacing, orientation: args.orientation },
+            ..OpenOptions::default()
+        },
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
             connectivity: args.skin.connectivity,
             channels: args.skin.channels,
-            lod: true,
+            lod: args.lod == Switch::On,
             memory: MemoryCap::Process(args.memory),
             threads: args.threads.count(),
             scratch: args.scratch.clone(),
@@ -168,6 +172,8 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
+        modalities: args.modality.clone(),
+        series: args.series.clone(),
     };
     let bars = BatchBars::new(jobs, args.quiet || args.json);
     let report = jobs::batch::batch(&request, &bars);
@@ -185,14 +191,16 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
                 let notes: String =
                     report.warnings.iter().map(|warning| format!("  note: {warning}\n")).collect();
                 format!(
-                    "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n{notes}",
+                    "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n  the folder holds {} model(s), {}\n{notes}",
                     args.out.display(),
                     counts.converted,
                     counts.skipped,
                     counts.failed,
                     report.wall_s,
                     Bytes(report.peak_rss_bytes),
-                    Bytes(report.memory_budget_bytes)
+                    Bytes(report.memory_budget_bytes),
+                    report.holds.models,
+                    Bytes(report.holds.bytes)
                 )
             },
         )?

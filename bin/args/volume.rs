@@ -95,6 +95,22 @@ pub(crate) struct BatchArgs {
     /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) min_slices: u32,
+    /// Take only DICOM series of these modalities, such as CT,MR; the others are listed as skipped
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) modality: Vec<String>,
+    /// Take only these volumes, by their names in `oct scan` or what these begin with, such as mr-012; the others are
+    /// listed as skipped
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) series: Vec<String>,
+    /// Store mean attributes of coarse nodes, for quick small pictures
+    #[arg(long, value_enum, default_value_t = Switch::On)]
+    pub(crate) lod: Switch,
+    /// Distance between neighbours in mm, for every volume; comes before what files state
+    #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing)]
+    pub(crate) spacing: Option<[f64; 3]>,
+    /// Patient directions that the axes run to, such as LPS or RAI, for every volume; comes before what files state
+    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation)]
+    pub(crate) orientation: Option<Orientation>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,

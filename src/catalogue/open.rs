@@ -72,6 +72,10 @@ pub fn open_unprepared_in(
     scratch: &Path,
 ) -> Result<Box<dyn VolumeSource>, SourceError> {
     if let Some(raw) = &options.raw {
+        if let Some(wanted) = options.volume.filter(|wanted| *wanted != 1) {
+            let path = inputs.first().cloned().unwrap_or_default();
+            return Err(SourceError::Usage { path, misuse: Misuse::SingleVolume { wanted } });
+        }
         return Ok(Box::new(RawVolume::open(inputs, raw)?));
     }
     let Some(first) = inputs.first() else {

@@ -18,17 +18,69 @@ use crate::load::NodeView;
 use super::ray::Face;
 use super::space::dot;
 
-/// Cosine between a stored normal and the face's from which on it is taken as it is: some axis is that near to
-/// any direction (1 / sqrt 3), so the widest face of a sound surface never asks for more.
-const NEAR_FACE: f64 = 0.57;
+/// How far two stored normals are apart that agree, as the sum of the differences of their parts, whose sizes add
+/// up to 1: some 25 degrees.
+const AGREE: f64 = 0.5;
 
-/// From here up to [`NEAR_FACE`] the fitted plane gains its say, so that no edge shows where it sets in.
-const FAR_FROM_FACE: f64 = 0.42;
+/// Of the normals of four boxes before and four behind in the order of the file, which lie around the box for the
+/// most part, at most this many agree with its own where all of them are noise: four do on either side of an edge.
+const MOST_BY_CHANCE: usize = 3;
+
+/// What the normals of the boxes around say of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Company {
+    /// They are as it is.
+    Calm,
+    /// Some differ: an edge, a narrow bend, or a sheet.
+    Mixed,
+    /// Hardly any is as it is.
+    Noise,
+}
+
+/// What the boxes before and behind one in the order of the file say of its normal; `of` gives theirs, by their
+/// distance in that order.
+#[inline]
+pub(super) fn company(stored: [f64; 3], of: impl Fn(i64) -> Option<[f64; 3]>) -> Company {
+    let stored = scaled(stored);
+    let agrees = |distance: i64| {
+        of(distance).is_none_or(|other| {
+            let other = scaled(other);
+            let apart = |sign: f64| (0..3).map(|a| (stored[a] - sign * other[a]).abs()).sum::<f64>();
+            apart(1.0) < AGREE || apart(-1.0) < AGREE
+        })
+    };
+    if agrees(1) && agrees(-1) {
+        return Company::Calm;
+    }
+    let agreeing = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().filter(|at| agrees(*at)).count();
+    if agreeing <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
+}
+
+/// At a sum of sizes of 1.
+#[inline]
+fn scaled(n: [f64; 3]) -> [f64; 3] {
+    let size = n[0].abs() + n[1].abs() + n[2].abs();
+    n.map(|c| c / size)
+}
+
+/// Cosine between a stored normal and the face's from which on it is taken as it is: some axis is that near to
+/// any direction (1 / sqrt 3), so the widest face of a sound surface never asks for more. In mixed company more is
+/// asked for.
+const NEAR_FACE: f64 = 0.57;
+const NEAR_FACE_MIXED: f64 = 0.85;
+
+/// Over this much below [`NEAR_FACE`] the fitted plane gains its say, so that no edge shows where it sets in.
+const FADE: f64 = 0.15;
 
 /// The same for the cosine between the stored normal and that of the plane: a fit to some twenty boxes is within
-/// 35 degrees of a sound surface's normal.
-const NEAR_PLANE: f64 = 0.7;
-const FAR_FROM_PLANE: f64 = 0.4;
+/// 30 degrees of a sound surface's normal.
+const NEAR_PLANE: f64 = 0.85;
+const FAR_FROM_PLANE: f64 = 0.6;
+
+/// Part of the boxes' scatter that is along the plane's normal: up to the first they form a plane, from the second
+/// on a rod or a lump, whose stored normals are better than a plane.
+const FLAT: f64 = 0.1;
+const NOT_FLAT: f64 = 0.18;
 
 /// Reach of the fit in boxes, and the boxes along a side of its window.
 const REACH: i64 = 2;
@@ -58,24 +110,31 @@ pub(super) fn shown<V: NodeView>(
     face: Face,
     struck: impl FnOnce() -> Struck,
     stored: [f64; 3],
+    company: Company,
 ) -> Option<[f64; 3]> {
     let axis = usize::from(face.axis % 3);
     let outward = if face.high { 1.0 } else { -1.0 };
     let length = dot(stored, stored).sqrt();
     let along = stored[axis] * outward / length;
-    if along >= NEAR_FACE {
-        return None;
-    }
-    if along <= -NEAR_FACE {
-        // The stored normal tells of the far side of something thin.
-        return Some(stored.map(|c| -c));
+    let near = if company == Company::Calm { NEAR_FACE } else { NEAR_FACE_MIXED };
+    if company != Company::Noise {
+        if along >= near {
+            return None;
+        }
+        if along <= -near {
+            // The stored normal tells of the far side of something thin.
+            return Some(stored.map(|c| -c));
+        }
     }
     let mut face = [0.0; 3];
     face[axis] = outward;
-    let plane = Around::of(view, &struck())?.plane(face);
+    let (plane, scatter) = Around::of(view, &struck())?.plane(face);
     let toward = if dot(stored, plane) < 0.0 { -1.0 } else { 1.0 };
     let cosine = dot(stored, plane) * toward / length;
-    let share = ramp(along.abs(), FAR_FROM_FACE, NEAR_FACE) * ramp(cosine, FAR_FROM_PLANE, NEAR_PLANE);
+    let mut share = ramp(scatter, FLAT, NOT_FLAT);
+    if company != Company::Noise {
+        share *= ramp(along.abs(), near - FADE, near) * ramp(cosine, FAR_FROM_PLANE, NEAR_PLANE);
+    }
     (share > 0.0)
         .then(|| std::array::from_fn(|a| stored[a] * toward / length * (1.0 - share) + plane[a] * share))
 }
@@ -182,11 +241,12 @@ impl Around {
         }
     }
 
-    /// Unit normal of the plane nearest to the connected boxes (least squares), on the side of `face`.
+    /// Unit normal of the plane nearest to the connected boxes (least squares), on the side of `face`, and the part
+    /// of their scatter that is along it.
     ///
     /// The normal is the eigenvector of the greatest eigenvalue of the adjugate of their scatter, by repeated
     /// squaring: sums and products in one order, the same on every machine.
-    fn plane(&self, face: [f64; 3]) -> [f64; 3] {
+    fn plane(&self, face: [f64; 3]) -> ([f64; 3], f64) {
         let mut count = 0.0;
         let mut sum = [0.0; 3];
         let mut products = [0.0; 6];
@@ -236,7 +296,11 @@ impl Around {
         };
         let length = dot(column, column).sqrt();
         let side = if dot(column, face) < 0.0 { -length } else { length };
-        column.map(|c| c / side)
+        let n = column.map(|c| c / side);
+        let along: f64 = (0..6)
+            .map(|k| if k < 3 { s[k] * n[k] * n[k] } else { 2.0 * s[k] * n[PAIRS[k].0] * n[PAIRS[k].1] })
+            .sum();
+        (n, along / (s[0] + s[1] + s[2]).max(1.0))
     }
 }
 
@@ -289,7 +353,7 @@ mod tests {
     }
 
     fn of(tree: &MemoryTree, hit: Struck, stored: [f64; 3]) -> Option<[f64; 3]> {
-        shown(tree, hit.face, || hit, stored)
+        shown(tree, hit.face, || hit, stored, Company::Calm)
     }
 
     #[test]
@@ -320,6 +384,21 @@ mod tests {
         rise.face = Face { axis: 0, high: true };
         rise.at = [8.0, 8.5, 1.5];
         assert_eq!(of(&steps, rise, [-0.25, 0.0, 1.0]), None);
+    }
+
+    #[test]
+    fn noise_is_told_from_edges_and_bends() {
+        let up = [0.0, 0.0, 1.0];
+        let side = [1.0, 0.0, 0.0];
+        let of = |others: [[f64; 3]; 8]| {
+            company(up, |at| Some(others[(at + if at < 0 { 4 } else { 3 }).unsigned_abs() as usize]))
+        };
+        assert_eq!(of([up; 8]), Company::Calm);
+        // The far side of a thin sheet is no other direction.
+        assert_eq!(of([up.map(|c| -c); 8]), Company::Calm);
+        assert_eq!(of([side; 8]), Company::Noise);
+        assert_eq!(of([up, up, up, up, side, side, side, side]), Company::Mixed);
+        assert_eq!(company(up, |_| None), Company::Calm);
     }
 
     #[test]

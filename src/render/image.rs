@@ -168,7 +168,7 @@ mod tests {
     fn failures_name_the_file_and_leave_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let error = small().write_png(&folder.path().join("missing/a.png")).unwrap_err().to_string();
-        assert!(error.contains("missing/a.png") && error.contains("check the folder"), "{error}");
+        assert!(error.contains("missing/a.png") && error.contains("does not exist"), "{error}");
         // The target is a folder.
         let taken = folder.path().join("taken");
         std::fs::create_dir(&taken).unwrap();

@@ -387,17 +387,11 @@ impl<V: NodeView> Painter<'_, V> {
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
     /// the eye.
     fn normal(&self, seen: Seen, line: Line) -> [f64; 3] {
-        let code = if seen.is_voxel {
-            self.view.voxel_normal(BoxIndex::new(seen.box_number).voxel(self.view.node_count()))
-        } else {
-            self.view.node_normal(NodeIndex::new(seen.box_number))
-        };
-        let box_frame = match (code, seen.face()) {
-            (Some(code), Some(face)) => {
-                let stored = normal::decode_l1(code).map(f64::from);
-                self.facing(seen, face, line, stored).unwrap_or(stored)
+        let box_frame = match (self.stored(seen, 0), seen.face()) {
+            (Some(stored), Some(face)) => {
+                self.facing(seen, face, line, stored).unwrap_or(stored.map(f64::from))
             }
-            (Some(code), None) => normal::decode_l1(code).map(f64::from),
+            (Some(stored), None) => stored.map(f64::from),
             (None, Some(face)) => {
                 let mut n = [0.0; 3];
                 n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
@@ -412,13 +406,27 @@ impl<V: NodeView> Painter<'_, V> {
         self.sight.space().normal_to_world(box_frame)
     }
 
+    /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
+    /// the box, its parts' sizes adding up to 127.
+    #[inline]
+    fn stored(&self, seen: Seen, distance: i64) -> Option<[i32; 3]> {
+        let number = seen.box_number.wrapping_add_signed(distance);
+        let code = if seen.is_voxel {
+            self.view.voxel_normal(BoxIndex::new(number).voxel(self.view.node_count()))
+        } else {
+            self.view.node_normal(NodeIndex::new(number))
+        };
+        code.map(normal::decode_l1)
+    }
+
     /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
     #[inline]
-    fn facing(&self, seen: Seen, face: Face, (origin, sight): Line, stored: [f64; 3]) -> Option<[f64; 3]> {
+    fn facing(&self, seen: Seen, face: Face, (origin, sight): Line, stored: [i32; 3]) -> Option<[f64; 3]> {
         let space = self.sight.space();
         // In voxels instead of millimetres: a normal's components grow with the spacing.
         let spacing = space.spacing_mm();
-        let in_voxels: [f64; 3] = std::array::from_fn(|a| stored[a] * spacing[a]);
+        let scale = |n: [i32; 3]| -> [f64; 3] { std::array::from_fn(|a| f64::from(n[a]) * spacing[a]) };
+        let in_voxels = scale(stored);
         let edge_log2 = if seen.is_voxel { 0 } else { self.canvas.lod_edge_log2 };
         let struck = || {
             let world = super::space::add_scaled(origin, f64::from(seen.depth), sight);
@@ -426,7 +434,8 @@ impl<V: NodeView> Painter<'_, V> {
             let at = space.world_to_grid().apply(world).map(|c| c / edge);
             facing::Struck { number: seen.box_number, at, edge_log2, face }
         };
-        let shown = facing::shown(self.view, face, struck, in_voxels)?;
+        let company = facing::company(in_voxels, |distance| self.stored(seen, distance).map(scale));
+        let shown = facing::shown(self.view, face, struck, in_voxels, company)?;
         Some(std::array::from_fn(|a| shown[a] / spacing[a]))
     }
 }

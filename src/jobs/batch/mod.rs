@@ -24,7 +24,7 @@ mod record;
 mod report;
 
 pub use record::{Cause, Item, ModelFacts, Status};
-pub use report::{BatchReport, Counts, NOTICE};
+pub use report::{BatchReport, Counts, Holdings, NOTICE};
 
 use std::fs;
 use std::io;
@@ -80,6 +80,29 @@ pub struct BatchRequest {
     pub thumbnails_of_all: bool,
     /// Volumes of fewer slices are left alone: scouts, scanned documents, single pictures.
     pub min_slices: u32,
+    /// Only DICOM series of these modalities (`CT`, `MR`, ...) are taken; all volumes if there are none.
+    pub modalities: Vec<String>,
+    /// Only volumes of these ids, or whose ids begin with one of these and a hyphen, are taken; all if there are none.
+    pub series: Vec<String>,
+}
+
+impl BatchRequest {
+    /// Is a volume among those that were asked for?
+    fn asks_for(&self, finding: &Finding) -> bool {
+        let modality = || match &finding.volume {
+            Ok(volume) => volume.modality(),
+            // Of what is refused, the id still tells.
+            Err(_) if finding.format == "dicom" => finding.id.split('-').next(),
+            Err(_) => None,
+        };
+        let of_modality = |wanted: &String| modality().is_some_and(|m| m.eq_ignore_ascii_case(wanted));
+        let of_series = |wanted: &String| {
+            let rest = finding.id.strip_prefix(wanted.as_str());
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+        };
+        (self.modalities.is_empty() || self.modalities.iter().any(of_modality))
+            && (self.series.is_empty() || self.series.iter().any(of_series))
+    }
 }
 
 /// Told how a batch goes on; called from several threads.
@@ -196,6 +219,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         wall_s: started.elapsed().as_secs_f64(),
         keep_names: request.keep_names,
         options: options_told(request),
+        holds: Holdings::of(&request.out),
     };
     report.write(&request.out, &run.journal).map_err(out_error)?;
     drop(lock);
@@ -343,6 +367,12 @@ impl Run<'_> {
             warnings: Vec::new(),
             model: None,
         };
+        if !self.request.asks_for(&finding) {
+            item.status = Status::Skipped;
+            item.cause = Some(Cause::NotAskedFor);
+            item.reason = Some("is not of the modalities or series that were asked for".into());
+            return Named::Settled(item);
+        }
         if let Some(slices) = finding.size.map(|[_, _, n]| n).filter(|n| *n < self.request.min_slices) {
             item.status = Status::Skipped;
             item.cause = Some(Cause::FewSlices);
@@ -557,11 +587,13 @@ impl Run<'_> {
             spacing_mm: m.spacing_mm,
             dtype: super::info::dtype(&built.info.frame).to_owned(),
             range: (r.selection.lo, r.selection.hi.is_finite().then_some(r.selection.hi)),
+            selection: super::info::kind_name(r.selection.kind).to_owned(),
             skin_voxels: r.skin_voxels,
             nodes: r.nodes,
             bytes: r.file_bytes,
             wall_s: started.elapsed().as_secs_f64(),
             memory_bytes,
+            memory_plan_bytes: r.plan_bytes,
             scratch_bytes: prepared + r.scratch_bytes,
         };
         Ok((facts, thumbnail_bytes, warnings))
@@ -604,6 +636,11 @@ fn options_told(request: &BatchRequest) -> Value {
         "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
         "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
         "cleaning": request.clean.operations(),
+        "lod": b.lod,
+        "spacing_mm": request.how.placement.spacing_mm,
+        "orientation": request.how.placement.orientation.map(|o| o.to_string()),
+        "modalities": request.modalities,
+        "series": request.series,
         "thumbnails": request.thumbnails,
         "thumbnails_of_all": request.thumbnails_of_all,
         "min_slices": request.min_slices,

@@ -41,6 +41,36 @@ pub struct BatchReport {
     pub(super) keep_names: bool,
     /// What was asked for, as far as results depend on it.
     pub options: Value,
+    /// What the output folder holds after it, whenever that was made.
+    pub holds: Holdings,
+}
+
+/// The models of an output folder.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Holdings {
+    /// Models with their records.
+    pub models: u64,
+    /// Thumbnails of these.
+    pub thumbnails: u64,
+    /// Bytes of the models.
+    pub bytes: u64,
+}
+
+impl Holdings {
+    /// Counts the models that have a record in a folder; one that cannot be read holds nothing.
+    pub(super) fn of(folder: &Path) -> Self {
+        let mut holds = Self::default();
+        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            let is_model = path.extension().is_some_and(|e| e == "oct");
+            if is_model && path.with_extension("oct.json").is_file() {
+                holds.models += 1;
+                holds.bytes += entry.metadata().map_or(0, |meta| meta.len());
+                holds.thumbnails += u64::from(path.with_extension("png").is_file());
+            }
+        }
+        holds
+    }
 }
 
 /// What reports say at their top.
@@ -49,7 +79,7 @@ pub const NOTICE: &str =
 
 /// The first column says in every line what the table is.
 const CSV_HEAD: &str = "names_files_and_folders,status,name,input,part,format,kind,nx,ny,nz,spacing_x_mm,spacing_y_mm,spacing_z_mm,dtype,range_low,range_high,\
-skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,burned_in,reason,warnings\n";
+skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,burned_in,reason,warnings,selection,memory_plan_bytes\n";
 
 impl BatchReport {
     pub(super) fn write(&self, out: &Path, journal: &Journal) -> io::Result<()> {
@@ -95,6 +125,9 @@ impl BatchReport {
             "peak_rss_bytes": self.peak_rss_bytes,
             "jobs": self.jobs,
             "wall_s": self.wall_s,
+            "holds": {
+                "models": self.holds.models, "thumbnails": self.holds.thumbnails, "bytes": self.holds.bytes,
+            },
             "program": concat!("infobyte ", env!("CARGO_PKG_VERSION")),
             "options": self.options,
         })
@@ -140,6 +173,10 @@ fn csv_line(item: &Item) -> String {
     cells.push(item.burned_in.map(burned_in).unwrap_or_default().to_owned());
     cells.push(quoted(item.reason.as_deref().unwrap_or_default()));
     cells.push(quoted(&item.warnings.join("; ")));
+    match &item.model {
+        Some(m) => cells.extend([m.selection.clone(), m.memory_plan_bytes.to_string()]),
+        None => cells.extend([String::new(), String::new()]),
+    }
     cells.join(",") + "\n"
 }
 

@@ -3,7 +3,8 @@
 use std::fmt;
 
 use super::number::Short;
-use crate::budget::SizeArgument;
+use super::system::writing;
+use crate::budget::{ExactSize, SizeArgument};
 use crate::builder::{BuildError, ScratchFault, Sought};
 
 impl fmt::Display for BuildError {
@@ -14,7 +15,7 @@ impl fmt::Display for BuildError {
             Self::BudgetTooSmall { name, limit_bytes, minimum_bytes } => write!(
                 f,
                 "{name}: --memory {} is too small; the smallest that works is --memory {}",
-                SizeArgument(*limit_bytes),
+                ExactSize(*limit_bytes),
                 SizeArgument(*minimum_bytes)
             ),
             Self::EmptyResult { name, sought, min, max } => write!(
@@ -37,11 +38,9 @@ impl fmt::Display for BuildError {
                 "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
                 path.display()
             ),
-            Self::Output { path, cause } => write!(
-                f,
-                "{}: cannot be written ({cause}); check the folder and its free space",
-                path.display()
-            ),
+            Self::Output { path, cause } => {
+                write!(f, "{}: cannot be written ({cause}); {}", path.display(), writing(cause))
+            }
             Self::Threads { cause, .. } => {
                 write!(f, "worker threads cannot be started ({cause}); try --threads 1")
             }
