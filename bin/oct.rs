@@ -247,8 +247,11 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         report => report?,
     };
     let text = || {
-        let mut text =
-            format!("{} volume(s) would be converted, {} refused\n", report.usable, report.refused);
+        let mut text = format!("{} volume(s) would be converted, {} refused", report.usable, report.refused);
+        if report.copies > 0 {
+            text += &format!(", {} skipped as copies", report.copies);
+        }
+        text += "; only headers were read, so that damaged pixels, or none inside, show in the batch\n";
         for (reason, count, first) in &report.left_out {
             text += &format!("  {count} file(s) left out: {reason} (first: {first})\n");
         }

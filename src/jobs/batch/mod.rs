@@ -52,7 +52,7 @@ use crate::render::picture::paint_bytes;
 use crate::resident::give_back;
 use crate::source::{BurnedIn, Finding, OpenOptions};
 use crate::volume::{SourceError, VolumeSource};
-use claims::{Claim, Claims};
+pub(super) use claims::{Claim, Claims};
 use key::Key;
 use lock::FolderLock;
 use record::{Journal, Record};
@@ -203,6 +203,13 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     if let Some(error) = run.broken.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }
+    let mut left_out_files = Vec::new();
+    catalogue.for_each_left_out::<Error>(&mut |why, path| {
+        if left_out_files.len() < MOST_NAMED {
+            left_out_files.push((path.display().to_string(), why.to_string()));
+        }
+        Ok(())
+    })?;
     let [converted, skipped, failed] = run.counts.map(AtomicU64::into_inner);
     let burned_in = told_of_text(&run.burned_in.map(AtomicU64::into_inner), request);
     let report = BatchReport {
@@ -212,6 +219,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
             .iter()
             .map(|l| (l.why.to_string(), l.count, l.first.display().to_string()))
             .collect(),
+        left_out_files,
         warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
@@ -225,6 +233,9 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     drop(lock);
     Ok(report)
 }
+
+/// Most files that are left out of which reports have the names; some 100 KiB at a time.
+const MOST_NAMED: usize = 1000;
 
 /// Reserves what is held beside the builds of so many jobs, if there is enough left for builds of use.
 fn reserve_jobs(
@@ -400,18 +411,13 @@ impl Run<'_> {
         match turn.claim(&finding, place, &is_copy) {
             Claim::CopyOf(name) => {
                 item.status = Status::Skipped;
-                item.reason = Some(format!("is a copy of what {name} is made of, byte for byte"));
+                item.reason = Some(copy_of(&name));
                 item.cause = Some(Cause::CopyOf(name));
                 return Named::Settled(item);
             }
             Claim::Own(name, number) => {
                 item.name = name;
-                item.warnings.extend(number.map(|n| {
-                    format!(
-                        "{} other volume(s) of this batch have the same id, and another content: this one is numbered in the order of their paths",
-                        n - 1
-                    )
-                }));
+                item.warnings.extend(number.map(numbered));
             }
         }
         let reason = finding.burned_in.and_then(|kind| BurnedIn::ALL.iter().position(|known| *known == kind));
@@ -602,6 +608,19 @@ impl Run<'_> {
     fn scratch(&self) -> PathBuf {
         self.request.build.scratch_folder(&self.request.out.join("x"))
     }
+}
+
+/// What is said of a copy.
+pub(super) fn copy_of(name: &str) -> String {
+    format!("is a copy of what {name} is made of, byte for byte")
+}
+
+/// What is said of a volume that has the number `n`, as others have its id.
+pub(super) fn numbered(n: u32) -> String {
+    format!(
+        "{} other volume(s) have the same id, and another content: this one is numbered in the order of their paths",
+        n - 1
+    )
 }
 
 /// A volume on its way.

@@ -27,6 +27,8 @@ pub struct BatchReport {
     pub counts: Counts,
     /// Files that are no volume: reason, how many, the first.
     pub left_out: Vec<(String, u64, String)>,
+    /// The same one by one, as many as are named: path and reason.
+    pub left_out_files: Vec<(String, String)>,
     /// Sentences about the batch as a whole.
     pub warnings: Vec<String>,
     /// The cap.
@@ -86,7 +88,10 @@ impl BatchReport {
         write_whole(&out.join("report.json"), |w| self.write_json(journal, w))?;
         write_whole(&out.join("report.csv"), |w| {
             w.write_all(CSV_HEAD.as_bytes())?;
-            journal.for_each(&mut |item| w.write_all(csv_line(&item).as_bytes()))
+            journal.for_each(&mut |item| w.write_all(csv_line(&item).as_bytes()))?;
+            self.left_out_files
+                .iter()
+                .try_for_each(|(path, why)| w.write_all(left_out_line(path, why).as_bytes()))
         })?;
         write_whole(&out.join("index.html"), |w| page::write(self, out, journal, w))
     }
@@ -120,6 +125,9 @@ impl BatchReport {
             "left_out": self.left_out.iter().map(|(reason, count, first)| json!({
                 "reason": reason, "count": count, "first": first
             })).collect::<Vec<_>>(),
+            "left_out_files": self.left_out_files.iter().map(|(path, reason)| json!({
+                "path": path, "reason": reason
+            })).collect::<Vec<_>>(),
             "warnings": self.warnings,
             "memory_budget_bytes": self.memory_budget_bytes,
             "peak_rss_bytes": self.peak_rss_bytes,
@@ -134,14 +142,29 @@ impl BatchReport {
     }
 }
 
-/// One line of the table; texts are quoted as RFC 4180 says.
-fn csv_line(item: &Item) -> String {
+/// A text of the table, quoted as RFC 4180 says.
+fn quoted(text: &str) -> String {
     // A cell that begins like a formula would be evaluated by spreadsheets.
-    let quoted = |text: &str| {
-        let formula = text.starts_with(['=', '+', '-', '@', '\t']);
-        let text = text.replace('"', "\"\"").replace(['\n', '\r'], " ");
-        format!("\"{}{text}\"", if formula { "'" } else { "" })
-    };
+    let formula = text.starts_with(['=', '+', '-', '@', '\t']);
+    let text = text.replace('"', "\"\"").replace(['\n', '\r'], " ");
+    format!("\"{}{text}\"", if formula { "'" } else { "" })
+}
+
+/// The line of a file that is no volume: its path and the reason.
+fn left_out_line(path: &str, why: &str) -> String {
+    let columns = CSV_HEAD.trim_end().split(',');
+    let cells = columns.map(|column| match column {
+        "names_files_and_folders" => "yes".to_owned(),
+        "status" => "left_out".to_owned(),
+        "input" => quoted(path),
+        "reason" => quoted(why),
+        _ => String::new(),
+    });
+    cells.collect::<Vec<_>>().join(",") + "\n"
+}
+
+/// One line of the table of a volume.
+fn csv_line(item: &Item) -> String {
     let mut cells = vec![
         "yes".to_owned(),
         status(item.status).to_owned(),
