@@ -252,7 +252,9 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     let files: u64 = found.left_out().iter().map(|l| l.count).sum();
     let found = match found.left_out() {
         [] => Instead::EmptyFolder,
-        [only] if only.why != NotVolume::Unknown => Instead::Only { files, kind: only.why.clone() },
+        [only] if !matches!(only.why, NotVolume::Unknown | NotVolume::Headerless) => {
+            Instead::Only { files, kind: only.why.clone() }
+        }
         _ => Instead::Unknown { files },
     };
     SourceError::NoVolume { path: first.to_path_buf(), found }

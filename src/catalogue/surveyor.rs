@@ -205,7 +205,7 @@ impl<'a> Surveyor<'a> {
                 return Ok(Class::Item(What::Raw, None, Weight::FILE));
             }
         }
-        left_out(NotVolume::Unknown)
+        left_out(if is_headerless_by_name(path) { NotVolume::Headerless } else { NotVolume::Unknown })
     }
 
     fn add(
@@ -276,6 +276,11 @@ impl Visitor for Surveyor<'_> {
         let _ = self.left_out_files.add(&why, path);
         leave_out(&mut self.left_out, why, path.to_path_buf());
     }
+}
+
+/// Does the name of a file say that it holds headerless voxels?
+fn is_headerless_by_name(path: &Path) -> bool {
+    path.extension().is_some_and(|e| ["raw", "vol", "bin"].iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
 /// Do the voxels of a header file of the same stem lie in this file?

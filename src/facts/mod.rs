@@ -1,4 +1,4 @@
-//! What readers find, assume and refuse, as values with their fields.
+//! Notes and refusals of readers, as values with their fields.
 //!
 //! Sentences are made of them in [`crate::jobs::wording`], and nowhere else.
 //!

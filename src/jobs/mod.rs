@@ -1,6 +1,8 @@
 //! What the commands do: one function each, from plain options to a report.
 #![doc = "\n"]
 #![doc = include_str!("COMMANDS.md")]
+#![doc = "\n"]
+#![doc = include_str!("JSON.md")]
 
 pub mod batch;
 pub mod build;

@@ -29,24 +29,24 @@ impl Image {
     ///
     /// # Errors
     /// [`RenderError::Write`] when the folder is missing or the disk refuses.
-    pub fn write_png(&self, path: &Path) -> Result<(), RenderError> {
-        self.write_png_to(ImageFile::create(path)?)
+    pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
+        self.write_png_to(ImageFile::create(path.as_ref())?)
     }
 
     /// Writes the depth as a 16-bit grey PNG.
     ///
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without depth; else as [`Image::write_png`].
-    pub fn write_depth_png(&self, path: &Path) -> Result<(), RenderError> {
-        self.write_depth_png_to(ImageFile::create(path)?)
+    pub fn write_depth_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
+        self.write_depth_png_to(ImageFile::create(path.as_ref())?)
     }
 
     /// Writes the normals as an RGB PNG.
     ///
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without normals; else as [`Image::write_png`].
-    pub fn write_normals_png(&self, path: &Path) -> Result<(), RenderError> {
-        self.write_normals_png_to(ImageFile::create(path)?)
+    pub fn write_normals_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
+        self.write_normals_png_to(ImageFile::create(path.as_ref())?)
     }
 
     /// As [`Image::write_png`], to a file begun before.
@@ -174,9 +174,9 @@ mod tests {
         std::fs::create_dir(&taken).unwrap();
         assert!(small().write_png(&taken).is_err());
         let broken = Image { rgba: vec![0; 3], ..small() };
-        assert!(broken.write_png(&folder.path().join("b.png")).is_err());
+        assert!(broken.write_png(folder.path().join("b.png")).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         let plain = Image { depth: None, ..small() };
-        assert!(plain.write_depth_png(&folder.path().join("d.png")).is_err());
+        assert!(plain.write_depth_png(folder.path().join("d.png")).is_err());
     }
 }

@@ -47,11 +47,18 @@ fn raw(path: &Path, dims: [u32; 3], value: impl Fn([u32; 3]) -> u16) {
 }
 
 /// Builds a raw volume into `NAME.oct` in a folder.
-fn built(folder: &Path, name: &str, dims: [u32; 3], extra: &[&str], value: impl Fn([u32; 3]) -> u16) -> PathBuf {
+fn built(
+    folder: &Path,
+    name: &str,
+    dims: [u32; 3],
+    extra: &[&str],
+    value: impl Fn([u32; 3]) -> u16,
+) -> PathBuf {
     let (source, model) = (folder.join(format!("{name}.raw")), folder.join(format!("{name}.oct")));
     raw(&source, dims, value);
     let size = dims.map(|n| n.to_string()).join("x");
-    let args = ["build", &text(&source), "-o", &text(&model), "--dims", &size, "--dtype", "u16", "--iso", "500"];
+    let args =
+        ["build", &text(&source), "-o", &text(&model), "--dims", &size, "--dtype", "u16", "--iso", "500"];
     let run = oct(&[&args, extra].concat());
     assert_eq!(run.code, 0, "{run:?}");
     model

@@ -82,8 +82,18 @@ fn numbers_for_people_have_the_digits_that_mean_something() {
     let source = folder.path().join("m.raw");
     crate::raw(&source, [20, 20, 20], ball(20, 7.0));
     let run = oct(&[
-        "build", &text(&source), "-o", &model, "--dims", "20x20x20", "--dtype", "u16", "--iso", "471.43565323565247",
-        "--spacing", "0.48828125x0.48828125x1.3333333333333333",
+        "build",
+        &text(&source),
+        "-o",
+        &model,
+        "--dims",
+        "20x20x20",
+        "--dtype",
+        "u16",
+        "--iso",
+        "471.43565323565247",
+        "--spacing",
+        "0.48828125x0.48828125x1.3333333333333333",
     ]);
     let table = oct(&["info", &model]).stdout;
     for text in [&run.stdout, &table] {

@@ -34,14 +34,16 @@ fn a_sheet_one_voxel_thick_is_lit_evenly() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     // Flat, in noise: its gradient is that of the noise.
-    let sheet = built(folder.path(), "flat", [64, 64, 64], &[], |p| noise(p) + if p[1] == 30 { 1000 } else { 0 });
+    let sheet =
+        built(folder.path(), "flat", [64, 64, 64], &[], |p| noise(p) + if p[1] == 30 { 1000 } else { 0 });
     for (name, args) in [
         ("front", &["--view", "front"][..]),
         ("iso", &["--view", "iso"]),
         ("behind", &["--eye", "100,400,120", "--look-at", "32,32,32"]),
     ] {
         let picture = at(&format!("{name}.png"));
-        let run = oct(&[&["render", &text(&sheet), "-o", &text(&picture), "--size", "200x200"], args].concat());
+        let run =
+            oct(&[&["render", &text(&sheet), "-o", &text(&picture), "--size", "200x200"], args].concat());
         assert_eq!(run.code, 0, "{run:?}");
         let (dark, light) = span(&picture);
         assert!(light - dark < 60 && dark > 90, "{name}: {dark} to {light}");
@@ -103,9 +105,14 @@ fn a_missing_folder_is_told_before_a_long_picture_is_made() {
     let nowhere = text(&folder.path().join("nowhere/p.png"));
     let picture = text(&folder.path().join("p.png"));
     let started = std::time::Instant::now();
-    for files in [vec!["-o", &nowhere], vec!["-o", &picture, "--depth", &nowhere], vec!["-o", &picture, "--normals", &nowhere]] {
-        let args = [&["render", &text(&model), "--size", "16384x16384", "--threads", "1"], &files[..]].concat();
-        oct(&args).refused(5, &["nowhere/p.png", "folder does not exist"]);
+    for files in [
+        vec!["-o", &nowhere],
+        vec!["-o", &picture, "--depth", &nowhere],
+        vec!["-o", &picture, "--normals", &nowhere],
+    ] {
+        let model = text(&model);
+        let whole = ["render", &model, "--size", "16384x16384", "--threads", "1"];
+        oct(&[&whole[..], &files[..]].concat()).refused(5, &["nowhere/p.png", "folder does not exist"]);
     }
     // The picture itself takes some 10 seconds and 1 GiB each time.
     assert!(started.elapsed().as_secs() < 5, "{:?}", started.elapsed());
