@@ -109,6 +109,7 @@ fn without_times(value: &mut Value) {
             for key in [
                 "wall_s",
                 "memory_bytes",
+                "memory_plan_bytes",
                 "peak_rss_bytes",
                 "status",
                 "converted",

@@ -1,4 +1,4 @@
-//! Values of options, and the sentences for what is none.
+//! Values of options, and the sentences for wrong ones.
 
 use std::ops::Range;
 
@@ -30,10 +30,18 @@ pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
 }
 
 pub(super) fn threads(text: &str) -> Result<usize, String> {
+    workers(text, "threads")
+}
+
+pub(super) fn jobs(text: &str) -> Result<usize, String> {
+    workers(text, "jobs")
+}
+
+fn workers(text: &str, of_what: &str) -> Result<usize, String> {
     text.parse::<usize>()
         .ok()
         .filter(|n| (1..=1024).contains(n))
-        .ok_or_else(|| format!("'{text}' is not a number of threads; choose 1 to 1024"))
+        .ok_or_else(|| format!("'{text}' is not a number of {of_what}; choose 1 to 1024"))
 }
 
 pub(super) fn volume_number(text: &str) -> Result<usize, String> {

@@ -17,12 +17,15 @@ use super::{Switch, ThreadArgs, parse};
 
 #[derive(Debug, Args)]
 pub(crate) struct BuildArgs {
-    /// A file, a folder, or several slice files
+    /// A file, a folder, or several slice files; - for headerless voxels on standard input
     #[arg(required = true, value_name = "INPUT")]
     pub(crate) input: Vec<PathBuf>,
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct")]
     pub(crate) output: PathBuf,
+    /// Write it even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
     /// Peak resident memory of the whole process
@@ -72,7 +75,7 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     /// Volumes worked on at a time; as many as cores by default
-    #[arg(long, value_name = "N", value_parser = parse::threads)]
+    #[arg(long, value_name = "N", value_parser = parse::jobs)]
     pub(crate) jobs: Option<usize>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
@@ -96,6 +99,22 @@ pub(crate) struct BatchArgs {
     /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) min_slices: u32,
+    /// Take only DICOM series of these modalities, such as CT,MR; the others are listed as skipped
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) modality: Vec<String>,
+    /// Take only these volumes, by their names in `oct scan` or what these begin with, such as mr-012; the others are
+    /// listed as skipped
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) series: Vec<String>,
+    /// Store mean attributes of coarse nodes, for quick small pictures
+    #[arg(long, value_enum, default_value_t = Switch::On)]
+    pub(crate) lod: Switch,
+    /// Distance between neighbours in mm, for every volume; comes before what files state
+    #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing)]
+    pub(crate) spacing: Option<[f64; 3]>,
+    /// Patient directions that the axes run to, such as LPS or RAI, for every volume; comes before what files state
+    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation)]
+    pub(crate) orientation: Option<Orientation>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -126,6 +145,9 @@ pub(crate) struct DemoArgs {
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct", default_value = "head.oct")]
     pub(crate) output: PathBuf,
+    /// Write model and picture even if their names say that they are other kinds of files
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Voxels along a side of the synthetic volume
     #[arg(long, value_name = "N", default_value = "512", value_parser = parse::side)]
     pub(crate) size: u32,

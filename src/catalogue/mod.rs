@@ -31,7 +31,7 @@ use crate::volume::{Placement, SourceError, VolumeSource, place};
 use content::{EachFile, hash_of, is_copy};
 use log::{Log, Record};
 use placing::placing_of;
-use surveyor::{Surveyor, leave_out};
+use surveyor::{LeftOutFiles, Surveyor, leave_out};
 use walk::{changed, walk, without_repeats};
 
 /// Files that are no volume and no part of one: one line for each kind.
@@ -52,6 +52,7 @@ pub struct Catalogue {
     items: Vec<Item>,
     log: Log,
     left_out: Vec<LeftOut>,
+    left_out_files: LeftOutFiles,
     options: OpenOptions,
 }
 
@@ -103,6 +104,9 @@ enum What {
     Synthetic,
 }
 
+/// Files left out up to which their names are sorted in memory.
+const MOST_SORTED: u64 = 4096;
+
 /// How deep the folders below an input are searched, if nothing else is said: deep enough for every
 /// archive, and an end for a file system that contains itself.
 const DEPTH: u32 = 16;
@@ -131,8 +135,8 @@ impl Catalogue {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, &mut surveyor)?;
-        let (items, log, left_out) = surveyor.finish();
-        let mut found = Self { inputs, items, log, left_out, options: options.clone() };
+        let (items, log, left_out, left_out_files) = surveyor.finish();
+        let mut found = Self { inputs, items, log, left_out, left_out_files, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
         found.items.shrink_to_fit();
@@ -216,6 +220,29 @@ impl Catalogue {
     /// What is no volume, summed up.
     pub fn left_out(&self) -> &[LeftOut] {
         &self.left_out
+    }
+
+    /// Calls `each` for every file that is left out, with its reason: in natural order of their paths, of very many
+    /// in the order in which they were met.
+    ///
+    /// # Errors
+    /// The list is on disk and cannot be read, or `each` fails.
+    pub fn for_each_left_out<E: From<SourceError>>(
+        &self,
+        each: &mut dyn FnMut(&NotVolume, &Path) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let count: u64 = self.left_out.iter().map(|l| l.count).sum();
+        if count > MOST_SORTED {
+            for file in self.left_out_files.all() {
+                let (why, path) = file?;
+                each(why, &path)?;
+            }
+            return Ok(());
+        }
+        let mut files = self.left_out_files.all().collect::<Result<Vec<_>, _>>()?;
+        let bytes = |path: &PathBuf| path.clone().into_os_string();
+        files.sort_by(|a, b| natural_cmp(bytes(&a.1).as_bytes(), bytes(&b.1).as_bytes()));
+        files.iter().try_for_each(|(why, path)| each(why, path))
     }
 
     fn open_item(&self, item: &Item, name: Name<'_>) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
@@ -381,6 +408,7 @@ impl Catalogue {
                 if !record.path.as_os_str().is_empty()
                     && !matches!(item.what, What::Stack(at) if is_whole(at))
                 {
+                    self.left_out_files.add(&NotVolume::SinglePicture, &path)?;
                     leave_out(&mut self.left_out, NotVolume::SinglePicture, path);
                     continue;
                 }

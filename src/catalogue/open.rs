@@ -78,6 +78,10 @@ pub fn open_unprepared_in(
         if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
             return Err(synthetic::usage(described, SyntheticFault::Described));
         }
+        if let Some(wanted) = options.volume.filter(|wanted| *wanted != 1) {
+            let path = inputs.first().cloned().unwrap_or_default();
+            return Err(SourceError::Usage { path, misuse: Misuse::SingleVolume { wanted } });
+        }
         return Ok(Box::new(RawVolume::open(inputs, raw)?));
     }
     let Some(first) = inputs.first() else {
@@ -254,7 +258,9 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     let files: u64 = found.left_out().iter().map(|l| l.count).sum();
     let found = match found.left_out() {
         [] => Instead::EmptyFolder,
-        [only] if only.why != NotVolume::Unknown => Instead::Only { files, kind: only.why.clone() },
+        [only] if !matches!(only.why, NotVolume::Unknown | NotVolume::Headerless) => {
+            Instead::Only { files, kind: only.why.clone() }
+        }
         _ => Instead::Unknown { files },
     };
     SourceError::NoVolume { path: first.to_path_buf(), found }

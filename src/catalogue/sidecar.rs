@@ -378,7 +378,11 @@ mod tests {
                 found.left_out()
             );
         }
-        let others: Vec<_> = found.left_out().iter().filter(|l| l.why == NotVolume::Unknown).collect();
+        let others: Vec<_> = found
+            .left_out()
+            .iter()
+            .filter(|l| matches!(l.why, NotVolume::Unknown | NotVolume::Headerless))
+            .collect();
         assert_eq!(others.iter().map(|l| l.count).sum::<u64>(), 4, "b.raw, c.raw, d.json, notes.json");
     }
 

@@ -6,6 +6,11 @@
 pub enum HeaderFault {
     /// A line does not end.
     EndlessLine,
+    /// The header does not end within what is read of it.
+    TooLong {
+        /// The most bytes that a header has.
+        most_bytes: u64,
+    },
     /// A line is no field.
     NotAField {
         /// The line.

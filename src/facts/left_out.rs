@@ -25,6 +25,8 @@ pub enum NotVolume {
     OtherSideCar,
     /// A side-car that cannot be parsed.
     SideCar(Unparsed),
+    /// By its name headerless voxels, which lack a description.
+    Headerless,
     /// Of no kind that is known.
     Unknown,
     /// A folder that may not be read.

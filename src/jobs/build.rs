@@ -8,7 +8,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::info::{Info, read_info, static_facts};
-use super::wording::sentences;
+use super::wording::{Hint, Short, sentences};
 use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
@@ -36,6 +36,8 @@ pub struct BuildSummary {
     pub cleaning: Option<(Vec<String>, Option<CleanReport>)>,
     /// Sentences about the input.
     pub warnings: Vec<String>,
+    /// Sentences about what may be wanted besides, or instead.
+    pub hints: Vec<String>,
     /// Seconds from opening the input to the model's name on disk.
     pub wall_s: f64,
 }
@@ -106,8 +108,26 @@ pub fn build_source(
         info: read_info(output)?,
         cleaning: None,
         warnings: sentences(&source.info().notes),
+        hints: Vec::new(),
         wall_s,
     })
+}
+
+/// Voxels this many times as long along one axis as along another make stairs of a surface.
+const UNEVEN: f64 = 3.0;
+
+/// What may be wanted besides: of a CT that nobody chose a threshold for, and of uneven spacing.
+fn hints(source: &dyn VolumeSource, threshold: Threshold, report: &BuildReport) -> Vec<String> {
+    let bone = (threshold == Threshold::Otsu && source.modality() == Some("CT"))
+        .then_some(Hint::Bone { chosen: report.selection.lo });
+    let spacing_mm = source.info().spacing_mm;
+    let axis = (0..3).fold(0, |longest, a| if spacing_mm[a] > spacing_mm[longest] { a } else { longest });
+    // Along an axis of one voxel there are no stairs.
+    let sides = source.info().dims.to_array();
+    let several = (0..3).filter(|a| sides[*a] > 1).map(|a| spacing_mm[a]);
+    let times = spacing_mm[axis] / several.fold(f64::INFINITY, f64::min);
+    let uneven = (sides[axis] > 1 && times >= UNEVEN).then_some(Hint::Uneven { spacing_mm, axis, times });
+    bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
 }
 
 /// Cleans an open source and builds its model; `started` is when the job began.
@@ -140,6 +160,7 @@ pub fn convert_reshaped(
     started: Instant,
 ) -> Result<BuildSummary, Error> {
     let mut options = options.clone();
+    let threshold = cleaning.preset.map_or(options.threshold, |preset| preset.threshold());
     let doubt = cleaning.preset.and_then(|preset| {
         options.threshold = preset.threshold();
         preset.doubt(source.modality())
@@ -160,6 +181,7 @@ pub fn convert_reshaped(
     let wall_s = started.elapsed().as_secs_f64();
     let mut warnings = sentences(&source.info().notes);
     warnings.extend(doubt.map(|doubt| doubt.to_string()));
+    let hints = hints(&*source, threshold, &report);
     Ok(BuildSummary {
         input,
         output: output.to_path_buf(),
@@ -168,6 +190,7 @@ pub fn convert_reshaped(
         info: read_info(output)?,
         cleaning: (!cleaning.is_empty()).then(|| (cleaning.operations(), cleaned.map(|c| c.report))),
         warnings,
+        hints,
         wall_s,
     })
 }
@@ -232,6 +255,7 @@ impl BuildSummary {
             put("cleaning", cleaning_json(operations, report.as_ref()));
         }
         put("warnings", json!(self.warnings));
+        put("hints", json!(self.hints));
         Value::Object(facts)
     }
 
@@ -239,9 +263,9 @@ impl BuildSummary {
     pub fn text(&self) -> String {
         let r = &self.report;
         let range = if r.selection.hi.is_finite() {
-            format!("{}..{}", r.selection.lo, r.selection.hi)
+            format!("{}..{}", Short(r.selection.lo), Short(r.selection.hi))
         } else {
-            format!("{} and more ({})", r.selection.lo, super::info::kind_name(r.selection.kind))
+            format!("{} and more ({})", Short(r.selection.lo), super::info::kind_name(r.selection.kind))
         };
         #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
@@ -269,6 +293,9 @@ impl BuildSummary {
         }
         for warning in &self.warnings {
             text.push_str(&format!("  note: {warning}\n"));
+        }
+        for hint in &self.hints {
+            text.push_str(&format!("  hint: {hint}\n"));
         }
         text
     }

@@ -78,7 +78,7 @@ pub fn demo(
     let request = RenderRequest { threads, smooth_edges: true, ..RenderRequest::default() };
     progress.stage("render", 1);
     let render_s =
-        timed(&mut || render_file(&files.model, &files.picture, None, None, &request).map(|_| ()))?;
+        timed(&mut || render_file(&files.model, &files.picture, None, None, &request, progress).map(|_| ()))?;
     let thumbnail_s =
         timed(&mut || thumbnail_file(&files.model, &files.thumbnail, 256, threads).map(|_| ()))?;
     Ok(DemoSummary { files: files.clone(), built, build_peak_bytes, verify_s, render_s, thumbnail_s })

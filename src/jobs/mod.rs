@@ -1,11 +1,14 @@
 //! What the commands do: one function each, from plain options to a report.
 #![doc = "\n"]
 #![doc = include_str!("COMMANDS.md")]
+#![doc = "\n"]
+#![doc = include_str!("JSON.md")]
 
 pub mod batch;
 pub mod build;
 pub mod demo;
 pub mod info;
+pub mod measure;
 pub mod mesh;
 pub mod pack;
 pub mod picture;

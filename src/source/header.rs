@@ -36,6 +36,9 @@ impl<'a> Lines<'a> {
         let mut line = Vec::new();
         let read = self.reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)?;
         self.offset += read as u64;
+        if read == 0 && self.offset >= MAX_HEADER {
+            return Err(Fault::from(HeaderFault::TooLong { most_bytes: MAX_HEADER }).in_stream());
+        }
         if read as u64 == MAX_LINE && !line.ends_with(b"\n") {
             return Err(Fault::from(HeaderFault::EndlessLine).in_stream());
         }

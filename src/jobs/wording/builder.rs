@@ -2,7 +2,9 @@
 
 use std::fmt;
 
-use crate::budget::SizeArgument;
+use super::number::Short;
+use super::system::writing;
+use crate::budget::{ExactSize, SizeArgument};
 use crate::builder::{BuildError, ScratchFault, Sought};
 
 impl fmt::Display for BuildError {
@@ -13,12 +15,14 @@ impl fmt::Display for BuildError {
             Self::BudgetTooSmall { name, limit_bytes, minimum_bytes } => write!(
                 f,
                 "{name}: --memory {} is too small; the smallest that works is --memory {}",
-                SizeArgument(*limit_bytes),
+                ExactSize(*limit_bytes),
                 SizeArgument(*minimum_bytes)
             ),
             Self::EmptyResult { name, sought, min, max } => write!(
                 f,
-                "{name}: no voxel lies in {sought}; the values of this volume run from {min} to {max}: choose --iso or --range within them"
+                "{name}: no voxel lies in {sought}; the values of this volume run from {} to {}: choose --iso or --range within them",
+                Short(*min),
+                Short(*max)
             ),
             Self::NothingInside { name } => write!(
                 f,
@@ -38,11 +42,9 @@ impl fmt::Display for BuildError {
                 "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
                 path.display()
             ),
-            Self::Output { path, cause } => write!(
-                f,
-                "{}: cannot be written ({cause}); check the folder and its free space",
-                path.display()
-            ),
+            Self::Output { path, cause } => {
+                write!(f, "{}: cannot be written ({cause}); {}", path.display(), writing(cause))
+            }
             Self::Threads { cause, .. } => {
                 write!(f, "worker threads cannot be started ({cause}); try --threads 1")
             }
@@ -54,8 +56,10 @@ impl fmt::Display for Sought {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Split => f.write_str("Otsu's threshold, which needs two different values"),
-            Self::Within(range) if range.hi.is_infinite() => write!(f, "the range from {} up", range.lo),
-            Self::Within(range) => write!(f, "the range {}..{}", range.lo, range.hi),
+            Self::Within(range) if range.hi.is_infinite() => {
+                write!(f, "the range from {} up", Short(range.lo))
+            }
+            Self::Within(range) => write!(f, "the range {}..{}", Short(range.lo), Short(range.hi)),
         }
     }
 }

@@ -543,8 +543,15 @@ impl Display for DicomNote {
                 "the mosaic states no position: its slices are taken in their order, {step_mm} mm apart, placed at \
                  the origin"
             ),
-            Self::Duplicates { images } => {
-                write!(f, "{images} image(s) that are in the series twice were left out")
+            Self::Duplicates { images, files } => {
+                write!(f, "{images} image(s) that are in the series twice were left out: ")?;
+                for (i, file) in files.iter().enumerate() {
+                    write!(f, "{}{}", if i > 0 { ", " } else { "" }, file.display())?;
+                }
+                match images.saturating_sub(files.len() as u64) {
+                    0 => Ok(()),
+                    more => write!(f, " and {more} more"),
+                }
             }
             Self::Lost { file, error } => write!(f, "{}: {error}", file.display()),
             Self::Volumes { volumes, by } => {

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::samples::{RawKeys, raw};
+use super::system::reading;
 use crate::budget::Bytes;
 use crate::facts::{Fault, Instead, Misuse, SourceError, StatedBy};
 
@@ -30,8 +31,9 @@ impl fmt::Display for Reason<'_> {
             SourceError::Usage { misuse, .. } => misuse.fmt(f),
             SourceError::Unreadable { path, cause } => write!(
                 f,
-                "{}: cannot be read ({cause}); check that it exists and that you may read it",
-                path.display()
+                "{}: cannot be read ({cause}); {}",
+                path.display(),
+                reading(cause, "check that it exists and that you may read it")
             ),
             SourceError::SizeMismatch { path, expected, got, layout } => write!(
                 f,
@@ -40,8 +42,9 @@ impl fmt::Display for Reason<'_> {
             ),
             SourceError::ReadFailed { path, slice, cause } => write!(
                 f,
-                "{}: ended or failed while slice {slice} was read ({cause}); was it changed during the build?",
-                path.display()
+                "{}: ended or failed while slice {slice} was read ({cause}); {}",
+                path.display(),
+                reading(cause, "was it changed during the build?")
             ),
             SourceError::Scratch { path, cause } => write!(
                 f,

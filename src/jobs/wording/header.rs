@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::budget::Bytes;
 use crate::facts::header::HeaderFault;
 use crate::facts::metaimage::MetaImageFault;
 use crate::facts::nrrd::NrrdFault;
@@ -10,6 +11,11 @@ impl fmt::Display for HeaderFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::EndlessLine => f.write_str("a line of the header has no end"),
+            Self::TooLong { most_bytes } => write!(
+                f,
+                "its header does not end within {}; is it damaged, or full of comments?",
+                Bytes(*most_bytes)
+            ),
             Self::NotAField { line } => {
                 write!(f, "the line `{}` of its header is no field", line.escape_debug())
             }

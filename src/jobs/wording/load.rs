@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::system::reading;
 use crate::load::{LoadError, NotRegular};
 
 impl fmt::Display for LoadError {
@@ -9,8 +10,9 @@ impl fmt::Display for LoadError {
         match self {
             Self::Unreadable { path, cause } => write!(
                 f,
-                "{}: cannot be read ({cause}); check that it exists and that you may read it",
-                path.display()
+                "{}: cannot be read ({cause}); {}",
+                path.display(),
+                reading(cause, "check that it exists and that you may read it")
             ),
             Self::Format { path, cause } => write!(f, "{}: {cause}", path.display()),
         }

@@ -18,6 +18,9 @@
 //! | `builder`, `clean` | why a build stops, before and after cleaning |
 //! | `format`, `load` | what is wrong with an `.oct`, and why it cannot be opened |
 //! | `render` | why a picture cannot be made |
+//! | `hint` | what may be wanted besides |
+//! | `number` | numbers with the digits that mean something |
+//! | `system` | what to do about what the operating system refuses |
 //! | `top` | what stops a job, and the system's refusals |
 
 mod binary;
@@ -29,17 +32,23 @@ mod error;
 mod format;
 mod found;
 mod header;
+mod hint;
 mod load;
 mod mesh;
 mod note;
+mod number;
 mod picture;
 mod render;
 mod samples;
 mod sidecar;
 mod synthetic;
+mod system;
 mod top;
 
 use crate::facts::Note;
+
+pub(super) use hint::Hint;
+pub use number::{Short, WithError};
 
 /// The sentences of notes in their order, each once.
 pub fn sentences(notes: &[Note]) -> Vec<String> {

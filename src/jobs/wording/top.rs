@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::system::writing;
 use crate::atomic::TargetFault;
 use crate::budget::Bytes;
 use crate::error::{Error, UsageError};
@@ -22,11 +23,9 @@ impl fmt::Display for Error {
                 "{}: another batch is writing into this folder; wait until it has finished, or choose another folder with --out",
                 path.display()
             ),
-            Self::Output { path, cause } => write!(
-                f,
-                "{}: cannot be written ({cause}); check the folder and its free space",
-                path.display()
-            ),
+            Self::Output { path, cause } => {
+                write!(f, "{}: cannot be written ({cause}); {}", path.display(), writing(cause))
+            }
             Self::Internal => {
                 f.write_str("an internal error stopped its conversion; please report it with the file")
             }

@@ -19,6 +19,9 @@ use crate::volume::{SourceError, VolumeSource};
 /// Attributes named in one note.
 const NAMED: usize = 4;
 
+/// Files of dropped images that are named in a note.
+const NAMED_COPIES: usize = 32;
+
 /// The volumes of a series, refused ones included; `facts` are size and time of change of each file.
 pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenOptions) -> Vec<Finding> {
     let series = load(files, facts);
@@ -203,8 +206,12 @@ fn id(shared: &Shared, label: &str) -> String {
 /// What was dropped, and by which attributes a series was split.
 fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<DicomNote> {
     let mut notes = Vec::new();
-    if series.duplicates > 0 {
-        notes.push(DicomNote::Duplicates { images: series.duplicates });
+    if !series.duplicates.is_empty() {
+        let name = |file: &u32| series.files.name(*file as usize).to_path_buf();
+        notes.push(DicomNote::Duplicates {
+            images: series.duplicates.len() as u64,
+            files: series.duplicates.iter().take(NAMED_COPIES).map(name).collect(),
+        });
     }
     if let Some((path, error)) = &series.lost {
         let file = path.file_name().map(PathBuf::from).unwrap_or_default();
