@@ -2,6 +2,7 @@
 
 mod args;
 mod bars;
+mod bus;
 
 use std::fmt;
 use std::io::{self, Write};
@@ -16,6 +17,7 @@ use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::scan::ScanReport;
+use infobyte::jobs::wording::foreign::{self, data, plain, shown};
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
 use infobyte::render::ViewPoint;
@@ -43,7 +45,7 @@ fn main() -> ExitCode {
         Ok(code) => code,
         Err(e) => {
             // A closed stderr leaves nobody to tell.
-            let _ = writeln!(io::stderr(), "oct: {}", one_line(&e.to_string()));
+            let _ = writeln!(io::stderr(), "oct: {}", shown(&e.to_string()));
             ExitCode::from(e.kind().code())
         }
     }
@@ -60,7 +62,7 @@ fn refuse(e: &clap::Error) -> ExitCode {
         return ExitCode::from(ExitKind::Usage.code());
     }
     let sentence = first_paragraph(&e.to_string());
-    let _ = writeln!(io::stderr(), "oct: {}; see `oct COMMAND --help`", one_line(&sentence));
+    let _ = writeln!(io::stderr(), "oct: {}; see `oct COMMAND --help`", shown(&sentence));
     ExitCode::from(ExitKind::Usage.code())
 }
 
@@ -69,11 +71,6 @@ fn first_paragraph(printed: &str) -> String {
     let plain = printed.strip_prefix("error: ").unwrap_or(printed);
     let lines: Vec<&str> = plain.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
     lines.join(" ")
-}
-
-/// Errors are one sentence on one line, whatever a file's name contains.
-fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 
 fn run(command: Command) -> Result<ExitCode, Failure> {
@@ -151,6 +148,8 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
     };
+    // Thumbnails are made of models that lie there.
+    bus::tell_of(&args.out);
     let bars = BatchBars::new(jobs, args.quiet || args.json);
     let report = jobs::batch::batch(&request, &bars);
     bars.finish();
@@ -165,10 +164,10 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
             || Value::Null,
             || {
                 let notes: String =
-                    report.warnings.iter().map(|warning| format!("  note: {warning}\n")).collect();
+                    report.warnings.iter().map(|note| format!("  note: {}\n", shown(note))).collect();
                 format!(
                     "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n{notes}",
-                    args.out.display(),
+                    shown(&args.out),
                     counts.converted,
                     counts.skipped,
                     counts.failed,
@@ -216,20 +215,20 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
             (true, false) => ",\n",
             (false, _) => "",
         };
-        let text = if args.json { listed.json().to_string() } else { listed.text() };
+        let text = if args.json { foreign::json(&listed.json()) } else { listed.text() };
         print(false, || Value::Null, || format!("{before}{text}")).map(|_| ())
     })?;
     let text = || {
         let mut text =
             format!("{} volume(s) would be converted, {} refused\n", report.usable, report.refused);
         for (reason, count, first) in &report.left_out {
-            text += &format!("  {count} file(s) left out: {reason} (first: {first})\n");
+            text += &format!("  {count} file(s) left out: {} (first: {})\n", shown(reason), shown(first));
         }
         text
     };
     let json = || {
         let head = if first { &begin } else { "" };
-        let rest = report.json().to_string();
+        let rest = foreign::json(&report.json());
         format!("{head}\n],{}\n", rest.strip_prefix('{').unwrap_or(&rest))
     };
     print(false, || Value::Null, || if args.json { json() } else { text() })
@@ -317,12 +316,14 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Error> {
         ..RenderRequest::default()
     };
     let (depth, normals) = (args.depth.as_deref(), args.normals.as_deref());
+    bus::tell_of(&args.model);
     let report = picture::render_file(&args.model, &args.output, depth, normals, &request)?;
     print_picture(args.json, &args.model, &args.output, &report)
 }
 
 fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Error> {
     let threads = args.threads.count();
+    bus::tell_of(&args.model);
     let report = picture::thumbnail_file(&args.model, &args.output, args.size, threads)?;
     print_picture(args.json, &args.model, &args.output, &report)
 }
@@ -336,8 +337,8 @@ fn print_picture(
     let json = || {
         let mut value = serde_json::to_value(report).unwrap_or_default();
         if let Value::Object(map) = &mut value {
-            map.insert("input".into(), json!(model.display().to_string()));
-            map.insert("output".into(), json!(output.display().to_string()));
+            map.insert("input".into(), json!(data(model)));
+            map.insert("output".into(), json!(data(output)));
             map.insert("peak_rss_bytes".into(), json!(infobyte::budget::peak_rss_bytes()));
         }
         value
@@ -345,7 +346,7 @@ fn print_picture(
     let text = || {
         format!(
             "{}: {}x{}, {} rays, {} hits, {:.3} s\n",
-            output.display(),
+            shown(output),
             report.width,
             report.height,
             report.rays,
@@ -369,6 +370,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
         ..BuildOptions::default()
     };
     let files = DemoFiles::beside(&args.output, args.picture.as_deref());
+    bus::tell_of(&args.output);
     let bars = Bars::new(args.quiet || args.json);
     let summary = jobs::demo::demo(args.size, &options, &files, threads, &bars);
     bars.finish();
@@ -377,9 +379,11 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
 }
 
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Error> {
+    bus::tell_of(&args.model);
     let model = Model::open(&args.model)?;
     let threads = args.threads.count();
     let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads)?;
+    model.check_unchanged(&args.model)?;
     let total = found.total();
     let code = print(
         args.json,
@@ -395,8 +399,8 @@ fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<Exit
         args.json,
         || {
             json!({
-                "input": args.input.display().to_string(),
-                "output": args.output.display().to_string(),
+                "input": data(&args.input),
+                "output": data(&args.output),
                 "bytes_in": report.bytes_in,
                 "bytes": report.bytes_out,
                 "skin_voxels": report.skin_voxels,
@@ -408,7 +412,7 @@ fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<Exit
         || {
             format!(
                 "{}: {} -> {} ({per_voxel:.4} bytes per skin voxel)\n",
-                args.output.display(),
+                shown(&args.output),
                 Bytes(report.bytes_in),
                 Bytes(report.bytes_out)
             )
@@ -428,7 +432,7 @@ fn print(
     json: impl FnOnce() -> Value,
     text: impl FnOnce() -> String,
 ) -> Result<ExitCode, Error> {
-    let output = if as_json { format!("{}\n", json()) } else { text() };
+    let output = if as_json { foreign::json(&json()) + "\n" } else { plain(&text(), true).into_owned() };
     let mut stdout = io::stdout().lock();
     match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
         Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {

@@ -76,6 +76,7 @@
 //! | [`geom`] | dims, Morton codes, affine transforms |
 //! | `atomic` (private) | output files that appear whole or not at all |
 //! | [`budget`] | sizes in bytes, and what the system accounts to the process |
+//! | `mark` (private) | what tells pictures of models from slices |
 //! | [`progress`] | how a long job tells how far it is |
 //! | `resident` (private) | memory and code that are done with, given back to the system |
 //! | `scratch` (private) | nameless files for what does not fit into memory |
@@ -108,6 +109,7 @@ pub mod format;
 pub mod geom;
 pub mod jobs;
 pub mod load;
+mod mark;
 pub mod progress;
 #[cfg(test)]
 #[path = "../tests/support/random.rs"]

@@ -125,6 +125,7 @@ impl Job<'_> {
         let file_bytes = seal::seal(&target, solid.dims(), &census, &metadata)?;
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
+        solid.check_unchanged().map_err(BuildError::Source)?;
         atomic.commit().map_err(|e| self.output_error(e))?;
         seconds.commit = started.elapsed().as_secs_f64();
         Ok(BuildReport {

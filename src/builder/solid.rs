@@ -122,6 +122,14 @@ pub trait Solid: Sync {
         self.metadata(&Found::default()).source.kind
     }
 
+    /// Is what the solid is made of still what it was? Asked before the model is given its name.
+    ///
+    /// # Errors
+    /// What was changed meanwhile.
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        Ok(())
+    }
+
     /// Why no voxel is inside, for the user.
     fn nothing_inside(&self) -> BuildError {
         BuildError::NothingInside { name: self.name() }

@@ -195,6 +195,10 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
         VolumeWorker::new(self, tile)
     }
 
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        self.source.check_unchanged()
+    }
+
     fn nothing_inside(&self) -> BuildError {
         self.chooser.empty::<F::File>(Sought::Within(self.selection))
     }

@@ -24,9 +24,9 @@ use crate::facts::dicom::DicomFault;
 use crate::facts::{Fault, NotVolume, StatedBy};
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
-    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, natural_cmp,
+    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, StableHash, natural_cmp,
 };
-use crate::volume::{Placement, SourceError, VolumeSource, place};
+use crate::volume::{Placement, SourceError, VolumeSource, Watched, place, stamp};
 use content::{EachFile, hash_of, is_copy};
 use log::{Log, Record};
 use placing::placing_of;
@@ -179,7 +179,15 @@ impl Catalogue {
                 path: path.clone(),
             }]
         };
-        let mut findings = self.open_item(item, name).unwrap_or_else(refused);
+        let before = self.stamp(item);
+        let opened = self.open_item(item, name).unwrap_or_else(refused);
+        let mut findings: Vec<Finding> = opened.into_iter().map(watched).collect();
+        // From here on the volumes watch their files themselves.
+        if self.stamp(item) != before {
+            for finding in findings.iter_mut().filter(|finding| finding.volume.is_ok()) {
+                finding.volume = Err(changed_meanwhile(&finding.path));
+            }
+        }
         for finding in findings.iter_mut().filter(|finding| finding.id.is_empty()) {
             // Images that cannot be read any more do not name their series.
             finding.id = name(finding.format, &|each| each(&finding.path));
@@ -213,6 +221,14 @@ impl Catalogue {
     /// What is no volume, summed up.
     pub fn left_out(&self) -> &[LeftOut] {
         &self.left_out
+    }
+
+    /// What the files of an item are now; differs when one of them does.
+    fn stamp(&self, item: &Item) -> u64 {
+        // A log that cannot be read is told of where the item is opened.
+        let records = self.log.chain(item.last).filter_map(Result::ok);
+        let stamps = records.map(|record| stamp(&full_path(&self.inputs, &record)));
+        stamps.fold(StableHash::new(), StableHash::number).finish()
     }
 
     fn open_item(&self, item: &Item, name: Name<'_>) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
@@ -435,6 +451,13 @@ fn each_source(path: &Path, opened: &[Box<dyn VolumeSource>], each: &mut dyn FnM
             }
         });
     }
+}
+
+/// A finding whose volume notices a change of its files, of a header among them.
+fn watched(finding: Finding) -> Finding {
+    let path = Some(&*finding.path).filter(|path| path.is_file());
+    let volume = finding.volume.map(|volume| Watched::files(volume, path));
+    Finding { volume, ..finding }
 }
 
 /// A finding whose volume is where the command line says.

@@ -16,7 +16,7 @@ use crate::source::{HEAD_BYTES, known};
 use crate::source::{RawVolume, header_of_samples};
 use crate::volume::Noted;
 use crate::volume::place;
-use crate::volume::{SourceError, VolumeSource, Workspace};
+use crate::volume::{SourceError, VolumeSource, Watched, Workspace};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -72,7 +72,7 @@ pub fn open_unprepared_in(
     scratch: &Path,
 ) -> Result<Box<dyn VolumeSource>, SourceError> {
     if let Some(raw) = &options.raw {
-        return Ok(Box::new(RawVolume::open(inputs, raw)?));
+        return Ok(Watched::files(Box::new(RawVolume::open(inputs, raw)?), None));
     }
     let Some(first) = inputs.first() else {
         return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
@@ -90,7 +90,7 @@ pub fn open_unprepared_in(
             && (data.is_dir() || found.left_out().is_empty())
             && let Some(description) = sidecar::of(data)
         {
-            let volume = sidecar::open(&description, options.placement)?;
+            let volume = Watched::files(sidecar::open(&description, options.placement)?, Some(&description));
             let volume = place(volume, options.placement, StatedBy::Caller)?;
             return match options.volume {
                 None | Some(1) => Ok(volume),

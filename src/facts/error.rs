@@ -13,6 +13,7 @@ use super::metaimage::MetaImageFault;
 use super::nifti::NiftiFault;
 use super::npy::NpyFault;
 use super::nrrd::NrrdFault;
+use super::numbered::NumberFault;
 use super::png::PngFault;
 use super::raw::{RawFault, RawLayout};
 use super::samples::StoredFault;
@@ -188,6 +189,8 @@ pub enum Fault {
     NotAFile,
     /// It was changed after it was found.
     Changed,
+    /// It was changed, cut, grown or replaced while samples were read.
+    ChangedInUse,
     /// It is of a kind that is known, but not read.
     Known(Known),
     /// It is named like DICOM only.
@@ -214,6 +217,8 @@ pub enum Fault {
     Png(PngFault),
     /// Side-cars.
     SideCar(SideCarFault),
+    /// Slices numbered by their names.
+    Numbers(NumberFault),
 }
 
 /// What is wrong with a request.
@@ -281,4 +286,5 @@ of_family!(
     Tiff(TiffFault),
     Png(PngFault),
     SideCar(SideCarFault),
+    Numbers(NumberFault),
 );

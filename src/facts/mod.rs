@@ -12,6 +12,7 @@
 //! | [`codec`] | why compressed frames cannot be decoded |
 //! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
 //! | [`samples`] | faults of samples in files, with a header and without |
+//! | [`numbered`] | slices numbered by the names of their files |
 //! | [`sidecar`] | faults of side-cars |
 
 pub mod codec;
@@ -23,6 +24,7 @@ mod left_out;
 pub mod metaimage;
 pub mod nifti;
 mod note;
+pub mod numbered;
 pub mod npy;
 pub mod nrrd;
 pub mod png;

@@ -3,6 +3,7 @@
 use super::DicomNote;
 use super::found::{Choice, Refusal};
 use super::left_out::NotVolume;
+use super::numbered::NumberNote;
 use super::stated::{Carrier, Form, Packing, StatedBy};
 use crate::geom::Orientation;
 
@@ -114,6 +115,8 @@ pub enum Note {
     },
     /// Something about a DICOM series.
     Dicom(DicomNote),
+    /// Numbers in the names of slices do not follow each other.
+    Numbers(NumberNote),
     /// Several volumes were found.
     Chosen(Box<Choice>),
     /// A volume beside the one that is used is damaged.

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use super::wording::foreign::{data, shown};
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{SectionKind, SelectionKind, VERSION_MAJOR};
@@ -34,7 +35,7 @@ pub fn read_info(path: &Path) -> Result<Info, Error> {
     let file =
         open_regular(path).map_err(|cause| LoadError::Unreadable { path: path.to_path_buf(), cause })?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
-    Ok(Info { input: path.display().to_string(), frame })
+    Ok(Info { input: data(path), frame })
 }
 
 /// Bytes stored for one kind of section.
@@ -167,14 +168,20 @@ impl Info {
             "file",
             format!(
                 "{} (format {VERSION_MAJOR}.{}, {})",
-                self.input,
+                shown(&self.input),
                 frame.header.minor,
                 frame.header.encoding.name()
             ),
         );
         row(
             "source",
-            format!("{} {} ({} files, {})", m.source.format, m.source.kind, m.source.files, dtype(frame)),
+            format!(
+                "{} {} ({} files, {})",
+                shown(&m.source.format),
+                shown(&m.source.kind),
+                m.source.files,
+                dtype(frame)
+            ),
         );
         row(
             "dims",
@@ -215,7 +222,7 @@ impl Info {
             ),
         );
         row("checksum", format!("{:08x}", content_checksum(frame)));
-        row("written by", m.program.clone());
+        row("written by", shown(&m.program).to_string());
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
         rows.iter().fold(String::new(), |mut text, (name, value)| {
             let _ = writeln!(text, "{name:width$}  {value}");

@@ -20,10 +20,12 @@ pub fn render_file(
 ) -> Result<RenderReport, Error> {
     let outputs: Vec<&Path> = [Some(output), depth, normals].into_iter().flatten().collect();
     refuse_clash(model, &outputs)?;
-    let model = Model::open(model)?;
+    let path = model;
+    let model = Model::open(path)?;
     let request = RenderRequest { depth: depth.is_some(), normals: normals.is_some(), ..*request };
     let (image, mut report) = render_view(&model.view(), model.dims(), &model.affine(), &request)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
+    model.check_unchanged(path)?;
     image.write_png(output)?;
     if let Some(path) = depth {
         image.write_depth_png(path)?;
@@ -40,9 +42,11 @@ pub fn render_file(
 /// The model cannot be used, or the picture cannot be written.
 pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) -> Result<RenderReport, Error> {
     refuse_clash(model, &[output])?;
-    let model = Model::open(model)?;
+    let path = model;
+    let model = Model::open(path)?;
     let (image, mut report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
+    model.check_unchanged(path)?;
     image.write_png(output)?;
     Ok(report)
 }

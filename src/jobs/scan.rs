@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::batch::NOTICE;
+use super::wording::foreign::{data, shown};
 use super::wording::sentences;
 use crate::budget::peak_rss_bytes;
 use crate::catalogue::{Catalogue, LeftOut};
@@ -73,14 +74,14 @@ pub fn scan(
             each(&listed)?;
         }
     }
-    let line = |l: &LeftOut| (l.why.to_string(), l.count, l.first.display().to_string());
+    let line = |l: &LeftOut| (l.why.to_string(), l.count, data(&l.first));
     report.left_out = catalogue.left_out().iter().map(line).collect();
     Ok(report)
 }
 
 fn list(number: usize, finding: &Finding) -> Listed {
     Listed {
-        input: finding.path.display().to_string(),
+        input: data(&finding.path),
         number,
         format: finding.format.to_owned(),
         part: finding.part.clone().unwrap_or_default(),
@@ -157,9 +158,9 @@ impl Listed {
 
     /// A few lines for people.
     pub fn text(&self) -> String {
-        let part = if self.part.is_empty() { String::new() } else { format!(", {}", self.part) };
-        let head =
-            format!("{:>3}. {} ({}{part}, {} file(s))", self.number, self.input, self.format, self.files.0);
+        let part = if self.part.is_empty() { String::new() } else { format!(", {}", shown(&self.part)) };
+        let (input, format) = (shown(&self.input), &self.format);
+        let head = format!("{:>3}. {input} ({format}{part}, {} file(s))", self.number, self.files.0);
         match &self.facts {
             Ok(f) => {
                 let [x, y, z] = f.dims;
@@ -173,7 +174,7 @@ impl Listed {
                 }
                 text
             }
-            Err(reason) => format!("{head}\n  refused: {reason}\n"),
+            Err(reason) => format!("{head}\n  refused: {}\n", shown(reason)),
         }
     }
 }

@@ -9,7 +9,7 @@
 //! | `formats` | the lists of what is read, and what is known but not read |
 //! | `options`, `finding` | what a caller may choose, and what a reader found |
 //! | `stored`, `reversed` | samples read where they lie, or unrolled first |
-//! | `files`, `header`, `natural`, `stable_hash` | what several of them share |
+//! | `files`, `header`, `natural`, `numbered`, `stable_hash` | what several of them share |
 #![doc = "\n"]
 #![doc = include_str!("READING.md")]
 
@@ -23,6 +23,7 @@ mod natural;
 mod nifti;
 mod npy;
 mod nrrd;
+mod numbered;
 mod options;
 mod png_stack;
 mod raw;

@@ -38,6 +38,7 @@ use serde_json::{Value, json};
 
 use super::build::convert_reshaped;
 use super::picture::thumbnail_file;
+use super::wording::foreign::data;
 use super::wording::sentences;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
@@ -136,7 +137,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         let dry = Budget::dry(cap);
         drop(reserve_jobs(&dry, &catalogue, costs::USUAL_OPENING, 1));
         return Err(Error::Build(BuildError::BudgetTooSmall {
-            name: request.out.display().to_string(),
+            name: data(&request.out),
             limit_bytes: limit,
             minimum_bytes: dry.smallest_limit(1),
         }));
@@ -187,7 +188,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         left_out: catalogue
             .left_out()
             .iter()
-            .map(|l| (l.why.to_string(), l.count, l.first.display().to_string()))
+            .map(|l| (l.why.to_string(), l.count, data(&l.first)))
             .collect(),
         warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
         memory_budget_bytes: limit,
@@ -331,7 +332,7 @@ impl Run<'_> {
         let mut item = Item {
             status: Status::Failed,
             name: finding.id.clone(),
-            input: finding.path.display().to_string(),
+            input: data(&finding.path),
             format: finding.format.to_owned(),
             kind: finding.kind.clone(),
             part: finding.part.clone().unwrap_or_default(),

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::foreign::shown;
 use crate::budget::SizeArgument;
 use crate::builder::{BuildError, ScratchFault, Sought};
 
@@ -32,12 +33,12 @@ impl fmt::Display for BuildError {
             Self::Scratch { path, cause } => write!(
                 f,
                 "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
-                path.display()
+                shown(path)
             ),
             Self::Output { path, cause } => write!(
                 f,
                 "{}: cannot be written ({cause}); check the folder and its free space",
-                path.display()
+                shown(path)
             ),
             Self::Threads { cause, .. } => {
                 write!(f, "worker threads cannot be started ({cause}); try --threads 1")

@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::io;
 
+use super::foreign::shown;
 use crate::facts::SystemError;
 use crate::facts::dicom::{
     Attribute, Combination, CsaCount, CsaFault, Damage, DeflateFault, DicomFault, DicomNote, FilledGaps,
@@ -320,7 +321,7 @@ impl Display for List<'_> {
 
 impl Display for ImageName {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        self.file.display().fmt(f)?;
+        shown(&self.file).fmt(f)?;
         match self.frame {
             Some(frame) => write!(f, " (frame {})", u64::from(frame) + 1),
             None => Ok(()),
@@ -403,7 +404,7 @@ impl Display for SetApart {
             1 => f.write_str("; 1 other image of the series was")?,
             many => write!(f, "; {many} other images of the series were")?,
         }
-        let (by, first) = (List(&self.by), self.first.display());
+        let (by, first) = (List(&self.by), shown(&self.first));
         write!(f, " set apart because of a different {by} (first: {first})")
     }
 }
@@ -546,7 +547,7 @@ impl Display for DicomNote {
             Self::Duplicates { images } => {
                 write!(f, "{images} image(s) that are in the series twice were left out")
             }
-            Self::Lost { file, error } => write!(f, "{}: {error}", file.display()),
+            Self::Lost { file, error } => write!(f, "{}: {error}", shown(file)),
             Self::Volumes { volumes, by } => {
                 write!(f, "the series holds {volumes} volumes, told apart by {}", List(by))
             }
@@ -578,7 +579,7 @@ impl Display for FilledGaps {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+use super::*;
 
     #[test]
     fn every_named_syntax_is_encapsulated() {

@@ -11,6 +11,8 @@
 //! | `binary` | binary headers: NIfTI, NumPy |
 //! | `picture` | TIFF and PNG |
 //! | `samples` | samples in files |
+//! | `numbered` | slices numbered by the names of their files |
+//! | `foreign` | (no sentences) the one way in which foreign text is printed |
 //! | `sidecar` | side-cars |
 //! | `dicom` | DICOM |
 //! | `builder`, `clean` | why a build stops, before and after cleaning |
@@ -24,11 +26,13 @@ mod clean;
 mod codec;
 mod dicom;
 mod error;
+pub mod foreign;
 mod format;
 mod found;
 mod header;
 mod load;
 mod note;
+mod numbered;
 mod picture;
 mod render;
 mod samples;
@@ -36,11 +40,12 @@ mod sidecar;
 mod top;
 
 use crate::facts::Note;
+use foreign::shown;
 
 /// The sentences of notes in their order, each once.
 pub fn sentences(notes: &[Note]) -> Vec<String> {
     let mut kept: Vec<String> = Vec::new();
-    for sentence in notes.iter().map(Note::to_string) {
+    for sentence in notes.iter().map(|note| shown(&note.to_string()).to_string()) {
         if !kept.contains(&sentence) {
             kept.push(sentence);
         }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::foreign::shown;
 use super::error::Reason;
 use crate::facts::{Carrier, Form, Note, Packing, Refusal, StatedBy};
 
@@ -110,9 +111,10 @@ impl fmt::Display for Note {
                 known.join(", ")
             ),
             Self::Dicom(note) => note.fmt(f),
+            Self::Numbers(note) => note.fmt(f),
             Self::Chosen(choice) => choice.fmt(f),
             Self::DamagedBeside(Refusal(error)) => {
-                let name = error.path().file_name().unwrap_or_default().to_string_lossy();
+                let name = shown(error.path().file_name().unwrap_or_default());
                 write!(f, "{name}, of a series that is not used: {}", Reason(error))
             }
             Self::LeftOut { count, why, first } => {

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::foreign::shown;
 use crate::render::{CameraFault, Layer, RenderError};
 
 impl fmt::Display for RenderError {
@@ -32,7 +33,7 @@ impl fmt::Display for RenderError {
             Self::Write { path, cause } => write!(
                 f,
                 "{}: cannot be written ({cause}); check the folder and the free space",
-                path.display()
+                shown(path)
             ),
         }
     }
