@@ -6,6 +6,7 @@
 #![allow(unsafe_code)]
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use infobyte::ExitKind;
 use infobyte::jobs::shown;
@@ -22,12 +23,20 @@ pub(crate) fn tell_of(path: &Path) {
         shown(path)
     );
     let sentence: Box<[u8]> = sentence.into_bytes().into();
+    let told = AtomicBool::new(false);
     let tell = move || {
-        // SAFETY: `write` and `_exit` may be called in a signal handler; the bytes were written down before it
-        // was set, live as long as it does, and are as many as is said. Nothing is allocated or locked.
-        let _ = unsafe { libc::write(libc::STDERR_FILENO, sentence.as_ptr().cast(), sentence.len()) };
-        low_level::exit(ExitKind::Input.code().into());
+        // Several threads read the file. One of them tells; the others come here again until it has.
+        if !told.swap(true, Ordering::Relaxed) {
+            // SAFETY: `write` and `_exit` may be called in a signal handler; the bytes were written down before it
+            // was set, live as long as it does, and are as many as is said. Nothing is allocated or locked.
+            let _ = unsafe { libc::write(libc::STDERR_FILENO, sentence.as_ptr().cast(), sentence.len()) };
+            low_level::exit(ExitKind::Input.code().into());
+        }
     };
+    // The runtime has a handler for overflows of the stack, which are told by another signal here. It would be
+    // called first, and set the system's way back: the second thread would end the process before the first spoke.
+    // SAFETY: the system's way is no function, and nothing waits for what was there.
+    let _ = unsafe { libc::signal(SIGBUS, libc::SIG_DFL) };
     // SAFETY: the action calls nothing that may not be called in a signal handler, see there.
     let _ = unsafe { low_level::register(SIGBUS, tell) };
 }

@@ -115,6 +115,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         raw: raw_options(&args.raw)?,
         gaps: args.which.gaps.policy(),
         volume: args.which.volume,
+        follow_links: args.which.links.follow_links,
         placement: Placement { spacing_mm: args.raw.spacing, orientation: args.raw.orientation },
         ..OpenOptions::default()
     };
@@ -131,7 +132,12 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
     let request = BatchRequest {
         inputs: args.input.clone(),
         out: args.out.clone(),
-        how: OpenOptions { gaps: args.gaps.policy(), ..OpenOptions::default() },
+        how: OpenOptions {
+            gaps: args.gaps.policy(),
+            follow_links: args.search.links.follow_links,
+            all_volumes: args.search.all_volumes,
+            ..OpenOptions::default()
+        },
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
@@ -207,6 +213,8 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
     let how = OpenOptions {
         gaps: args.gaps.policy(),
         opening_bytes: Some(SCAN_OPENING_BYTES),
+        follow_links: args.search.links.follow_links,
+        all_volumes: args.search.all_volumes,
         ..OpenOptions::default()
     };
     let report = jobs::scan::scan(&args.input, &how, &mut |listed| {
@@ -328,6 +336,10 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Error> {
     print_picture(args.json, &args.model, &args.output, &report)
 }
 
+/// What is said of a picture that shows nothing.
+const NO_HIT: &str =
+    "  note: no ray meets the model, so the picture is empty; check --eye, --look-at and --fov\n";
+
 fn print_picture(
     as_json: bool,
     model: &Path,
@@ -344,8 +356,9 @@ fn print_picture(
         value
     };
     let text = || {
+        let nothing = if report.hits == 0 { NO_HIT } else { "" };
         format!(
-            "{}: {}x{}, {} rays, {} hits, {:.3} s\n",
+            "{}: {}x{}, {} rays, {} hits, {:.3} s\n{nothing}",
             shown(output),
             report.width,
             report.height,

@@ -450,3 +450,22 @@ fn the_reader_of_this_test_sees_what_it_should() {
     let strange = Source { path: "src/strange.rs".to_owned(), lines: 1, code: String::new() };
     assert_eq!(forbidden(&strange).len(), 1);
 }
+
+/// Where foreign text becomes printable.
+const FOREIGN: &str = "src/jobs/wording/foreign.rs";
+
+#[test]
+fn foreign_text_is_printed_in_one_way() {
+    // A path that speaks for itself prints whatever its name holds.
+    for folder in ["src/jobs", "bin"] {
+        for source in sources(folder).iter().filter(|source| source.path != FOREIGN) {
+            let code = source.without_tests();
+            for call in [".display()", "to_string_lossy()"] {
+                let line = code.lines().find(|line| line.contains(call));
+                // The stem of a model's name, for the name of its picture, is no text.
+                let is_name = |line: &str| line.contains("file_stem()");
+                assert!(line.is_none_or(is_name), "{}: {}", source.path, line.unwrap_or_default());
+            }
+        }
+    }
+}

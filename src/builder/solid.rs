@@ -66,11 +66,13 @@ pub struct Found {
     pub extent: (f32, f32),
     /// Time spent waiting for input.
     pub reading: Duration,
+    /// Were there samples that are NaN? They are outside.
+    pub not_numbers: bool,
 }
 
 impl Default for Found {
     fn default() -> Self {
-        Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO }
+        Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO, not_numbers: false }
     }
 }
 
@@ -81,6 +83,7 @@ impl Found {
         Self {
             extent: (self.extent.0.min(other.extent.0), self.extent.1.max(other.extent.1)),
             reading: self.reading + other.reading,
+            not_numbers: self.not_numbers || other.not_numbers,
         }
     }
 }

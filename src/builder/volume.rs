@@ -378,6 +378,8 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
             let pitch = f.stride * size_of::<F::Ring>();
             self.source.read_pitched(z, rows, cols, pitch, bytemuck::cast_slice_mut(plane))?;
             self.found.reading += started.elapsed();
+            self.found.not_numbers =
+                self.found.not_numbers || holds_nan::<F::File>(bytemuck::cast_slice(plane));
             classify_rows(f, bytemuck::cast_slice(plane), f.stride, range, wanted);
         } else {
             let len = self.staging.len() / self.staging_slices;
@@ -385,6 +387,7 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
                 &mut self.staging[z as usize % self.staging_slices * len..][..f.width * f.rows.len()];
             self.source.read_rows(z, rows, cols, bytemuck::cast_slice_mut(staged))?;
             self.found.reading += started.elapsed();
+            self.found.not_numbers = self.found.not_numbers || holds_nan(staged);
             classify_rows(f, staged, f.width, range, wanted);
             for (from, to) in staged.chunks_exact(f.width).zip(plane.chunks_mut(f.stride)) {
                 convert(&self.form, from, &mut to[..f.width]);
@@ -415,6 +418,13 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
     fn found(&self) -> Found {
         self.found
     }
+}
+
+/// Is one of some samples NaN? Asked in parts without a branch, at the speed of memory.
+fn holds_nan<T: Ordered>(samples: &[T]) -> bool {
+    const PART: usize = 256;
+    let in_part = |part: &[T]| part.iter().fold(false, |found, v| found | v.partial_cmp(v).is_none());
+    T::NO_NUMBER.is_some() && samples.chunks(PART).any(in_part)
 }
 
 /// Inside bits of the rows wanted, from samples whose rows are `stride` apart; a word of each row stands before

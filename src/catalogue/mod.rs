@@ -21,12 +21,12 @@ use std::path::{Path, PathBuf};
 
 use crate::budget::costs;
 use crate::facts::dicom::DicomFault;
-use crate::facts::{Fault, NotVolume, StatedBy};
+use crate::facts::{Fault, NotVolume, Note, StatedBy};
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
     FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, StableHash, natural_cmp,
 };
-use crate::volume::{Placement, SourceError, VolumeSource, Watched, place, stamp};
+use crate::volume::{Noted, Placement, SourceError, VolumeSource, Watched, place, stamp};
 use content::{EachFile, hash_of, is_copy};
 use log::{Log, Record};
 use placing::placing_of;
@@ -100,6 +100,9 @@ enum What {
     Raw,
 }
 
+/// Volumes of one input that are alike, and are all taken; echoes, phases and the like are fewer.
+const MOST_ALIKE: usize = 16;
+
 /// How deep the folders below an input are searched, if nothing else is said: deep enough for every
 /// archive, and an end for a file system that contains itself.
 const DEPTH: u32 = 16;
@@ -127,7 +130,7 @@ impl Catalogue {
     ) -> Result<Self, SourceError> {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
-        walk(&inputs, depth, &mut surveyor)?;
+        walk(&inputs, depth, options.follow_links, &mut surveyor)?;
         let (items, log, left_out) = surveyor.finish();
         let mut found = Self { inputs, items, log, left_out, options: options.clone() };
         found.leave_single_pictures()?;
@@ -152,11 +155,58 @@ impl Catalogue {
     /// Cost: headers, and some 256 KiB of the content of what is no DICOM, from which it is named.
     pub fn open(&self, index: usize) -> Vec<Finding> {
         let unreadable = |format| format!("{format}-unreadable-{}", index + 1);
-        self.open_named(index, &|format, files| match hash_of(files) {
+        let findings = self.open_named(index, &|format, files| match hash_of(files) {
             Ok(hash) => format!("{format}-{hash}"),
             // Nothing is made of what cannot be read: its name has to tell it from others in reports only.
             Err(_) => unreadable(format),
-        })
+        });
+        self.first_of_many(findings)
+    }
+
+    /// Of very many volumes of one input that are alike the first, unless all are wanted: a study of the brain at
+    /// work has five hundred, and nobody wants as many models unasked.
+    fn first_of_many(&self, findings: Vec<Finding>) -> Vec<Finding> {
+        if self.options.all_volumes || findings.len() <= MOST_ALIKE {
+            return findings;
+        }
+        let alike = |a: &Finding, b: &Finding| (a.format, &a.kind, a.size) == (b.format, &b.kind, b.size);
+        let mut kept: Vec<Finding> = Vec::new();
+        let mut passed_over: Vec<Vec<Finding>> = Vec::new();
+        for finding in findings {
+            match kept.iter().position(|known| alike(known, &finding)) {
+                None => {
+                    kept.push(finding);
+                    passed_over.push(Vec::new());
+                }
+                Some(at) => {
+                    // The first that can be used stands for all of them.
+                    let better = kept[at].volume.is_err() && finding.volume.is_ok();
+                    passed_over[at].push(if better {
+                        std::mem::replace(&mut kept[at], finding)
+                    } else {
+                        finding
+                    });
+                }
+            }
+        }
+        let mut all: Vec<Finding> = Vec::new();
+        for (finding, others) in kept.into_iter().zip(passed_over) {
+            if others.len() < MOST_ALIKE {
+                all.push(finding);
+                all.extend(others);
+                continue;
+            }
+            let more = others.len();
+            let note = Note::FirstOfMany { volumes: more + 1 };
+            let volume = finding.volume.map(|source| -> Box<dyn VolumeSource> {
+                let mut info = source.info().clone();
+                info.notes.push(note);
+                Box::new(Noted { source, info })
+            });
+            all.push(Finding { volume, more, ..finding });
+        }
+        all.sort_by_key(|finding| finding.at);
+        all
     }
 
     /// As [`Catalogue::open`], for one that takes a volume and no names: nothing but headers is read.
@@ -175,6 +225,8 @@ impl Catalogue {
                 size: None,
                 files: InputFiles::default(),
                 burned_in: None,
+                at: 0,
+                more: 0,
                 volume: Err(error),
                 path: path.clone(),
             }]
@@ -182,6 +234,9 @@ impl Catalogue {
         let before = self.stamp(item);
         let opened = self.open_item(item, name).unwrap_or_else(refused);
         let mut findings: Vec<Finding> = opened.into_iter().map(watched).collect();
+        for (at, finding) in findings.iter_mut().enumerate() {
+            finding.at = at;
+        }
         // From here on the volumes watch their files themselves.
         if self.stamp(item) != before {
             for finding in findings.iter_mut().filter(|finding| finding.volume.is_ok()) {
@@ -203,7 +258,7 @@ impl Catalogue {
     /// Cost: that item is opened again, and all files of both are read, up to the first difference. One that
     /// cannot be read is no copy.
     pub fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
-        let mut others = self.open_nameless(index).into_iter();
+        let mut others = self.first_of_many(self.open_nameless(index)).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
 
@@ -330,7 +385,7 @@ impl Catalogue {
                 found
             }
             What::Sidecar => {
-                let opened = sidecar::open(&path, self.options.placement).map(|v| vec![v]);
+                let opened = sidecar::open(&path, &self.options).map(|v| vec![v]);
                 let files = with_samples(one(), opened.as_deref().unwrap_or_default());
                 let id = name("raw", &|each| each_source(&path, opened.as_deref().unwrap_or_default(), each));
                 findings(&path, "raw", id, files, opened)
@@ -504,6 +559,8 @@ fn findings(
             size: volume.as_ref().ok().map(|v| v.info().dims.to_array()),
             files,
             burned_in: None,
+            at: 0,
+            more: 0,
             volume,
         };
     match opened {

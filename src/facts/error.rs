@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::dicom::DicomFault;
+use super::dicom::{DicomFault, SeriesFault};
+use super::found::Candidate;
 use super::header::HeaderFault;
 use super::left_out::{Known, NotVolume};
 use super::metaimage::MetaImageFault;
@@ -105,6 +106,18 @@ pub enum SourceError {
         /// Bytes that it may take.
         allowed_bytes: u64,
     },
+    /// The largest of several volumes lacks slices, and another one would be taken for it.
+    Gaps {
+        /// Why it is refused.
+        #[source]
+        error: Box<SourceError>,
+        /// Its number.
+        number: usize,
+        /// The largest of the others.
+        other: Box<Candidate>,
+        /// The number of that.
+        instead: usize,
+    },
     /// The request does not fit the input (for example a headerless file of which nothing is said).
     Usage {
         /// The file or folder.
@@ -138,6 +151,16 @@ impl SourceError {
             | Self::Memory { path, .. }
             | Self::ManyImages { path, .. }
             | Self::Usage { path, .. } => path,
+            Self::Gaps { error, .. } => error.path(),
+        }
+    }
+
+    /// Is nothing wrong but slices that are missing, or lie unevenly, so that whoever asks may choose?
+    pub(crate) fn has_gaps(&self) -> bool {
+        match self {
+            Self::Dicom { fault: DicomFault::Series(SeriesFault::Uneven(_)), .. }
+            | Self::Unusable { fault: Fault::Numbers(NumberFault::Gaps(_)), .. } => true,
+            _ => false,
         }
     }
 

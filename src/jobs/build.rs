@@ -103,10 +103,10 @@ pub fn build_source(
         input,
         output: output.to_path_buf(),
         memory_bytes: options.memory.bytes(),
-        report,
         info: read_info(output)?,
         cleaning: None,
-        warnings: sentences(&source.info().notes),
+        warnings: told(source, &report),
+        report,
         wall_s,
     })
 }
@@ -159,7 +159,7 @@ pub fn convert_reshaped(
         None => builder::build_volume(&*source, &options, output, progress)?,
     };
     let wall_s = started.elapsed().as_secs_f64();
-    let mut warnings = sentences(&source.info().notes);
+    let mut warnings = told(&*source, &report);
     warnings.extend(doubt.map(|doubt| doubt.to_string()));
     Ok(BuildSummary {
         input,
@@ -171,6 +171,13 @@ pub fn convert_reshaped(
         warnings,
         wall_s,
     })
+}
+
+/// Sentences about the input, and about what was found in it.
+fn told(source: &dyn VolumeSource, report: &BuildReport) -> Vec<String> {
+    let mut all = sentences(&source.info().notes);
+    all.extend(report.notes.iter().map(|note| note.to_string()));
+    all
 }
 
 /// Unrolls a source that has to be, unless the cap would be too small for that or for what follows.

@@ -64,9 +64,11 @@ pub fn scan(
     let mut report = ScanReport { usable: 0, refused: 0, left_out: Vec::new() };
     let mut number = 0;
     for at in 0..catalogue.len() {
+        let before = number;
         for finding in catalogue.open(at) {
-            number += 1;
-            let listed = list(number, &finding);
+            // Those that are passed over have numbers, too.
+            number += 1 + finding.more;
+            let listed = list(before + finding.at + 1, &finding);
             match listed.facts {
                 Ok(_) => report.usable += 1,
                 Err(_) => report.refused += 1,

@@ -6,7 +6,7 @@
 //! | part | what it holds |
 //! |---|---|
 //! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack`, `synthetic` | one kind of source each |
-//! | `formats` | the lists of what is read, and what is known but not read |
+//! | `formats`, `known` | the lists of what is read, and what is known but not read |
 //! | `options`, `finding` | what a caller may choose, and what a reader found |
 //! | `stored`, `reversed` | samples read where they lie, or unrolled first |
 //! | `files`, `header`, `natural`, `numbered`, `stable_hash` | what several of them share |
@@ -18,6 +18,7 @@ mod files;
 mod finding;
 mod formats;
 mod header;
+mod known;
 mod metaimage;
 mod natural;
 mod nifti;
@@ -35,7 +36,9 @@ mod tiff;
 
 pub(crate) use files::FileList;
 pub use finding::{BurnedIn, Finding, InputFiles};
-pub(crate) use formats::{FORMATS, HEAD_BYTES, STACKS, Slices, known};
+pub(crate) use formats::{FORMATS, STACKS, Slices};
+pub(crate) use header::stays;
+pub(crate) use known::{HEAD_BYTES, known};
 pub use natural::natural_cmp;
 pub(crate) use nifti::header_of_samples;
 pub use options::{GapPolicy, OpenOptions};

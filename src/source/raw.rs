@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::files::{FileList, FileSet, base_name};
-use super::formats::{HEAD_BYTES, known};
+use super::known::{HEAD_BYTES, known};
 use super::stored::{Placed, Places, Samples};
 use crate::facts::samples::{RawFault, RawLayout};
 use crate::facts::{Fault, Instead, Known, Misuse};
@@ -53,7 +53,8 @@ impl RawVolume {
     pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self, SourceError> {
         let (list, name) = list_files(inputs)?;
         let first = || inputs.first().cloned().unwrap_or_default();
-        if !options.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
+        let affine = options.orientation.affine(options.spacing_mm);
+        if !options.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) || affine.inverse().is_none() {
             let misuse = Misuse::Raw(RawFault::Spacing);
             return Err(SourceError::Usage { path: first(), misuse });
         }
@@ -90,7 +91,7 @@ impl RawVolume {
             scalar: options.scalar,
             rescale: Rescale::IDENTITY,
             spacing_mm: options.spacing_mm,
-            affine: options.orientation.affine(options.spacing_mm),
+            affine,
             description: SourceDescription {
                 format: "raw".into(),
                 name,

@@ -185,11 +185,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let burned_in = told_of_text(&run.burned_in.map(AtomicU64::into_inner), request);
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
-        left_out: catalogue
-            .left_out()
-            .iter()
-            .map(|l| (l.why.to_string(), l.count, data(&l.first)))
-            .collect(),
+        left_out: catalogue.left_out().iter().map(|l| (l.why.to_string(), l.count, data(&l.first))).collect(),
         warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::foreign::shown;
 use crate::budget::SizeArgument;
-use crate::builder::{BuildError, ScratchFault, Sought};
+use crate::builder::{BuildError, BuildNote, ScratchFault, Sought};
 
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -35,11 +35,9 @@ impl fmt::Display for BuildError {
                 "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
                 shown(path)
             ),
-            Self::Output { path, cause } => write!(
-                f,
-                "{}: cannot be written ({cause}); check the folder and its free space",
-                shown(path)
-            ),
+            Self::Output { path, cause } => {
+                write!(f, "{}: cannot be written ({cause}); check the folder and its free space", shown(path))
+            }
             Self::Threads { cause, .. } => {
                 write!(f, "worker threads cannot be started ({cause}); try --threads 1")
             }
@@ -63,5 +61,17 @@ impl fmt::Display for ScratchFault {
             Self::Changed => "its contents were changed by someone else",
             Self::TooManyBricks => "the model has too many bricks for this machine",
         })
+    }
+}
+
+impl fmt::Display for BuildNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),
+            Self::AllInside { voxels } => write!(
+                f,
+                "all {voxels} voxels are inside, so that the model is the box of the volume; choose another --iso or --range"
+            ),
+        }
     }
 }

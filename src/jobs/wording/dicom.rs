@@ -168,6 +168,15 @@ impl Display for ImageFault {
                  Vector (0054,0080)), so they form no volume",
             ),
             Self::Frames(error) => write!(f, "its frames cannot be told apart: {error}"),
+            Self::NotFinite(attribute) => write!(
+                f,
+                "its {attribute} is infinite or not a number, so that neither place nor values are known; correct the \
+                 header"
+            ),
+            Self::Tiles => f.write_str(
+                "its frames are tiles of a larger picture (a whole slide, or what was found on one), not slices, so \
+                 they form no volume",
+            ),
         }
     }
 }
@@ -235,8 +244,14 @@ impl Display for Required {
 
 impl Display for MosaicFault {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        f.write_str("a Siemens mosaic ")?;
+        if *self != Self::OtherVendor {
+            f.write_str("a Siemens mosaic ")?;
+        }
         match self {
+            Self::OtherVendor => f.write_str(
+                "a frame set of United Imaging (VFRAME) holds its slices as tiles of one picture, which is not read; \
+                 export it with one file for each slice",
+            ),
             Self::SeveralFrames => f.write_str("of several frames cannot be read"),
             Self::SlicesDisagree { stated: [a, b] } => {
                 write!(f, "whose private elements state {a} slices, and {b} in another place")
@@ -302,6 +317,10 @@ impl Display for Attribute {
             Self::FrameVectors => "the frame vectors of nuclear medicine (0054,xxxx)",
             Self::DimensionIndex => "Dimension Index Values (0020,9157)",
             Self::Rescale => "Rescale Slope and Intercept (0028,1053), (0028,1052)",
+            Self::Position => "Image Position (0020,0032)",
+            Self::SliceThickness => "Slice Thickness (0018,0050)",
+            Self::SliceSpacing => "Spacing Between Slices (0018,0088)",
+            Self::DoseScaling => "Dose Grid Scaling (3004,000E)",
             Self::AcquisitionOrder => "order of acquisition and instance",
         })
     }
@@ -579,7 +598,7 @@ impl Display for FilledGaps {
 
 #[cfg(test)]
 mod tests {
-use super::*;
+    use super::*;
 
     #[test]
     fn every_named_syntax_is_encapsulated() {

@@ -29,6 +29,10 @@ impl fmt::Display for Reason<'_> {
             SourceError::Unusable { fault, .. } => fault.fmt(f),
             SourceError::Dicom { fault, .. } => fault.fmt(f),
             SourceError::Usage { misuse, .. } => misuse.fmt(f),
+            SourceError::Gaps { error, number, other, instead } => write!(
+                f,
+                "{error}; or choose a volume: --volume {number} is this one, --volume {instead} the largest of the others ({other})"
+            ),
             SourceError::Unreadable { path, cause } => write!(
                 f,
                 "{}: cannot be read ({cause}); check that it exists and that you may read it",

@@ -23,11 +23,9 @@ impl fmt::Display for Error {
                 "{}: another batch is writing into this folder; wait until it has finished, or choose another folder with --out",
                 shown(path)
             ),
-            Self::Output { path, cause } => write!(
-                f,
-                "{}: cannot be written ({cause}); check the folder and its free space",
-                shown(path)
-            ),
+            Self::Output { path, cause } => {
+                write!(f, "{}: cannot be written ({cause}); check the folder and its free space", shown(path))
+            }
             Self::Internal => {
                 f.write_str("an internal error stopped its conversion; please report it with the file")
             }

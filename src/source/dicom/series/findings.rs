@@ -46,6 +46,8 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             size: None,
             files: InputFiles::default(),
             burned_in: None,
+            at: 0,
+            more: 0,
             volume: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
         });
     }
@@ -129,6 +131,8 @@ fn finding(
         size: Some(opened.unwrap_or([shared.size[0], shared.size[1], images])),
         files,
         burned_in: shared.burned_in,
+        at: 0,
+        more: 0,
         volume: volume.map(|v| Box::new(v) as Box<dyn VolumeSource>),
     }
 }
