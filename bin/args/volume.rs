@@ -138,7 +138,7 @@ pub(crate) struct DemoArgs {
     /// Picture to write
     #[arg(long, value_name = "IMAGE.png")]
     pub(crate) picture: Option<PathBuf>,
-    /// Peak resident memory of the whole process
+    /// Peak resident memory of the whole process until the model is built; the pictures come after
     #[arg(long, value_name = "SIZE", default_value = "8MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     #[command(flatten)]

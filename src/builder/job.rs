@@ -19,7 +19,7 @@ use crate::budget::{Budget, Reservation};
 use crate::format::{Channel, Channels, Metadata};
 use crate::geom::Dims;
 
-/// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is not asked.
+/// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
 ///
 /// Memory and temporary disk as [`super::build_volume`]; the solid's part is what it says of itself.
 ///

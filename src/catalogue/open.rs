@@ -9,7 +9,9 @@ use std::sync::Arc;
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
 use crate::budget::Budget;
-use crate::facts::{Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, Refusal, StatedBy};
+use crate::facts::{
+    Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, OtherVolume, Refusal, StatedBy,
+};
 use crate::progress::Silent;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, known};
@@ -208,8 +210,9 @@ impl Chooser {
             && voxels > best.rank.1
             && let Some(error) = errors.remove(&number)
         {
-            let (other, instead) = (Box::new(best.told.clone()), best.number);
-            return Err(SourceError::Gaps { error: Box::new(error), number, other, instead });
+            let Candidate { kind, part, size, .. } = best.told.clone();
+            let other = Box::new(OtherVolume { number: best.number, kind, part, size });
+            return Err(SourceError::Gaps { error: Box::new(error), number, other });
         }
         let (number, taken) = match (best, refused) {
             // A scout beside a series that is refused is not mistaken for the volume.

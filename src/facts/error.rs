@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::dicom::{DicomFault, SeriesFault};
-use super::found::Candidate;
 use super::header::HeaderFault;
 use super::left_out::{Known, NotVolume};
 use super::metaimage::MetaImageFault;
@@ -114,9 +113,7 @@ pub enum SourceError {
         /// Its number.
         number: usize,
         /// The largest of the others.
-        other: Box<Candidate>,
-        /// The number of that.
-        instead: usize,
+        other: Box<OtherVolume>,
     },
     /// The request does not fit the input (for example a headerless file of which nothing is said).
     Usage {
@@ -172,6 +169,19 @@ impl SourceError {
             _ => false,
         }
     }
+}
+
+/// A volume that could be taken instead.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OtherVolume {
+    /// Its number.
+    pub number: usize,
+    /// What it is.
+    pub kind: String,
+    /// Which part of its input it is, where that holds several volumes.
+    pub part: Option<String>,
+    /// Size in voxels, as far as it is known.
+    pub size: Option<[u32; 3]>,
 }
 
 /// What was found where a volume was looked for.

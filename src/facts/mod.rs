@@ -1,4 +1,4 @@
-//! What readers find, assume and refuse, as values with their fields.
+//! Notes and refusals of readers, as values with their fields.
 //!
 //! Sentences are made of them in [`crate::jobs::wording`], and nowhere else.
 //!
@@ -36,7 +36,7 @@ mod system;
 pub mod tiff;
 
 pub use dicom::DicomNote;
-pub use error::{Fault, Instead, Misuse, SourceError};
+pub use error::{Fault, Instead, Misuse, OtherVolume, SourceError};
 pub use found::{Candidate, Choice, Refusal};
 pub use left_out::{Known, NotVolume};
 pub use note::Note;

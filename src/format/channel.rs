@@ -472,7 +472,7 @@ mod tests {
         let report = build_solid(&Cube, &options, &at("m.oct"), &Silent).unwrap();
         assert_eq!(report.skin_voxels, 48 * 48 * 48 - 46 * 46 * 46);
 
-        let model = Model::open(&at("m.oct")).unwrap();
+        let model = Model::open(at("m.oct")).unwrap();
         verify(&model).unwrap();
         let mut voxels = Vec::new();
         voxels_below(&model, BoxIndex::ROOT, [0; 3], model.dims().depth(), &mut voxels);

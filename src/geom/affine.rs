@@ -1,6 +1,7 @@
 //! Voxel index to patient millimetres, and the letters that name axis directions.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// Affine map from a voxel index (centres at integers) to LPS millimetres: `world = m * [x, y, z, 1]`.
 ///
@@ -12,9 +13,9 @@ pub struct Affine {
     pub rows: [[f64; 4]; 3],
 }
 
-/// Shortest step in mm of an affine that has an inverse, and the reciprocal of the longest: far beyond atoms and
-/// planets, and near enough for products of three to be exact to the last digits.
-const LEAST_STEP: f64 = 1e-15;
+/// Shortest and longest step in mm of an affine that has an inverse: far beyond atoms and planets, and near enough
+/// for products of three to be exact to the last digits.
+const STEPS: RangeInclusive<f64> = 1e-15..=1e15;
 
 /// Times that one step may be as long as another: beyond that no ray meets voxels of both.
 const MOST_UNEVEN: f64 = 1e9;
@@ -71,8 +72,8 @@ impl Affine {
         let cell = lengths[0] * lengths[1] * lengths[2];
         let [least, most] = lengths.iter().fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
         if !self.rows.iter().flatten().all(|v| v.is_finite())
-            || !(LEAST_STEP..=1.0 / LEAST_STEP).contains(&least)
-            || !(LEAST_STEP..=1.0 / LEAST_STEP).contains(&most)
+            || !STEPS.contains(&least)
+            || !STEPS.contains(&most)
             || most > MOST_UNEVEN * least
             || !cell.is_normal()
             || (det / cell).abs() < 1e-9

@@ -25,7 +25,7 @@ pub struct RenderRequest {
     pub projection: Projection,
     /// Angle in degrees between the bottom and the top of the picture.
     pub fov_deg: f64,
-    /// Threads, at least 1; the picture does not depend on them.
+    /// Threads; 0 counts as 1. The picture does not depend on them.
     pub threads: usize,
     /// Stop at nodes about as small as a pixel instead of at voxels.
     pub lod: bool,
@@ -43,7 +43,7 @@ impl RenderRequest {
 }
 
 impl Default for RenderRequest {
-    /// 1024 x 1024, parallel from the front, exact voxels, one thread.
+    /// 1024 x 1024, parallel from the front, exact voxels, one thread per core.
     fn default() -> Self {
         Self {
             width: 1024,
@@ -51,7 +51,7 @@ impl Default for RenderRequest {
             point: ViewPoint::Named(NamedView::Front),
             projection: Projection::Parallel,
             fov_deg: Self::FOV_DEG,
-            threads: 1,
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
             lod: false,
             smooth_edges: false,
             depth: false,

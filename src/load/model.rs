@@ -13,7 +13,7 @@ use super::map::{Mapping, Stamp};
 use super::stream::{Fault, ReadAt};
 use super::{LoadError, NodeView, NotRegular};
 
-/// A mapped-encoding file over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
+/// An `.oct` that is not packed, over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
 /// Opening reads the header, the section table, the metadata and the level table (SPEC I1 to I7) and
 /// nothing else, so its cost does not depend on the size of the model. The contents of the large
@@ -33,7 +33,8 @@ impl Model<Mapping> {
     ///
     /// # Errors
     /// [`LoadError`] with the path: unreadable, foreign, damaged, newer, or packed.
-    pub fn open(path: &Path) -> Result<Self, LoadError> {
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, LoadError> {
+        let path = path.as_ref();
         let open = || -> Result<Self, Fault> {
             let file = open_regular(path)?;
             let then = Stamp::of(&file)?;

@@ -1,6 +1,5 @@
 //! One ray after another, from the world and back to it.
 
-use super::ray::BadRay;
 use super::traverse::first_hit_sealed;
 use super::{GridSpace, RenderError};
 use crate::format::normal;
@@ -57,12 +56,12 @@ impl<'a> RayCaster<'a> {
     /// starts in a skin voxel meets that one.
     ///
     /// # Errors
-    /// [`BadRay`] for a ray that is not finite or has no direction.
+    /// [`RenderError::Ray`] for a ray that is not finite or has no direction.
     pub fn first_hit(
         &self,
         origin_mm: [f64; 3],
         direction: [f64; 3],
-    ) -> Result<Option<SurfacePoint>, BadRay> {
+    ) -> Result<Option<SurfacePoint>, RenderError> {
         let Some(ray) = self.space.ray(origin_mm, direction)? else { return Ok(None) };
         let Some(hit) = first_hit_sealed(&self.view, &ray, 0).hit else { return Ok(None) };
         let voxel = hit.voxel(&self.view).map(VoxelIndex::new);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::ray::BadRay;
 use crate::exit::ExitKind;
 
 /// A picture that cannot be made or written.
@@ -13,6 +14,8 @@ use crate::exit::ExitKind;
 pub enum RenderError {
     /// The camera makes no sense.
     Camera(CameraFault),
+    /// A ray makes no sense.
+    Ray(BadRay),
     /// A picture without pixels, or with too many.
     Size {
         /// Pixels in a row.
@@ -82,6 +85,12 @@ impl From<CameraFault> for RenderError {
     }
 }
 
+impl From<BadRay> for RenderError {
+    fn from(fault: BadRay) -> Self {
+        Self::Ray(fault)
+    }
+}
+
 /// What a picture may hold besides its colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layer {
@@ -96,6 +105,7 @@ impl RenderError {
     pub fn kind(&self) -> ExitKind {
         match self {
             Self::Camera(_)
+            | Self::Ray(_)
             | Self::Size { .. }
             | Self::NoLayer(_)
             | Self::Threads { .. }

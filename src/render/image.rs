@@ -30,30 +30,30 @@ impl Image {
     ///
     /// # Errors
     /// [`RenderError::Write`] when the folder is missing or the disk refuses.
-    pub fn write_png(&self, path: &Path) -> Result<(), RenderError> {
+    pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         let format = Format { colour: png::ColorType::Rgba, bits: png::BitDepth::Eight, srgb: true };
-        write_atomically(path, |out| self.encode(out, format, &self.rgba))
+        write_atomically(path.as_ref(), |out| self.encode(out, format, &self.rgba))
     }
 
     /// Writes the depth as a 16-bit grey PNG.
     ///
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without depth; else as [`Image::write_png`].
-    pub fn write_depth_png(&self, path: &Path) -> Result<(), RenderError> {
+    pub fn write_depth_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         let Some(depth) = &self.depth else { return Err(RenderError::NoLayer(Layer::Depth)) };
         let bytes: Vec<u8> = depth.iter().flat_map(|d| d.to_be_bytes()).collect();
         let format = Format { colour: png::ColorType::Grayscale, bits: png::BitDepth::Sixteen, srgb: false };
-        write_atomically(path, |out| self.encode(out, format, &bytes))
+        write_atomically(path.as_ref(), |out| self.encode(out, format, &bytes))
     }
 
     /// Writes the normals as an RGB PNG.
     ///
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without normals; else as [`Image::write_png`].
-    pub fn write_normals_png(&self, path: &Path) -> Result<(), RenderError> {
+    pub fn write_normals_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         let Some(normals) = &self.normals else { return Err(RenderError::NoLayer(Layer::Normals)) };
         let format = Format { colour: png::ColorType::Rgb, bits: png::BitDepth::Eight, srgb: false };
-        write_atomically(path, |out| self.encode(out, format, normals))
+        write_atomically(path.as_ref(), |out| self.encode(out, format, normals))
     }
 
     fn encode(&self, out: &mut dyn Write, format: Format, bytes: &[u8]) -> io::Result<()> {
@@ -138,16 +138,16 @@ mod tests {
     #[test]
     fn failures_name_the_file_and_leave_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let error = small().write_png(&folder.path().join("missing/a.png")).unwrap_err().to_string();
+        let error = small().write_png(folder.path().join("missing/a.png")).unwrap_err().to_string();
         assert!(error.contains("missing/a.png") && error.contains("check the folder"), "{error}");
         // The target is a folder.
         let taken = folder.path().join("taken");
         std::fs::create_dir(&taken).unwrap();
         assert!(small().write_png(&taken).is_err());
         let broken = Image { rgba: vec![0; 3], ..small() };
-        assert!(broken.write_png(&folder.path().join("b.png")).is_err());
+        assert!(broken.write_png(folder.path().join("b.png")).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         let plain = Image { depth: None, ..small() };
-        assert!(plain.write_depth_png(&folder.path().join("d.png")).is_err());
+        assert!(plain.write_depth_png(folder.path().join("d.png")).is_err());
     }
 }

@@ -3,8 +3,6 @@
 //! *Grid space* has cell (i, j, k) at `[i, i+1) x [j, j+1) x [k, k+1)`, 0..2^L along each axis; a voxel
 //! index of the affine is a cell's centre, so `grid = index + 0.5`.
 
-use std::fmt;
-
 /// Fraction bits of an origin coordinate: 1/65536 of a cell.
 pub const FRACTION_BITS: u32 = 16;
 
@@ -52,16 +50,6 @@ pub enum BadRay {
     NoDirection,
     /// The grid is deeper than the format allows.
     TooDeep,
-}
-
-impl fmt::Display for BadRay {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::NotFinite => "the ray has a coordinate that is not a finite number",
-            Self::NoDirection => "the ray has no direction",
-            Self::TooDeep => "the grid is deeper than 16 levels",
-        })
-    }
 }
 
 impl std::error::Error for BadRay {}

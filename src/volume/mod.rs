@@ -1,4 +1,4 @@
-//! A volume that can be read: one trait, its facts, and volumes that stand before others.
+//! A volume that can be read: one trait, its facts, and volumes that wrap others.
 //!
 //! A source states its [`VolumeInfo`] and delivers any rows of any slice; the builder asks for what
 //! its budget allows and never sees a path. Sources are shared by the builder's threads.
@@ -9,7 +9,7 @@
 //! | `description` | what a model tells of its origin |
 //! | [`Voxels`] | a volume that is in memory already |
 //! | `block`, `blend`, `spool` | rows read by position, mixed, and unrolled first |
-//! | `wrapper`, `noted`, `placement`, `crop`, `downsample`, `filled`, `watched` | volumes that stand before another one, and say or show something else |
+//! | `wrapper`, `noted`, `placement`, `crop`, `downsample`, `filled`, `watched` | volumes that wrap another one, and say or show something else |
 
 mod blend;
 mod block;

@@ -5,7 +5,7 @@ use std::fmt;
 use super::foreign::shown;
 use super::samples::{RawKeys, raw};
 use crate::budget::Bytes;
-use crate::facts::{Fault, Instead, Misuse, SourceError, StatedBy};
+use crate::facts::{Candidate, Fault, Instead, Misuse, OtherVolume, SourceError, StatedBy};
 
 impl fmt::Display for SourceError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -29,10 +29,14 @@ impl fmt::Display for Reason<'_> {
             SourceError::Unusable { fault, .. } => fault.fmt(f),
             SourceError::Dicom { fault, .. } => fault.fmt(f),
             SourceError::Usage { misuse, .. } => misuse.fmt(f),
-            SourceError::Gaps { error, number, other, instead } => write!(
-                f,
-                "{error}; or choose a volume: --volume {number} is this one, --volume {instead} the largest of the others ({other})"
-            ),
+            SourceError::Gaps { error, number, other } => {
+                let OtherVolume { number: instead, kind, part, size } = &**other;
+                let other = Candidate { kind: kind.clone(), part: part.clone(), size: *size, refused: None };
+                write!(
+                    f,
+                    "{error}; or choose a volume: --volume {number} is this one, --volume {instead} the largest of the others ({other})"
+                )
+            }
             SourceError::Unreadable { path, cause } => write!(
                 f,
                 "{}: cannot be read ({cause}); check that it exists and that you may read it",

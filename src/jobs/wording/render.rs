@@ -3,12 +3,24 @@
 use std::fmt;
 
 use super::foreign::shown;
+use crate::render::ray::BadRay;
 use crate::render::{CameraFault, Layer, RenderError};
+
+impl fmt::Display for BadRay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "the ray has a coordinate that is not a finite number",
+            Self::NoDirection => "the ray has no direction",
+            Self::TooDeep => "the grid is deeper than 16 levels",
+        })
+    }
+}
 
 impl fmt::Display for RenderError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Camera(fault) => fault.fmt(f),
+            Self::Ray(fault) => fault.fmt(f),
             Self::Size { width, height, most_side, most_pixels } => write!(
                 f,
                 "a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels"

@@ -9,7 +9,9 @@ use super::layer::Stack;
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
-use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageName, SeriesFault, SetApart};
+use crate::facts::dicom::{
+    Attribute, DicomFault, DicomNote, ImageFault, ImageName, SeriesFault, SetApart,
+};
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
@@ -160,6 +162,11 @@ fn open(
             // Without it the volume would silently lack a slice.
             _ => refuse(&file, DicomFault::OneImage(fault)),
         };
+    }
+    // Another image of the series may be one of these: without it the volume would silently lack a slice.
+    if let Some((file, attribute)) = series.not_finite {
+        let fault = DicomFault::OneImage(ImageFault::NotFinite(attribute));
+        return refuse(&series.files.path(file as usize), fault);
     }
     let frames = slices.iter().any(|s| s.frame > 0);
     let name = |s: &Slice| ImageName {

@@ -159,6 +159,9 @@ fn add_frame<'s>(
     frame: &FrameGeometry,
     obstacle: Option<&ImageFault>,
 ) -> &'s mut Shared {
+    if let (Some(attribute), Ok(file)) = (frame.not_finite, u32::try_from(file)) {
+        series.not_finite.get_or_insert((file, attribute));
+    }
     let kind = kind_of(&frame.frame_type);
     let mut key = StableHash::new().part(header.series_uid.as_bytes());
     let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
