@@ -48,10 +48,10 @@ fn very_many_volumes_of_one_series_are_one_line_and_one_model() {
         oct(&[&args[..], extra].concat()).json()
     };
     let report = batch(&[]);
-    assert_eq!((report["converted"].as_u64(), report["failed"].as_u64()), (Some(1), Some(0)), "{report}");
+    assert_eq!((report["converted"].as_u64(), report["failed"].as_u64()), (Some(1), Some(0)));
     assert!(report["items"][0]["warnings"].to_string().contains("--all-volumes"), "{report}");
     let report = batch(&["--all-volumes"]);
-    assert_eq!((report["converted"].as_u64(), report["skipped"].as_u64()), (Some(39), Some(1)), "{report}");
+    assert_eq!((report["converted"].as_u64(), report["skipped"].as_u64()), (Some(39), Some(1)));
 
     // One model: the first by default, any by its number in the list.
     let model = text(&folder.path().join("m.oct"));

@@ -580,9 +580,11 @@ enum Named {
 /// One number for everything in the request that the bytes of results depend on.
 fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
+    // Which volumes are taken changes none of them.
+    let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
     let text = format!(
-        "{:?} {:?} {:?} {} {} {:?} {:?}",
-        b.threshold, b.connectivity, b.channels, b.lod, request.thumbnails, request.how, request.clean
+        "{:?} {:?} {:?} {} {} {how:?} {:?}",
+        b.threshold, b.connectivity, b.channels, b.lod, request.thumbnails, request.clean
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }

@@ -9,9 +9,7 @@ use super::layer::Stack;
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
-use crate::facts::dicom::{
-    Attribute, DicomFault, DicomNote, ImageFault, ImageName, SeriesFault, SetApart,
-};
+use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageFault, ImageName, SeriesFault, SetApart};
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
