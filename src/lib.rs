@@ -96,6 +96,7 @@ pub mod format;
 pub mod geom;
 pub mod jobs;
 pub mod load;
+mod mark;
 pub mod mesh;
 pub mod progress;
 #[cfg(test)]

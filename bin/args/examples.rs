@@ -45,8 +45,8 @@ pub(crate) const SELFCHECK: &str = "Examples:
   oct selfcheck head.oct --rays 10000000 --seed 7";
 
 pub(crate) const REPORT: &str = "Examples:
-  oct report -o report/
-  oct report head.oct -o report/ --json";
+  oct report --synthetic suite --out report/
+  oct report head.oct --out report/";
 
 pub(crate) const COMPLETIONS: &str = "Examples:
   oct completions bash

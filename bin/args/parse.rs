@@ -6,7 +6,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use infobyte::builder::{Connectivity, Gradient};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::format::{Channel, Channels, SurfaceKind};
-use infobyte::geom::{Dims, Orientation};
+use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::render::{NamedView, Projection};
 use infobyte::volume::{Endian, ScalarType};
 
@@ -177,10 +177,15 @@ pub(super) fn dtype(text: &str) -> Result<(ScalarType, Endian), String> {
 }
 
 pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
-    let bad = || format!("'{text}' is not a spacing in mm; write for example 0.5x0.5x1.25, each above 0");
+    let bad = || {
+        format!(
+            "'{text}' is not a spacing in mm; write for example 0.5x0.5x1.25, each above 0 and none a billion times another"
+        )
+    };
     let three = parts::<3>(text, 'x').or_else(|| parts::<3>(text, ','));
     let parsed = three.ok_or_else(bad)?.map(|p| number(p).unwrap_or(0.0));
-    if parsed.iter().all(|s| *s > 0.0) { Ok(parsed) } else { Err(bad()) }
+    let sound = parsed.iter().all(|s| *s > 0.0) && Affine::from_spacing(parsed).inverse().is_some();
+    if sound { Ok(parsed) } else { Err(bad()) }
 }
 
 pub(super) fn orientation(text: &str) -> Result<Orientation, String> {

@@ -96,6 +96,8 @@ pub(crate) struct BatchArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) min_slices: u32,
@@ -135,6 +137,8 @@ pub(crate) struct ScanArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -226,6 +230,27 @@ pub(crate) struct WhichArgs {
     pub(crate) volume: Option<usize>,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) links: LinkArgs,
+}
+
+/// What becomes of symbolic links.
+#[derive(Debug, Args)]
+pub(crate) struct LinkArgs {
+    /// Search linked folders, and read data that a header or a side-car names and a link leads out of its folder to
+    #[arg(long)]
+    pub(crate) follow_links: bool,
+}
+
+/// What is searched, and what is taken of it.
+#[derive(Debug, Args)]
+pub(crate) struct SearchArgs {
+    #[command(flatten)]
+    pub(crate) links: LinkArgs,
+    /// Take all of more than 16 volumes of one series that are alike (moments of a film, of the brain at work), not
+    /// only the first
+    #[arg(long)]
+    pub(crate) all_volumes: bool,
 }
 
 /// What becomes of series with gaps.

@@ -14,7 +14,7 @@ use super::plan::{ColumnPlan, PlanRequest};
 use super::skin::{Connectivity, Kept};
 use super::solid::{BRICK, Found, Solid};
 use super::swap::Scratch;
-use super::{BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
+use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
 use crate::format::{Channel, Channels, Metadata, SurfaceKind};
@@ -66,6 +66,19 @@ fn forms_of(
         None => Err(BuildError::NoChannel { name: name.to_owned(), channel }),
     };
     channels.iter().map(with_form).collect()
+}
+
+/// What is odd about what was found.
+fn notes(dims: Dims, totals: &ScanTotals) -> Vec<BuildNote> {
+    let [x, y, z] = dims.to_array().map(u64::from);
+    let within = [x, y, z].map(|side| side.saturating_sub(2)).iter().product::<u64>();
+    // All voxels are inside where the skin is that of the box.
+    let all = totals.skin == x * y * z - within;
+    let found = [
+        (BuildNote::NotNumbers, totals.found.not_numbers),
+        (BuildNote::AllInside { voxels: x * y * z }, all),
+    ];
+    found.into_iter().filter(|(_, is_so)| *is_so).map(|(note, _)| note).collect()
 }
 
 /// What is built, and where.
@@ -127,6 +140,7 @@ impl Job<'_> {
         let file_bytes = seal::seal(&target, solid.dims(), solid.surface(), &census, &metadata)?;
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
+        solid.check_unchanged().map_err(BuildError::Source)?;
         atomic.commit().map_err(|e| self.output_error(e))?;
         seconds.commit = started.elapsed().as_secs_f64();
         Ok(BuildReport {
@@ -144,6 +158,7 @@ impl Job<'_> {
             threads: plan.threads,
             tile: plan.tile,
             seconds,
+            notes: notes(solid.dims(), &totals),
         })
     }
 

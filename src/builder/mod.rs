@@ -58,7 +58,7 @@ pub use estimator::Gradient;
 pub use item::ItemForm;
 pub use job::build_solid;
 pub use options::{BuildOptions, Threshold};
-pub use report::{BuildReport, StageSeconds};
+pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 

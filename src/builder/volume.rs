@@ -12,9 +12,7 @@
 use super::choose::Chooser;
 use super::error::{BuildError, Sought};
 use super::estimator::Gradient;
-use super::gradient::{
-    Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths,
-};
+use super::gradient::{Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths};
 use super::item::{ItemForm, push_swapped, value_bytes, value_form, value_scale};
 use super::ring::{RingForm, border_unit};
 use super::skin::Exposed;
@@ -121,6 +119,10 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
 
     fn worker(&self, tile: &Tile) -> VolumeWorker<'_, F> {
         VolumeWorker::new(self, tile)
+    }
+
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        self.source.check_unchanged()
     }
 
     fn nothing_inside(&self) -> BuildError {
@@ -262,6 +264,6 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
     }
 
     fn found(&self) -> Found {
-        Found { extent: self.extent, reading: self.slices.reading }
+        Found { extent: self.extent, reading: self.slices.reading, not_numbers: self.slices.not_numbers }
     }
 }

@@ -13,6 +13,7 @@ use super::walk::{Visitor, changed};
 use super::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
 use super::{placing, sidecar};
 use crate::facts::{NotVolume, SyntheticFault};
+use crate::mark::is_own_picture;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::natural_cmp;
@@ -176,7 +177,8 @@ impl<'a> Surveyor<'a> {
             return Ok(Class::Item(What::Format(index(at)), None, Weight::FILE));
         }
         if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
-            if path.extension().is_some_and(|e| e == "png") && path.with_extension("oct").is_file() {
+            // What was given by name is what is meant, whoever made it.
+            if !named && is_own_picture(&head) {
                 return left_out(NotVolume::ModelPicture);
             }
             let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();

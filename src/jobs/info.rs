@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::measure::{Measures, measure};
+use super::wording::foreign::{data, shown};
 use super::wording::{Short, WithError};
 use crate::budget::Bytes;
 use crate::error::Error;
@@ -74,7 +75,7 @@ pub fn read_info(path: &Path) -> Result<Info, Error> {
     let file =
         open_regular(path).map_err(|cause| LoadError::Unreadable { path: path.to_path_buf(), cause })?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
-    Ok(Info { input: path.display().to_string(), frame, measured: None })
+    Ok(Info { input: data(path), frame, measured: None })
 }
 
 /// Bytes stored for one kind of section.
@@ -211,14 +212,20 @@ impl Info {
             "file",
             format!(
                 "{} (format {VERSION_MAJOR}.{}, {})",
-                self.input,
+                shown(&self.input),
                 frame.header.minor,
                 frame.header.encoding.name()
             ),
         );
         row(
             "source",
-            format!("{} {} ({} files, {})", m.source.format, m.source.kind, m.source.files, dtype(frame)),
+            format!(
+                "{} {} ({} files, {})",
+                shown(&m.source.format),
+                shown(&m.source.kind),
+                m.source.files,
+                dtype(frame)
+            ),
         );
         row(
             "dims",
@@ -273,7 +280,7 @@ impl Info {
             ),
         );
         row("checksum", format!("{:08x}", content_checksum(frame)));
-        row("written by", m.program.clone());
+        row("written by", shown(&m.program).to_string());
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
         rows.iter().fold(String::new(), |mut text, (name, value)| {
             let _ = writeln!(text, "{name:width$}  {value}");

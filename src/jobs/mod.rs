@@ -19,3 +19,4 @@ pub mod verify;
 pub mod wording;
 
 pub use crate::resident::map_large_buffers;
+pub use wording::foreign::shown;

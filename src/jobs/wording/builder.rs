@@ -2,10 +2,11 @@
 
 use std::fmt;
 
+use super::foreign::shown;
 use super::number::Short;
 use super::system::writing;
 use crate::budget::{ExactSize, SizeArgument};
-use crate::builder::{BuildError, ScratchFault, Sought};
+use crate::builder::{BuildError, BuildNote, ScratchFault, Sought};
 
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -40,10 +41,10 @@ impl fmt::Display for BuildError {
             Self::Scratch { path, cause } => write!(
                 f,
                 "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
-                path.display()
+                shown(path)
             ),
             Self::Output { path, cause } => {
-                write!(f, "{}: cannot be written ({cause}); {}", path.display(), writing(cause))
+                write!(f, "{}: cannot be written ({cause}); {}", shown(path), writing(cause))
             }
             Self::Threads { cause, .. } => {
                 write!(f, "worker threads cannot be started ({cause}); try --threads 1")
@@ -70,5 +71,17 @@ impl fmt::Display for ScratchFault {
             Self::Changed => "its contents were changed by someone else",
             Self::TooManyBricks => "the model has too many bricks for this machine",
         })
+    }
+}
+
+impl fmt::Display for BuildNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),
+            Self::AllInside { voxels } => write!(
+                f,
+                "all {voxels} voxels are inside, so that the model is the box of the volume; choose another --iso or --range"
+            ),
+        }
     }
 }

@@ -11,6 +11,8 @@
 //! | `binary` | binary headers: NIfTI, NumPy |
 //! | `picture` | TIFF and PNG |
 //! | `samples` | samples in files |
+//! | `numbered` | slices numbered by the names of their files |
+//! | `foreign` | (no sentences) the one way in which foreign text is printed |
 //! | `sidecar` | side-cars |
 //! | `synthetic` | synthetic volumes |
 //! | `dicom` | DICOM |
@@ -29,6 +31,7 @@ mod clean;
 mod codec;
 mod dicom;
 mod error;
+pub mod foreign;
 mod format;
 mod found;
 mod header;
@@ -37,6 +40,7 @@ mod load;
 mod mesh;
 mod note;
 mod number;
+mod numbered;
 mod picture;
 mod render;
 mod samples;
@@ -46,6 +50,7 @@ mod system;
 mod top;
 
 use crate::facts::Note;
+use foreign::shown;
 
 pub(super) use hint::Hint;
 pub use number::{Short, WithError};
@@ -53,7 +58,7 @@ pub use number::{Short, WithError};
 /// The sentences of notes in their order, each once.
 pub fn sentences(notes: &[Note]) -> Vec<String> {
     let mut kept: Vec<String> = Vec::new();
-    for sentence in notes.iter().map(Note::to_string) {
+    for sentence in notes.iter().map(|note| shown(&note.to_string()).to_string()) {
         if !kept.contains(&sentence) {
             kept.push(sentence);
         }
