@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::rows::{Errors, Metric};
 use crate::error::Error;
 use crate::format::normal;
-use crate::geom::{BoxIndex, VoxelIndex};
+use crate::geom::{BoxIndex, Dims, VoxelIndex};
 use crate::load::{Model, NodeView};
 use crate::render::form::Form;
 use crate::render::picture::pool;
@@ -32,6 +32,13 @@ pub(super) struct Met {
     t: f64,
     point: [f64; 3],
     normal: Option<[f64; 3]>,
+    /// Is it in the outermost voxels, where the volume ends and not the body?
+    at_border: bool,
+}
+
+/// Does a box of cells touch the faces of the volume?
+fn at_border(cell: [u32; 3], edge: u32, dims: Dims) -> bool {
+    cell.iter().zip(dims.to_array()).any(|(c, n)| *c == 0 || c + edge >= n)
 }
 
 /// Lines of sight through every pixel of the three pictures.
@@ -75,10 +82,11 @@ pub(super) fn cast(
     lines: &[Line],
     threads: usize,
 ) -> Result<Vec<Option<Met>>, Error> {
-    let caster = RayCaster::new(model)?;
+    let (caster, dims) = (RayCaster::new(model)?, model.dims());
     let one = |(origin, direction): &Line| {
         let hit = caster.first_hit(*origin, *direction).ok().flatten()?;
-        Some(Met { t: hit.t, point: hit.position_mm, normal: hit.normal })
+        let at_border = at_border(hit.voxel, 1, dims);
+        Some(Met { t: hit.t, point: hit.position_mm, normal: hit.normal, at_border })
     };
     Ok(pool(threads)?.install(|| lines.par_iter().map(one).collect()))
 }
@@ -112,7 +120,8 @@ pub(super) fn cast_boxes(
         };
         let point = std::array::from_fn(|a| o[a] + hit.t * d[a]);
         let normal = code.map(|code| space.normal_to_world(normal::decode(code).map(f64::from)));
-        Some(Met { t: hit.t, point, normal })
+        let at_border = at_border(hit.cell, 1 << hit.edge_log2, model.dims());
+        Some(Met { t: hit.t, point, normal, at_border })
     });
     #[expect(clippy::cast_precision_loss, reason = "some 10^5 rays")]
     let ns = best * 1e9 / lines.len().max(1) as f64;
@@ -133,7 +142,8 @@ pub(super) fn against_body(
             let farthest = 10.0 * dot(from, from).sqrt() + 1e4;
             body.body().cast(from, direction.map(|d| d / length), farthest).is_some()
         });
-        let off = met.map(|met| {
+        // Of what goes on beyond the volume, its faces are not the surface.
+        let off = met.filter(|met| closed || !met.at_border).map(|met| {
             let truth = body.surface_at(met.point);
             (truth.distance.abs(), met.normal.map(|n| angle_deg(n, truth.normal)))
         });
