@@ -188,7 +188,7 @@ impl<F: RingForm> CellWorker<'_, F> {
                 Some((depth, gradient)) => Cell { mask, depth, gradient, is_label },
                 None => {
                     let field = self.field(place, mask);
-                    Cell { mask, depth: field.corners(), gradient: field.gradient(), is_label }
+                    Cell { mask, depth: field.corners(), gradient: field.gradient(mask), is_label }
                 }
             };
             let (code, offset) = match pick::pick(&cell, || self.field(place, mask)) {

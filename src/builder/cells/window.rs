@@ -2,7 +2,9 @@
 //!
 //! The kernel is separable and centred on the cell: along the differentiated axis the taps -1, 0, 0, 1, along the
 //! other two 1, 3, 3, 1. With these the gradient of a blurred plane errs least over all directions among kernels
-//! of four samples: to second order derivative and smoothing fall off alike.
+//! of four samples: to second order derivative and smoothing fall off alike. The second derivatives, with the taps
+//! 1, -1, -1, 1, carry the gradient from the middle of the cell to where the surface passes through it: without
+//! them normals of thick slices err by 2.4 degrees instead of 1.
 
 use super::fit::Batch;
 use crate::builder::lanes::{LANES, Lanes, RingSample, fast_proof};
@@ -75,6 +77,7 @@ impl<R: RingSample> Kernel for GatherKernel<'_, '_, R> {
 /// What a window of eight columns holds.
 struct Looked {
     gradient: [[f32; LANES]; 3],
+    second: [[f32; LANES]; 6],
     /// Samples of the rows next to the cells: y low and z low, y high, z high, both.
     samples: [[f32; LANES]; 4],
 }
@@ -85,7 +88,9 @@ impl Looked {
         let lane = lane % (LANES - 2);
         let corners: [f32; CORNERS] =
             std::array::from_fn(|c| self.samples[c >> 1][lane + 1 + (c & 1)] - level);
-        batch.put(slot, corners, std::array::from_fn(|a| self.gradient[a][lane]));
+        let gradient = std::array::from_fn(|a| self.gradient[a][lane]);
+        let second = std::array::from_fn(|i| self.second[i][lane] * if i < 3 { PURE } else { MIXED });
+        batch.put(slot, &Seen { corners, jet: Jet { gradient, second } });
     }
 }
 
@@ -99,6 +104,41 @@ fn derive<L: Lanes>(v: [L; TAPS]) -> L {
     v[3].minus(v[0])
 }
 
+#[inline(always)]
+fn bend<L: Lanes>(v: [L; TAPS]) -> L {
+    v[0].plus(v[3]).minus(v[1].plus(v[2]))
+}
+
+/// Depths at the corners, then what is known of the field in the middle of a cell.
+pub(super) struct Seen {
+    pub(super) corners: [f32; CORNERS],
+    pub(super) jet: Jet,
+}
+
+/// A gradient and the second derivatives xx, yy, zz, xy, xz, yz, in units of [`UNIT`] per voxel and square voxel.
+#[derive(Clone, Copy)]
+pub(super) struct Jet {
+    pub(super) gradient: [f32; 3],
+    pub(super) second: [f32; 6],
+}
+
+/// Sums of taps: a gradient of 1 gives 3 x 8 x 8, a pure second derivative 2 x 8 x 8, a mixed one 3 x 3 x 8.
+const UNIT: f32 = 192.0;
+const PURE: f32 = UNIT / 128.0;
+const MIXED: f32 = UNIT / 72.0;
+
+impl Jet {
+    /// What stands for cells at the border until their samples are looked at.
+    pub(super) const UNKNOWN: Self = Self { gradient: [f32::NAN; 3], second: [0.0; 6] };
+
+    /// The gradient at a point, in voxels from the middle of the cell.
+    #[inline(always)]
+    pub(super) fn at(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let ([gx, gy, gz], [xx, yy, zz, xy, xz, yz]) = (self.gradient, self.second);
+        [gx + (x * xx + y * xy + z * xz), gy + (x * xy + y * yy + z * yz), gz + (x * xz + y * yz + z * zz)]
+    }
+}
+
 /// Looks at the window whose first sample is `at`; the last lanes of the gradient are void.
 #[inline(always)]
 fn look<R: RingSample, L: Lanes>(
@@ -109,56 +149,84 @@ fn look<R: RingSample, L: Lanes>(
 ) -> Looked {
     let mut smoothed = [L::zero(proof); TAPS];
     let mut derived = [L::zero(proof); TAPS];
+    let mut bent = [L::zero(proof); TAPS];
     let mut samples = [[0.0; LANES]; 4];
     for (k, plane) in w.planes.iter().enumerate() {
         let rows = rows_of::<R, LANES, TAPS>(plane, at, w.stride).map(|row| widen(&row));
-        (smoothed[k], derived[k]) = (smooth(rows), derive(rows));
+        (smoothed[k], derived[k], bent[k]) = (smooth(rows), derive(rows), bend(rows));
         if k == 1 || k == 2 {
             (samples[2 * k - 2], samples[2 * k - 1]) = (rows[1].to_f32(), rows[2].to_f32());
         }
     }
-    let columns = [smooth(smoothed), smooth(derived), derive(smoothed)];
+    // Of y and z: smoothed, derived by y, by z, by both, twice by y, twice by z.
+    let columns =
+        [smooth(smoothed), smooth(derived), derive(smoothed), derive(derived), smooth(bent), bend(smoothed)];
     // Room behind the last lane, for the shifted reads of the void ones.
-    let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); 2 * LANES]; 3];
+    let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); 2 * LANES]; 6];
     for (sums, column) in sums.iter_mut().zip(columns) {
         sums[..LANES].copy_from_slice(&column.store());
     }
     let shifted = |axis: usize| -> [L; TAPS] {
         std::array::from_fn(|i| L::load(proof, &std::array::from_fn(|lane| sums[axis][i + lane])))
     };
-    let gradient = [derive(shifted(0)), smooth(shifted(1)), smooth(shifted(2))].map(Lanes::to_f32);
-    Looked { gradient, samples }
+    let (flat, by_y, by_z) = (shifted(0), shifted(1), shifted(2));
+    let gradient = [derive(flat), smooth(by_y), smooth(by_z)].map(Lanes::to_f32);
+    let pure = [bend(flat), smooth(shifted(4)), smooth(shifted(5))].map(Lanes::to_f32);
+    let mixed = [derive(by_y), derive(by_z), smooth(shifted(3))].map(Lanes::to_f32);
+    let second = [pure[0], pure[1], pure[2], mixed[0], mixed[1], mixed[2]];
+    Looked { gradient, second, samples }
 }
 
-/// The same gradient from 4 x 4 x 4 depths, `[z][y][x]`, for cells at the border of the volume.
-pub(super) fn gradient_of(depth: impl Fn([usize; 3]) -> f32) -> [f32; 3] {
-    let taps = |axis: usize, derived: usize, i: usize| -> f32 {
+/// How a sum treats an axis.
+#[derive(Clone, Copy)]
+enum Along {
+    Smooth,
+    Derive,
+    Bend,
+}
+
+impl Along {
+    fn tap(self, i: usize) -> f32 {
         let near = i == 1 || i == 2;
-        match (axis == derived, near) {
-            (true, true) => 0.0,
-            (true, false) => {
+        match (self, near) {
+            (Self::Smooth, true) => f32::from(NEAR),
+            (Self::Smooth, false) | (Self::Bend, false) => 1.0,
+            (Self::Derive, true) => 0.0,
+            (Self::Derive, false) => {
                 if i == 0 {
                     -1.0
                 } else {
                     1.0
                 }
             }
-            (false, true) => f32::from(NEAR),
-            (false, false) => 1.0,
+            (Self::Bend, true) => -1.0,
         }
-    };
-    std::array::from_fn(|derived| {
+    }
+}
+
+/// The same of 4 x 4 x 4 depths, asked for by x, y, z, for cells at the border of the volume.
+pub(super) fn jet_of(depth: impl Fn([usize; 3]) -> f32) -> Jet {
+    let sum = |along: [Along; 3]| {
         let mut sum = 0.0;
         for z in 0..TAPS {
             for y in 0..TAPS {
                 for x in 0..TAPS {
-                    let weight = taps(0, derived, x) * taps(1, derived, y) * taps(2, derived, z);
-                    if weight != 0.0 {
-                        sum += weight * depth([x, y, z]);
-                    }
+                    let weight = along[0].tap(x) * along[1].tap(y) * along[2].tap(z);
+                    sum += weight * depth([x, y, z]);
                 }
             }
         }
         sum
-    })
+    };
+    let with = |axes: &[(usize, Along)]| {
+        let mut along = [Along::Smooth; 3];
+        axes.iter().for_each(|(axis, how)| along[*axis] = *how);
+        sum(along)
+    };
+    let mixed = |a: usize, b: usize| with(&[(a, Along::Derive), (b, Along::Derive)]) * MIXED;
+    let pure = |a: usize| with(&[(a, Along::Bend)]) * PURE;
+    Jet {
+        gradient: [0, 1, 2].map(|a| with(&[(a, Along::Derive)])),
+        second: [pure(0), pure(1), pure(2), mixed(0, 1), mixed(0, 2), mixed(1, 2)],
+    }
 }
