@@ -1,17 +1,13 @@
 //! Planes of cells in batches, without a branch: the loop over a batch becomes vectors.
 
-use super::pick::{EDGES, NEAR_CROSSINGS, TOLERANCE};
-use super::window::{Jet, Seen};
+use super::corner::{EDGES, NEAR_CROSSINGS, TOLERANCE, signed_depth};
+use super::jet::{Jet, Seen};
 use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
 
 /// Most cells of a batch.
 pub(super) const BATCH: usize = 128;
-
-/// Least and greatest size of a depth: 1 / 0 does not come up, nor does infinity less infinity.
-pub(super) const LEAST_DEPTH: f32 = 1e-20;
-pub(super) const MOST_DEPTH: f32 = 1e30;
 
 /// Cells that wait to be fitted, one value of each in every array.
 pub(super) struct Batch {
@@ -235,14 +231,4 @@ fn plane(code: u16, mask: u32, depth: [f32; CORNERS], crossing: [f32; 12], mean:
         // Two values alone say where they are, not where the surface lies between them.
         & !((in_low == in_high) & (out_low == out_high));
     (offset, u32::from(agrees))
-}
-
-/// A depth with the sign of its side, and neither zero nor infinite.
-#[inline(always)]
-pub(super) fn signed_depth(depth: f32, inside: bool) -> f32 {
-    let size = if inside { depth } else { -depth };
-    // What is not a number becomes the least.
-    let size = if size > LEAST_DEPTH { size } else { LEAST_DEPTH };
-    let size = if size < MOST_DEPTH { size } else { MOST_DEPTH };
-    if inside { size } else { -size }
 }

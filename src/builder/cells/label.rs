@@ -1,6 +1,7 @@
 //! The surface of a map of labels: where a Gaussian over the inside is one half.
 
-use super::pick::{EDGE, Field, encode};
+use super::corner::encode;
+use super::field::{EDGE, Field};
 use crate::format::normal;
 
 /// Weights of samples 1/2, 3/2 and 5/2 away: a Gaussian of 1.4 voxels.
