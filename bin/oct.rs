@@ -440,6 +440,8 @@ fn report(args: &args::ReportArgs) -> Result<ExitCode, Error> {
     bars.finish();
     let report = report?;
     print(args.json, || report.json(), || report.text())
+}
+
 fn pack_with(
     args: &args::PackArgs,
     work: impl FnOnce(&Path, &Path) -> Result<pack::PackReport, Error>,

@@ -15,7 +15,7 @@ use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Thre
 use crate::catalogue;
 use crate::clean::{CleanOptions, CleanReport};
 use crate::error::{Error, UsageError};
-use crate::format::MAGIC;
+use crate::format::{MAGIC, SurfaceKind};
 use crate::resident::give_back;
 use crate::source::OpenOptions;
 use crate::volume::{Preparation, VolumeSource, Workspace};
@@ -277,11 +277,15 @@ impl BuildSummary {
         };
         #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
+        let (kept, one) = match self.info.frame.surface() {
+            SurfaceKind::Skin => ("skin voxels", "skin voxel"),
+            SurfaceKind::Cells => ("cells", "cell"),
+        };
+        let [x, y, z] = self.info.frame.metadata.dims;
         let mut text = format!(
-            "{}: {} skin voxels of {}, values {range}\n  {} ({per_voxel:.3} bytes per skin voxel), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
+            "{}: {} {kept} of {x}x{y}x{z}, values {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
             shown(&self.output),
             r.skin_voxels,
-            self.info.frame.dims(),
             Bytes(r.file_bytes),
             r.nodes,
             self.wall_s,

@@ -1,11 +1,12 @@
 //! The surface of a map of labels: where a Gaussian over the inside is one half.
 
-use super::pick::{EDGE, Field, encode};
+use super::corner::encode;
+use super::field::{EDGE, Field};
 use crate::format::normal;
 
-/// Weights of samples 1/2, 3/2 and 5/2 away: a Gaussian of 1.25 voxels.
-const WEIGHTS: [f64; EDGE / 2] = [0.923_116_346_386_635_8, 0.486_752_255_959_971_7, 0.135_335_283_236_612_7];
-const VARIANCE: f64 = 1.25 * 1.25;
+/// Weights of samples 1/2, 3/2 and 5/2 away: a Gaussian of 1.4 voxels.
+const WEIGHTS: [f64; EDGE / 2] = [0.938_215_595_719_107_8, 0.563_279_350_501_653_5, 0.203_032_796_251_137_9];
+const VARIANCE: f64 = 1.4 * 1.4;
 
 /// Normal code of the surface, and the value of `normal . u` on it: one Newton step from the middle of the cell.
 pub(super) fn plane(field: &Field) -> Option<(u16, f64)> {

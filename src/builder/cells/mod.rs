@@ -14,7 +14,10 @@
 //! same on every machine.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
+mod corner;
+mod field;
 mod fit;
+mod jet;
 mod label;
 mod pick;
 mod window;
@@ -31,8 +34,9 @@ use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::SourceError;
 
+use field::{EDGE, Field};
 use fit::{BATCH, Batch};
-use pick::{Cell, EDGE, Field, Picked};
+use pick::{Cell, Picked};
 
 /// Name recorded in the metadata.
 const ESTIMATOR: &str = "cell planes";
@@ -188,7 +192,9 @@ impl<F: RingForm> CellWorker<'_, F> {
                 Some((depth, gradient)) => Cell { mask, depth, gradient, is_label },
                 None => {
                     let field = self.field(place, mask);
-                    Cell { mask, depth: field.corners(), gradient: field.gradient(), is_label }
+                    let depth = field.corners();
+                    let gradient = field.jet().at(pick::mean_crossing(mask, &depth));
+                    Cell { mask, depth, gradient, is_label }
                 }
             };
             let (code, offset) = match pick::pick(&cell, || self.field(place, mask)) {

@@ -5,76 +5,24 @@
 //! outside. Where no plane separates the corners, or where the best plane would still cover an outside corner by more than [`TOLERANCE`], there are two surfaces in
 //! the cell: it keeps its corners.
 
-use super::fit::signed_depth;
+use super::corner::{EDGES, NEAR_CROSSINGS, TOLERANCE, encode, outward, signed_depth};
+use super::field::Field;
 use super::label;
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
-
-/// How far a plane may be from the crossings, and how far it may cover an outside corner, in voxels of the index
-/// space. With 0.05 more cells leave the smooth normal: 2.5 % noise then costs 2.1 instead of 0.8 degrees.
-pub(super) const TOLERANCE: f32 = 0.1;
 
 /// How far the plane of a cell between two values may cover an outside corner: the surface may lie anywhere
 /// between the samples.
 const LABEL_TOLERANCE: f32 = 0.5;
 
-/// Samples of a cell's widest neighbourhood along an axis; the cell lies between the third and the fourth.
-pub(super) const EDGE: usize = 6;
-const LOW: usize = EDGE / 2 - 1;
-
-/// The twelve edges as pairs of corners.
-pub(super) const EDGES: [(usize, usize); 12] =
-    [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
-
 /// Pulls a fitted plane towards the direction that it is sought near, in square voxels.
 const TOWARDS_GUESS: f64 = 0.05;
 
-/// Depths and sides of the samples around a cell, `[z][y][x]`.
-pub(super) struct Field {
-    depth: [[[f32; EDGE]; EDGE]; EDGE],
-    inside: [[[bool; EDGE]; EDGE]; EDGE],
-}
-
-impl Field {
-    pub(super) const EMPTY: Self =
-        Self { depth: [[[0.0; EDGE]; EDGE]; EDGE], inside: [[[false; EDGE]; EDGE]; EDGE] };
-
-    pub(super) fn set(&mut self, [x, y, z]: [usize; 3], depth: f32, inside: bool) {
-        self.depth[z][y][x] = depth;
-        self.inside[z][y][x] = inside;
-    }
-
-    /// Says of the cell's corners which are inside: what has no number lies at the surface, but outside.
-    pub(super) fn set_corners(&mut self, mask: u8) {
-        for c in 0..CORNERS {
-            self.inside[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)] = mask >> c & 1 == 1;
-        }
-    }
-
-    /// Depths at the corners of the cell.
-    pub(super) fn corners(&self) -> [f32; CORNERS] {
-        std::array::from_fn(|c| self.depth[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)])
-    }
-
-    /// The smooth gradient.
-    pub(super) fn gradient(&self) -> [f32; 3] {
-        super::window::gradient_of(|[x, y, z]| self.depth[z + 1][y + 1][x + 1])
-    }
-
-    /// Is there one depth inside, and one outside?
-    fn has_two_values(&self) -> bool {
-        let (mut of_inside, mut of_outside) = (None, None);
-        let depths = self.depth.as_flattened().as_flattened();
-        let sides = self.inside.as_flattened().as_flattened();
-        depths.iter().zip(sides).all(|(depth, inside)| {
-            let of = if *inside { &mut of_inside } else { &mut of_outside };
-            *of.get_or_insert(*depth) == *depth
-        })
-    }
-
-    pub(super) fn is_inside(&self, [x, y, z]: [usize; 3]) -> bool {
-        self.inside[z][y][x]
-    }
+/// Mean of the crossings of a cell's edges, in voxels from its middle.
+#[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
+pub(super) fn mean_crossing(mask: u8, depth: &[f32; CORNERS]) -> [f32; 3] {
+    let depth = std::array::from_fn(|c| signed_depth(depth[c], mask >> c & 1 == 1));
+    Crossings::new(mask, &depth).mean.map(|c| 0.5 * c as f32)
 }
 
 /// What a cell becomes.
@@ -117,7 +65,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
     }
     let crossings = Crossings::new(cell.mask, &depth);
     let smooth = outward(cell.gradient.map(f64::from)).map(|code| Tried::new(code, cell.mask, &crossings));
-    if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(TOLERANCE)) {
+    if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(NEAR_CROSSINGS)) {
         return smooth.picked(cell.mask, &depth, TOLERANCE);
     }
     let near = |guess: [f64; 3]| {
@@ -129,7 +77,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
         (a, b) => a.or(b),
     };
     let mut best = better(smooth, near(crossings.gradient(&depth)));
-    if best.is_none_or(|best| best.badness > f64::from(TOLERANCE)) {
+    if best.is_none_or(|best| best.badness > f64::from(NEAR_CROSSINGS)) {
         best = better(best, near(crossings.across(cell.mask)));
     }
     // A cell without any direction: its corners say all.
@@ -174,19 +122,6 @@ fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
         of.all(|d| Some(d) == first)
     };
     same(true) && same(false)
-}
-
-/// Code of the direction against a gradient, if it has one.
-pub(super) fn outward(gradient: [f64; 3]) -> Option<u16> {
-    encode(gradient.map(|c| -c))
-}
-
-/// Code of a direction of any length.
-#[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
-pub(super) fn encode(direction: [f64; 3]) -> Option<u16> {
-    let longest = direction.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
-    let is_direction = longest > 0.0 && longest < f64::INFINITY && direction.iter().all(|c| c.is_finite());
-    is_direction.then(|| normal::encode(direction.map(|c| (c / longest) as f32)))
 }
 
 /// Crossings of a cell's edges, in the cell's coordinates (-1..=1).

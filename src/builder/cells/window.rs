@@ -2,19 +2,18 @@
 //!
 //! The kernel is separable and centred on the cell: along the differentiated axis the taps -1, 0, 0, 1, along the
 //! other two 1, 3, 3, 1. With these the gradient of a blurred plane errs least over all directions among kernels
-//! of four samples: to second order derivative and smoothing fall off alike.
+//! of four samples: to second order derivative and smoothing fall off alike. The second derivatives, with the taps
+//! 1, -1, -1, 1, carry the gradient from the middle of the cell to where the surface passes through it: without
+//! them normals of thick slices err by 2.4 degrees instead of 1.
 
 use super::fit::Batch;
+use super::jet::{Jet, MIXED, NEAR, PURE, Seen, TAPS};
 use crate::builder::lanes::{LANES, Lanes, RingSample, fast_proof};
 use crate::builder::simd::{Isa, Kernel, dispatch, rows_of};
 use crate::format::cell::CORNERS;
 
-/// Samples of a cell's neighbourhood along an axis.
-const TAPS: usize = 4;
 /// Cells of a window: those whose samples all lie in it.
 const CELLS: u32 = (LANES - TAPS + 1) as u32;
-/// Weight of the two samples next to the cell.
-const NEAR: i8 = 3;
 
 /// A row of cells of one brick, and the samples around them.
 pub(super) struct RowWindow<'a, R> {
@@ -75,6 +74,7 @@ impl<R: RingSample> Kernel for GatherKernel<'_, '_, R> {
 /// What a window of eight columns holds.
 struct Looked {
     gradient: [[f32; LANES]; 3],
+    second: [[f32; LANES]; 6],
     /// Samples of the rows next to the cells: y low and z low, y high, z high, both.
     samples: [[f32; LANES]; 4],
 }
@@ -85,7 +85,9 @@ impl Looked {
         let lane = lane % (LANES - 2);
         let corners: [f32; CORNERS] =
             std::array::from_fn(|c| self.samples[c >> 1][lane + 1 + (c & 1)] - level);
-        batch.put(slot, corners, std::array::from_fn(|a| self.gradient[a][lane]));
+        let gradient = std::array::from_fn(|a| self.gradient[a][lane]);
+        let second = std::array::from_fn(|i| self.second[i][lane] * if i < 3 { PURE } else { MIXED });
+        batch.put(slot, &Seen { corners, jet: Jet { gradient, second } });
     }
 }
 
@@ -99,6 +101,11 @@ fn derive<L: Lanes>(v: [L; TAPS]) -> L {
     v[3].minus(v[0])
 }
 
+#[inline(always)]
+fn bend<L: Lanes>(v: [L; TAPS]) -> L {
+    v[0].plus(v[3]).minus(v[1].plus(v[2]))
+}
+
 /// Looks at the window whose first sample is `at`; the last lanes of the gradient are void.
 #[inline(always)]
 fn look<R: RingSample, L: Lanes>(
@@ -109,56 +116,30 @@ fn look<R: RingSample, L: Lanes>(
 ) -> Looked {
     let mut smoothed = [L::zero(proof); TAPS];
     let mut derived = [L::zero(proof); TAPS];
+    let mut bent = [L::zero(proof); TAPS];
     let mut samples = [[0.0; LANES]; 4];
     for (k, plane) in w.planes.iter().enumerate() {
         let rows = rows_of::<R, LANES, TAPS>(plane, at, w.stride).map(|row| widen(&row));
-        (smoothed[k], derived[k]) = (smooth(rows), derive(rows));
+        (smoothed[k], derived[k], bent[k]) = (smooth(rows), derive(rows), bend(rows));
         if k == 1 || k == 2 {
             (samples[2 * k - 2], samples[2 * k - 1]) = (rows[1].to_f32(), rows[2].to_f32());
         }
     }
-    let columns = [smooth(smoothed), smooth(derived), derive(smoothed)];
+    // Of y and z: smoothed, derived by y, by z, by both, twice by y, twice by z.
+    let columns =
+        [smooth(smoothed), smooth(derived), derive(smoothed), derive(derived), smooth(bent), bend(smoothed)];
     // Room behind the last lane, for the shifted reads of the void ones.
-    let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); 2 * LANES]; 3];
+    let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); 2 * LANES]; 6];
     for (sums, column) in sums.iter_mut().zip(columns) {
         sums[..LANES].copy_from_slice(&column.store());
     }
     let shifted = |axis: usize| -> [L; TAPS] {
         std::array::from_fn(|i| L::load(proof, &std::array::from_fn(|lane| sums[axis][i + lane])))
     };
-    let gradient = [derive(shifted(0)), smooth(shifted(1)), smooth(shifted(2))].map(Lanes::to_f32);
-    Looked { gradient, samples }
-}
-
-/// The same gradient from 4 x 4 x 4 depths, `[z][y][x]`, for cells at the border of the volume.
-pub(super) fn gradient_of(depth: impl Fn([usize; 3]) -> f32) -> [f32; 3] {
-    let taps = |axis: usize, derived: usize, i: usize| -> f32 {
-        let near = i == 1 || i == 2;
-        match (axis == derived, near) {
-            (true, true) => 0.0,
-            (true, false) => {
-                if i == 0 {
-                    -1.0
-                } else {
-                    1.0
-                }
-            }
-            (false, true) => f32::from(NEAR),
-            (false, false) => 1.0,
-        }
-    };
-    std::array::from_fn(|derived| {
-        let mut sum = 0.0;
-        for z in 0..TAPS {
-            for y in 0..TAPS {
-                for x in 0..TAPS {
-                    let weight = taps(0, derived, x) * taps(1, derived, y) * taps(2, derived, z);
-                    if weight != 0.0 {
-                        sum += weight * depth([x, y, z]);
-                    }
-                }
-            }
-        }
-        sum
-    })
+    let (flat, by_y, by_z) = (shifted(0), shifted(1), shifted(2));
+    let gradient = [derive(flat), smooth(by_y), smooth(by_z)].map(Lanes::to_f32);
+    let pure = [bend(flat), smooth(shifted(4)), smooth(shifted(5))].map(Lanes::to_f32);
+    let mixed = [derive(by_y), derive(by_z), smooth(shifted(3))].map(Lanes::to_f32);
+    let second = [pure[0], pure[1], pure[2], mixed[0], mixed[1], mixed[2]];
+    Looked { gradient, second, samples }
 }
