@@ -21,12 +21,13 @@ pub(super) enum Closed {
     No,
 }
 
+/// Both halves of a product, folded: one multiplication mixes all bits of both factors.
 #[inline]
-fn mix(mut x: u64) -> u64 {
-    x ^= x >> 32;
-    x = x.wrapping_mul(0xd6e8_feb8_6659_fd93);
-    x ^= x >> 32;
-    x.wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
+fn fold(a: u64, b: u64) -> u64 {
+    let product = u128::from(a) * u128::from(b);
+    #[expect(clippy::cast_possible_truncation, reason = "the halves are wanted")]
+    let halves = (product as u64, (product >> 64) as u64);
+    halves.0 ^ halves.1
 }
 
 /// A hash of a lattice point, in two independent halves.
@@ -34,17 +35,16 @@ fn mix(mut x: u64) -> u64 {
 fn vertex_hash(p: &[i32]) -> [u64; 2] {
     let xy = u64::from(p[0].cast_unsigned()) << 32 | u64::from(p[1].cast_unsigned());
     let z = u64::from(p[2].cast_unsigned());
-    [
-        mix(mix(xy ^ 0x9e37_79b9_7f4a_7c15).wrapping_add(z)),
-        mix(mix(xy.wrapping_add(0x5851_f42d_4c95_7f2d)).wrapping_add(z << 21 ^ 0x1405_7b7e_f767_814f)),
-    ]
+    let first = fold(xy ^ 0x9e37_79b9_7f4a_7c15, z.wrapping_add(0xd6e8_feb8_6659_fd93));
+    let second = fold(xy.wrapping_add(0x5851_f42d_4c95_7f2d), z ^ 0xc2b2_ae3d_27d4_eb4f);
+    [fold(first ^ xy, 0xa076_1d64_78bd_642f), fold(second ^ z, 0xe703_7ed1_a0b4_28db)]
 }
 
 /// A hash of an edge whose ends are given in their order.
 #[inline]
 fn edge_hash(low: [u64; 2], high: [u64; 2]) -> u128 {
-    let first = mix(low[0].wrapping_mul(3).wrapping_add(mix(high[0])));
-    let second = mix(low[1].wrapping_mul(5).wrapping_add(mix(high[1] ^ 0xa5a5_a5a5)));
+    let first = fold(low[0] ^ 0x8ebc_6af0_9c88_c6e3, high[0] ^ 0x5899_65cc_7537_4cc3);
+    let second = fold(low[1] ^ 0x1d8e_4e27_c47d_124f, high[1] ^ 0xeb44_acca_b455_d165);
     u128::from(first) << 64 | u128::from(second)
 }
 

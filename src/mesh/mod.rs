@@ -152,6 +152,7 @@ impl Front<'_> {
             return Err(self.unusable(MeshFault::NoTriangles).into());
         }
         let closed = counted.census.closed();
+        let mut is_closed = true;
         let (boundary, rule) = match closed {
             Closed::Oriented => (Boundary::Oriented, Rule::NonZero),
             Closed::Mixed => (Boundary::Mixed, Rule::Odd),
@@ -163,7 +164,10 @@ impl Front<'_> {
                 let (edges, sums) = match self.open_edges(&files, &grid)? {
                     Some(found) => found,
                     // Whoever says what is inside takes the mesh as it is.
-                    None if self.mesh.fill.is_some() => (Vec::new(), Sums::Signed),
+                    None if self.mesh.fill.is_some() => {
+                        is_closed = false;
+                        (Vec::new(), Sums::Signed)
+                    }
                     None => return Err(self.unusable(boundary::too_open()).into()),
                 };
                 let open = edges.len() as u64;
@@ -186,7 +190,11 @@ impl Front<'_> {
         drop((reading, held));
         let fill = |rule| if rule == Rule::NonZero { Fill::Winding } else { Fill::Parity };
         let (rule, asked_for) = match self.mesh.fill {
-            Some(Fill::Winding) => (Rule::NonZero, true),
+            Some(Fill::Winding) => {
+                // Caps of odd edges, or directions that disagree, leave sums behind the last crossing.
+                is_closed &= rule == Rule::NonZero;
+                (Rule::NonZero, true)
+            }
             Some(Fill::Parity) => (Rule::Odd, true),
             None => (rule, false),
         };
@@ -201,7 +209,7 @@ impl Front<'_> {
             origin_mm: grid.origin_mm,
         };
         let resident = self.resident(&bins, &grid);
-        Ok((MeshSolid { name: self.name(), grid, bins, rule, resident }, facts))
+        Ok((MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident }, facts))
     }
 
     /// Takes memory for a part of the work.

@@ -10,8 +10,6 @@ use crate::format::normal;
 
 /// Added to a squared distance in lattice steps and taken away again, it rounds to 2^-28 voxel^2.
 const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
-/// Rounds a cosine to 2^-10, likewise.
-const COSINE_ROUNDER: f64 = 6_755_399_441_055_744.0 / 1024.0;
 /// Below this part of its terms a sum of products in f64 has an uncertain sign.
 const UNSURE: f64 = 1e-12;
 
@@ -39,37 +37,50 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
     /// Lattice steps, squared and rounded.
-    pub(super) squared: f64,
-    cosine: f64,
+    squared: f64,
+    /// Squared distance of the triangle's plane, rounded; below 0 without a triangle.
+    height: f64,
+    /// Of any length.
     pub(super) normal: [f32; 3],
 }
 
 impl Nearest {
     /// No triangle within a distance (lattice steps, squared).
     pub(super) fn within(squared: f64) -> Self {
-        Self { squared, cosine: -1.0, normal: [0.0; 3] }
+        Self { squared, height: -1.0, normal: [0.0; 3] }
     }
 
     /// Was one found?
     pub(super) fn found(&self) -> bool {
-        self.cosine >= 0.0
+        self.height >= 0.0
     }
 
-    /// Takes a triangle if it comes before the best so far.
+    /// Takes a triangle if it comes before the best so far: nearer, or as near and facing the voxel more, or with
+    /// the smaller code.
     #[inline]
     pub(super) fn offer(&mut self, facet: &Facet, p: [f64; 3]) {
-        let squared = (facet.squared_distance(p) + ROUNDER) - ROUNDER;
+        if facet.box_distance(p) > self.squared {
+            return;
+        }
+        let ap = [p[0] - facet.a[0], p[1] - facet.a[1], p[2] - facet.a[2]];
+        let along = dot(facet.normal, ap);
+        // No point of a triangle is nearer than its plane.
+        if along * along > (self.squared + 1.0) * facet.normal_squared {
+            return;
+        }
+        let squared = (facet.squared_distance(ap, along) + ROUNDER) - ROUNDER;
         if squared > self.squared {
             return;
         }
-        let (normal, cosine) = facet.outward(p, squared);
+        let height = (along * along / facet.normal_squared + ROUNDER) - ROUNDER;
+        let normal = facet.outward(p, along);
         if squared == self.squared {
-            let behind = cosine < self.cosine;
-            if behind || (cosine == self.cosine && normal::encode(normal) >= normal::encode(self.normal)) {
+            let behind = height < self.height;
+            if behind || (height == self.height && normal::encode(normal) >= normal::encode(self.normal)) {
                 return;
             }
         }
-        *self = Self { squared, cosine, normal };
+        *self = Self { squared, height, normal };
     }
 }
 
@@ -103,8 +114,7 @@ impl Facet {
     }
 
     #[inline]
-    fn squared_distance(&self, p: [f64; 3]) -> f64 {
-        let ap = [p[0] - self.a[0], p[1] - self.a[1], p[2] - self.a[2]];
+    fn squared_distance(&self, ap: [f64; 3], along: f64) -> f64 {
         let (d1, d2) = (dot(self.ab, ap), dot(self.ac, ap));
         // The nearest point is a + v ab + w ac.
         let at = |v: f64, w: f64| {
@@ -135,31 +145,32 @@ impl Facet {
             let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
             return at(1.0 - w, w);
         }
-        let height = dot(self.normal, ap);
-        height * height / self.normal_squared
+        along * along / self.normal_squared
     }
 
-    /// The normal that leads from an inside voxel through the triangle's plane, and how much it faces the voxel.
+    /// The normal that leads from an inside voxel through the triangle's plane; `along` is how far the voxel is
+    /// along the normal as it stands, times its length.
     #[inline]
-    fn outward(&self, p: [f64; 3], squared: f64) -> ([f32; 3], f64) {
+    fn outward(&self, p: [f64; 3], along: f64) -> [f32; 3] {
         let [nx, ny, nz] = self.normal;
-        let terms = [nx * (self.a[0] - p[0]), ny * (self.a[1] - p[1]), nz * (self.a[2] - p[2])];
-        let mut along = terms[0] + terms[1] + terms[2];
-        if along.abs() <= UNSURE * (terms[0].abs() + terms[1].abs() + terms[2].abs()) {
-            along = self.exact_side(p);
+        let mut towards = -along;
+        let terms = (nx * (self.a[0] - p[0])).abs()
+            + (ny * (self.a[1] - p[1])).abs()
+            + (nz * (self.a[2] - p[2])).abs();
+        if towards.abs() <= UNSURE * terms {
+            towards = self.exact_side(p);
         }
-        let sign = match along {
-            a if a > 0.0 => 1.0,
-            a if a < 0.0 => -1.0,
+        let sign = if towards > 0.0 {
+            1.0
+        } else if towards < 0.0 {
+            -1.0
+        } else {
             // In the plane: the centre is moved by (-e, e^2, e^3).
-            _ => [nx, -ny, -nz].into_iter().find(|c| *c != 0.0).map_or(1.0, f64::signum),
+            [nx, -ny, -nz].into_iter().find(|c| *c != 0.0).map_or(1.0, f64::signum)
         };
-        let cosine =
-            if squared > 0.0 { (along * along / (self.normal_squared * squared)).min(1.0) } else { 1.0 };
-        let length = self.normal_squared.sqrt();
         #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
-        let normal = self.normal.map(|c| (sign * c / length) as f32);
-        (normal, (cosine + COSINE_ROUNDER) - COSINE_ROUNDER)
+        let normal = self.normal.map(|c| (sign * c) as f32);
+        normal
     }
 
     /// On which side of the plane a lattice point lies, in integers.
@@ -202,7 +213,8 @@ mod tests {
                     best = best.min(dot(d, d));
                 }
             }
-            let got = facet.squared_distance(p);
+            let ap = [p[0] - facet.a[0], p[1] - facet.a[1], p[2] - facet.a[2]];
+            let got = facet.squared_distance(ap, dot(facet.normal, ap));
             assert!(got <= best * (1.0 + 1e-9) + 1e-6, "{t:?} {p:?}: {got} {best}");
             assert!(best.sqrt() - got.sqrt() < 260.0, "{t:?} {p:?}: {got} {best}");
             assert!(facet.box_distance(p) <= got * (1.0 + 1e-12) + 1e-6);

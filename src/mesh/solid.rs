@@ -40,6 +40,8 @@ pub(super) struct MeshSolid {
     pub(super) grid: Grid,
     pub(super) bins: Bins,
     pub(super) rule: Rule,
+    /// Is every row outside again after its last crossing?
+    pub(super) closed: bool,
     /// Triangles that a worker has room for.
     pub(super) resident: usize,
 }
@@ -138,7 +140,7 @@ impl MeshWorker<'_> {
         let mut end = bin_end;
         self.gathered = None;
         loop {
-            self.resident.clear(z);
+            self.resident.clear(z, self.column.x.start as i32);
             let mut fits = true;
             let Self { resident, buffers, solid, column, .. } = self;
             solid.bins.for_each_block(column.y.start, z as u32, buffers, &mut |block| {
@@ -211,7 +213,7 @@ impl MeshWorker<'_> {
             resident.all(&mut each);
         } else {
             if *gathered != Some(z as u32) {
-                resident.gather(z, x_start);
+                resident.gather(z);
                 *gathered = Some(z as u32);
             }
             resident.near((x0 - x_start) as usize / BRICK, &mut each);
@@ -251,9 +253,7 @@ fn offer_triangle(
             left &= left - 1;
             let p = [centre(x0 + x as i32), py, pz];
             let best = &mut nearest[BRICK * y + x as usize];
-            if facet.box_distance(p) <= best.squared {
-                best.offer(&facet, p);
-            }
+            best.offer(&facet, p);
         }
     }
 }
@@ -272,7 +272,8 @@ impl SolidWorker for MeshWorker<'_> {
         // The region is a slab with one more slice on either side, where there is one.
         let slab = region.z.start.div_ceil(BRICK as u32) * BRICK as u32;
         let (low, high) = self.solid.bins.columns(self.column.y.start, slab.min(region.z.end - 1));
-        if region.x.end as i32 <= low || region.x.start as i32 > high { Cover::Outside } else { Cover::Mixed }
+        let beyond = self.solid.closed && region.x.start as i32 > high;
+        if region.x.end as i32 <= low || beyond { Cover::Outside } else { Cover::Mixed }
     }
 
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {

@@ -11,9 +11,11 @@
 //! | `ply` | PLY, binary of either order and text |
 //! | `text` | OBJ and OFF |
 //! | `vertices` | vertices by number |
+//! | `stop` | what stops a reader |
 
 mod ply;
 mod stl;
+mod stop;
 mod stream;
 mod text;
 mod vertices;
@@ -22,12 +24,10 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use crate::facts::{Fault, MeshFault, SourceError};
+use stop::{Each, Stop};
 
 /// Most memory that a reader holds.
 pub(super) const READER_BYTES: u64 = 512 << 10;
-
-/// Is called with the vertices of one triangle after the other.
-pub(super) type Each<'a> = dyn FnMut(&[[f64; 3]; 3]) -> Result<(), MeshFault> + 'a;
 
 /// An open mesh.
 #[derive(Debug)]
@@ -42,31 +42,6 @@ enum Kind {
     StlText { file: File },
     Ply(ply::Ply),
     Faces(text::Faces),
-}
-
-/// What stops a reader: the file is wrong, or it cannot be read, or the scratch file cannot.
-#[derive(Debug)]
-enum Stop {
-    Mesh(MeshFault),
-    Read(std::io::Error),
-    Scratch(std::io::Error),
-}
-
-impl From<MeshFault> for Stop {
-    fn from(fault: MeshFault) -> Self {
-        Self::Mesh(fault)
-    }
-}
-
-impl Stop {
-    /// Of a failure to read: where the file ended, it was cut short.
-    fn reading(cause: std::io::Error) -> Self {
-        if cause.kind() == std::io::ErrorKind::UnexpectedEof {
-            Self::Mesh(MeshFault::CutShort)
-        } else {
-            Self::Read(cause)
-        }
-    }
 }
 
 impl MeshFile {

@@ -3,10 +3,10 @@
 use std::fs::File;
 use std::path::Path;
 
+use super::stop::{Each, Stop};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan};
 use super::vertices::{MOST_RECORD, Number, Pages, Spool, Vertices};
-use super::{Each, Stop};
 use crate::facts::MeshFault;
 
 /// Longest header, in bytes.
@@ -265,7 +265,24 @@ impl Binary {
         let mut pages = Pages::new(&self.vertices);
         let big = self.vertices.big;
         let mut triangles = 0;
+        // Nearly all files: faces are lists of 32 bits with a count of 8, and nothing else.
+        let usual = !big
+            && matches!(self.properties[..], [Property { length: Some(n), value, .. }]
+                if n.bytes() == 1 && value.bytes() == 4);
         for face in 0..self.faces {
+            if usual && stream.peek()? == 3 {
+                let record: [u8; 13] = stream.take()?;
+                let mut t = [[0.0; 3]; 3];
+                for (out, at) in t.iter_mut().zip(record[1..].as_chunks::<4>().0) {
+                    *out = pages.get(u32::from_le_bytes(*at).into(), face)?;
+                }
+                triangles += 1;
+                if !t.iter().flatten().all(|c| c.is_finite()) {
+                    return Err(MeshFault::NotFinite { triangle: triangles }.into());
+                }
+                each(&t)?;
+                continue;
+            }
             for (at, property) in self.properties.iter().enumerate() {
                 let Some(length) = property.length else {
                     stream.skip(property.value.bytes());

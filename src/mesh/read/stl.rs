@@ -2,8 +2,8 @@
 
 use std::fs::File;
 
+use super::stop::{Each, Stop};
 use super::stream::{Stream, Token, Words};
-use super::{Each, Stop};
 use crate::facts::MeshFault;
 
 /// Bytes before the first triangle, and of each.

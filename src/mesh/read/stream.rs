@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 
-use super::Stop;
+use super::stop::Stop;
 use crate::facts::MeshFault;
 
 /// Bytes read at a time.
@@ -74,6 +74,14 @@ impl<'a> Stream<'a> {
                 return Err(MeshFault::CutShort.into());
             }
         }
+    }
+
+    /// The next byte, which is read again.
+    #[inline]
+    pub(super) fn peek(&mut self) -> Result<u8, Stop> {
+        let [byte] = self.take()?;
+        self.at -= 1;
+        Ok(byte)
     }
 
     /// Leaves bytes out.

@@ -3,9 +3,9 @@
 use std::fs::File;
 use std::path::Path;
 
+use super::stop::{Each, Stop};
 use super::stream::{Stream, Token, Words};
 use super::vertices::{Pages, Spool, Vertices};
-use super::{Each, Stop};
 use crate::facts::MeshFault;
 
 /// Vertices, and triangles that name them.

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-use super::Stop;
+use super::stop::Stop;
 use crate::facts::MeshFault;
 
 /// Vertices of a page, and pages that are held; a prime number, so that runs of pages at even distances do not
