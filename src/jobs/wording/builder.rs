@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::number::Short;
-use super::system::writing;
+use super::system::{reading, writing};
 use crate::budget::{ExactSize, SizeArgument};
 use crate::builder::{BuildError, ScratchFault, Sought};
 
@@ -35,8 +35,9 @@ impl fmt::Display for BuildError {
             Self::EmptyRange { .. } => f.write_str("the range is empty: write it as LO..HI with LO <= HI"),
             Self::Scratch { path, cause } => write!(
                 f,
-                "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
-                path.display()
+                "scratch file in {}: {cause}; {}",
+                path.display(),
+                reading(cause, "free some space or choose another folder with --scratch")
             ),
             Self::Output { path, cause } => {
                 write!(f, "{}: cannot be written ({cause}); {}", path.display(), writing(cause))

@@ -48,8 +48,9 @@ impl fmt::Display for Reason<'_> {
             ),
             SourceError::Scratch { path, cause } => write!(
                 f,
-                "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
-                path.display()
+                "scratch file in {}: {cause}; {}",
+                path.display(),
+                reading(cause, "free some space or choose another folder with --scratch")
             ),
             SourceError::Memory { path, needed_bytes, allowed_bytes } => write!(
                 f,
