@@ -423,8 +423,8 @@ fn files_that_are_no_models_are_refused_by_every_command() {
         &["info"][..],
         &["verify"],
         &["selfcheck"],
-        &["render", "-o", &output],
-        &["thumbnail", "-o", &output],
+        &["render", "--force", "-o", &output],
+        &["thumbnail", "--force", "-o", &output],
         &["pack", "-o", &output],
         &["unpack", "-o", &output],
     ];
@@ -446,7 +446,7 @@ fn files_that_are_no_models_are_refused_by_every_command() {
     // Packed models cannot be looked at in place: the sentence says what to do.
     let (mapped, packed) = (text(&stage.path("ball.oct")), text(&stage.path("ball.opk")));
     assert_eq!(oct(&["pack", &mapped, "-o", &packed]).code, 0);
-    oct(&["render", &packed, "-o", &output]).refused(3, &["ball.opk", "oct unpack"]);
+    oct(&["render", &packed, "-o", &output, "--force"]).refused(3, &["ball.opk", "oct unpack"]);
     oct(&["unpack", &mapped, "-o", &output]).refused(3, &["ball.oct"]);
     stage.untouched();
 }

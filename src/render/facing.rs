@@ -49,7 +49,7 @@ pub(super) fn company(stored: [f64; 3], of: impl Fn(i64) -> Option<[f64; 3]>) ->
             apart(1.0) < AGREE || apart(-1.0) < AGREE
         })
     };
-    if agrees(1) && agrees(-1) {
+    if agrees(1) && agrees(-1) && (agrees(2) || agrees(-2)) {
         return Company::Calm;
     }
     let agreeing = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().filter(|at| agrees(*at)).count();
@@ -163,25 +163,32 @@ impl Search {
         if infobyte == 0 || level == 0 {
             return;
         }
-        let first = view.first_child(node);
         let half = 1_i64 << (level - 1);
-        for octant in Octant::ALL {
-            if !octant.is_in(infobyte) {
-                continue;
+        // The octants that the window reaches, axis by axis.
+        let mut reached = infobyte;
+        for axis in 0..3 {
+            let middle = from[axis] + half;
+            if self.low[axis] >= middle {
+                reached &= HIGH[axis];
+            } else if self.low[axis] + i64::from(SIDE) <= middle {
+                reached &= !HIGH[axis];
             }
+        }
+        if reached == 0 {
+            return;
+        }
+        let first = view.first_child(node);
+        while reached != 0 {
+            let octant = Octant::low_bits(reached.trailing_zeros());
+            reached &= reached - 1;
             let high = octant.high();
-            let at: [i64; 3] = std::array::from_fn(|a| from[a] + i64::from(high[a]) * half);
-            let outside =
-                (0..3).any(|a| at[a] + half <= self.low[a] || at[a] >= self.low[a] + i64::from(SIDE));
-            if outside {
-                continue;
-            }
+            let at = [0, 1, 2].map(|a: usize| from[a] + i64::from(high[a]) * half);
             let child = first.after(octant.rank_in(infobyte));
             if level > 1 {
                 self.descend(view, child.node(), at, level - 1);
                 continue;
             }
-            let [x, y, z] = std::array::from_fn(|a| at[a] - self.low[a]);
+            let [x, y, z] = [0, 1, 2].map(|a: usize| at[a] - self.low[a]);
             self.found |= 1 << (x + 5 * y + 25 * z);
             if [x, y, z] == [REACH; 3] {
                 self.middle = child.get();
@@ -306,6 +313,9 @@ impl Around {
 
 /// Axes of the six different elements of a symmetric matrix.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
+/// Octants on the high side along x, y and z, as bits of an infobyte.
+const HIGH: [u8; 3] = [0b1010_1010, 0b1100_1100, 0b1111_0000];
 
 /// Boxes at the ends of the window's rows along x, and of its columns along y.
 const ROW_LOW: u128 = ends(1, 0);

@@ -319,10 +319,12 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         let width = self.canvas.width as usize;
         image.rgba.par_chunks_mut(width * 4).skip(top).take(rows).enumerate().for_each(|(y, row)| {
             let (out, _) = row.as_chunks_mut::<4>();
+            let mut last = None;
             for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                 if pixel.is_hit() {
                     let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
-                    let [r, g, b] = self.light(pixel, line).map(|c| self.shader.encode(c));
+                    let light = self.shader.light(self.normal_after(&mut last, pixel, line), line.1);
+                    let [r, g, b] = light.map(|c| self.shader.encode(c));
                     *out = [r, g, b, 255];
                 }
             }
@@ -342,10 +344,11 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let code = |c: f64| (128.5 + c * 127.0).clamp(1.0, 255.0) as u8;
             normals.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
                 let (out, _) = row.as_chunks_mut::<3>();
+                let mut last = None;
                 for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                     if pixel.is_hit() {
                         let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
-                        *out = self.normal(pixel, line).map(code);
+                        *out = self.normal_after(&mut last, pixel, line).map(code);
                     }
                 }
             });
@@ -442,6 +445,20 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     fn light(&self, seen: Seen, line: Line) -> [f64; 3] {
         self.shader.light(self.normal(seen, line), line.1)
+    }
+
+    /// As [`Painter::normal`], for pixels of one row from left to right: those of one face have one normal.
+    #[inline]
+    fn normal_after(&self, last: &mut Option<(u64, u8, [f64; 3])>, seen: Seen, line: Line) -> [f64; 3] {
+        match last {
+            Some((number, face, normal)) if (*number, *face) == (seen.box_number, seen.face) => *normal,
+            _ => {
+                let normal = self.normal(seen, line);
+                // Without a face it may depend on the line of sight.
+                *last = (seen.face != Seen::NO_FACE).then_some((seen.box_number, seen.face, normal));
+                normal
+            }
+        }
     }
 
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards

@@ -79,7 +79,7 @@ fn a_headerless_volume_comes_from_standard_input_and_gives_the_same_model() {
     let info = |name: &str| oct(&["info", &text(&here.join(name)), "--json"]).json();
     assert_eq!(info("a.oct")["checksum"], info("b.oct")["checksum"]);
     let short = fed(here, &[&["build", "-", "-o", "c.oct"], &shape[..]].concat(), &bytes[..100]);
-    assert_eq!(short.status.code(), Some(2), "{short:?}");
+    assert_eq!(short.status.code(), Some(3), "{short:?}");
     assert_eq!(names(here), ["a.oct", "b.oct", "v.raw"]);
 }
 

@@ -178,7 +178,7 @@ fn the_contact_sheet_tells_how_the_threshold_came_and_what_the_folder_holds() {
         .map(|name| fs::metadata(out.join(name)).unwrap().len())
         .sum();
     assert_eq!(report["holds"], json!({ "models": 3, "thumbnails": 3, "bytes": bytes }));
-    let asked = batch(&top, &folder.path().join("asked"), &["--iso", "700", "--series", "ct"]);
+    let asked = batch(&top, &folder.path().join("asked"), &["--iso", "300", "--series", "ct"]);
     assert_eq!(asked["items"][0]["model"]["selection"], "iso");
     assert!(fs::read_to_string(folder.path().join("asked/index.html")).unwrap().contains("(as asked)"));
     // What a build had in use is part of what its job was granted.

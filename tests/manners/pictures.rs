@@ -21,12 +21,12 @@ fn brightness(path: &Path) -> Vec<u8> {
         .collect()
 }
 
-/// Darkest and brightest of the middle 98 in a hundred.
+/// Darkest and brightest of the middle 94 in a hundred.
 fn span(path: &Path) -> (u8, u8) {
     let mut all = brightness(path);
     assert!(all.len() > 1000, "{}", all.len());
     all.sort_unstable();
-    (all[all.len() / 100], all[all.len() - 1 - all.len() / 100])
+    (all[all.len() * 3 / 100], all[all.len() - 1 - all.len() * 3 / 100])
 }
 
 #[test]

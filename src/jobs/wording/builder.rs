@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::foreign::shown;
 use super::number::Short;
-use super::system::writing;
+use super::system::{reading, writing};
 use crate::budget::{ExactSize, SizeArgument};
 use crate::builder::{BuildError, BuildNote, ScratchFault, Sought};
 
@@ -40,8 +40,9 @@ impl fmt::Display for BuildError {
             Self::EmptyRange { .. } => f.write_str("the range is empty: write it as LO..HI with LO <= HI"),
             Self::Scratch { path, cause } => write!(
                 f,
-                "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
-                shown(path)
+                "scratch file in {}: {cause}; {}",
+                shown(path),
+                reading(cause, "free some space or choose another folder with --scratch")
             ),
             Self::Output { path, cause } => {
                 write!(f, "{}: cannot be written ({cause}); {}", shown(path), writing(cause))

@@ -57,8 +57,9 @@ impl fmt::Display for Reason<'_> {
             ),
             SourceError::Scratch { path, cause } => write!(
                 f,
-                "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
-                shown(path)
+                "scratch file in {}: {cause}; {}",
+                shown(path),
+                reading(cause, "free some space or choose another folder with --scratch")
             ),
             SourceError::Memory { path, needed_bytes, allowed_bytes } => write!(
                 f,
