@@ -28,6 +28,15 @@ struct Found {
     bytes: u64,
 }
 
+impl Found {
+    fn row(&self) -> String {
+        let Self { rms, p99, most, wrong_percent, angle, angle_p99, bytes } = self;
+        format!(
+            "RMS {rms:.4} p99 {p99:.3} max {most:.2} voxel, wrong {wrong_percent:.3} %, normals {angle:.2} p99 {angle_p99:.1} deg, {bytes} bytes"
+        )
+    }
+}
+
 fn side() -> u32 {
     std::env::var("INFOBYTE_CELLS_SIDE").ok().and_then(|n| n.parse().ok()).unwrap_or(96)
 }
@@ -169,7 +178,7 @@ fn cells_are_as_true_as_a_mesh() {
         } else {
             (rms * coarser, p99 * coarser)
         };
-        println!("{name:20} {found:.4?}; mesh {rms:.4} {p99:.4}");
+        println!("{name:20} {}; mesh {rms:.4} {p99:.4}", found.row());
         let ok = found.rms <= rms * 1.05 + 0.002 * coarser
             && found.p99 <= p99 * 1.2 + 0.01 * coarser
             && found.wrong_percent <= (wrong + 0.02) * coarser * coarser + 0.05
@@ -187,7 +196,7 @@ fn surfaces_of_two_valued_volumes_are_smooth() {
     for (at, bound) in [(0, 0.09), (1, 0.09), (2, 0.17)] {
         let (name, body) = Body::all(f64::from(n))[at];
         let found = measure(&body, n, TWO_VALUES, SurfaceKind::Cells);
-        println!("{name:20} two values {found:.4?}");
+        println!("{name:20} two values {}", found.row());
         let coarser = (192.0 / f64::from(n)).sqrt();
         assert!(found.rms <= bound * coarser, "{name} {found:?}");
         assert!(at == 2 || found.angle_p99 <= 10.0 * coarser, "{name} {found:?}");
@@ -199,6 +208,6 @@ fn skin_voxels_are_as_far_off_as_before() {
     let n = 64;
     let (_, body) = Body::all(f64::from(n))[0];
     let found = measure(&body, n, CLEAN, SurfaceKind::Skin);
-    println!("skin {found:.4?}");
+    println!("skin {}", found.row());
     assert!((0.25..0.32).contains(&found.rms), "{found:?}");
 }
