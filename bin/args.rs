@@ -62,6 +62,9 @@ pub(crate) enum Command {
     /// Compare random rays through a model with a slow exact reference
     #[command(after_help = examples::SELFCHECK)]
     Selfcheck(SelfcheckArgs),
+    /// Measure and draw how fast and how wrong every choice is
+    #[command(after_help = examples::REPORT)]
+    Report(ReportArgs),
     /// Print a script that completes commands, options and files in a shell
     #[command(after_help = examples::COMPLETIONS)]
     Completions(CompletionsArgs),
@@ -84,6 +87,7 @@ impl Command {
             Self::Thumbnail(args) => args.json,
             Self::Demo(args) => args.json,
             Self::Selfcheck(args) => args.json,
+            Self::Report(args) => args.json,
             Self::Completions(_) | Self::Man(_) => false,
         }
     }
@@ -159,6 +163,32 @@ pub(crate) struct SelfcheckArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("subject").required(true).multiple(true))]
+pub(crate) struct ReportArgs {
+    /// A model: what can be known without the truth
+    #[arg(value_name = "MODEL.oct", group = "subject")]
+    pub(crate) model: Option<PathBuf>,
+    /// A synthetic volume whose surface is known, as NAME, NAME@N or NAME@N?key=value; suite for several bodies, head
+    /// for the head; may be given several times
+    #[arg(long, value_name = "NAME", group = "subject")]
+    pub(crate) synthetic: Vec<String>,
+    /// Folder of report.html, report.csv and report.json; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Pixels along a side of the pictures that errors are measured on
+    #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub(crate) pixels: u32,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 /// How many threads work.

@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use infobyte::jobs::shown;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
@@ -152,5 +153,5 @@ pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
 
 /// Errors are one sentence on one line, whatever a file's name contains.
 pub(crate) fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+    shown(text).to_string()
 }

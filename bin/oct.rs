@@ -2,6 +2,7 @@
 
 mod args;
 mod bars;
+mod bus;
 mod failure;
 mod manual;
 mod streams;
@@ -17,7 +18,9 @@ use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
+use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
+use infobyte::jobs::wording::foreign::{self, data, plain, shown};
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
 use infobyte::render::ViewPoint;
@@ -101,14 +104,17 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
             refuse_dash([args.folder.as_path()], Dash::Folder)?;
             Ok(manual::pages(&args.folder)?)
         }
+        Command::Report(args) => Ok(report(&args)?),
     }
 }
 
 fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     let options = BuildOptions {
         threshold: args.selection.threshold(),
+        surface: args.skin.surface,
         connectivity: args.skin.connectivity,
         channels: args.skin.channels,
+        gradient: args.skin.gradient,
         lod: args.lod == Switch::On,
         memory: MemoryCap::Process(args.memory),
         threads: args.threads.count(),
@@ -116,6 +122,15 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     };
     refuse_dash([args.output.as_path()], Dash::Model)?;
     check_suffixes([args.output.as_path()], Written::Model, args.force)?;
+    if jobs::mesh::are_meshes(&args.input) {
+        let bars = Bars::new(args.quiet || args.json);
+        let mesh = args.mesh.options(args.raw.dims);
+        let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
+        bars.finish();
+        let summary = summary?;
+        let text = || if args.quiet { String::new() } else { summary.text() };
+        return Ok(print(args.json, || summary.json(), text)?);
+    }
     let raw = raw_options(&args.raw)?;
     let spool = args.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let (inputs, _held) = match args.input.as_slice() {
@@ -133,6 +148,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         raw,
         gaps: args.which.gaps.policy(),
         volume: args.which.volume,
+        follow_links: args.which.links.follow_links,
         placement: Placement { spacing_mm: args.raw.spacing, orientation: args.raw.orientation },
         ..OpenOptions::default()
     };
@@ -155,13 +171,17 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         how: OpenOptions {
             gaps: args.gaps.policy(),
             placement: Placement { spacing_mm: args.spacing, orientation: args.orientation },
+            follow_links: args.search.links.follow_links,
+            all_volumes: args.search.all_volumes,
             ..OpenOptions::default()
         },
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
+            surface: args.skin.surface,
             connectivity: args.skin.connectivity,
             channels: args.skin.channels,
+            gradient: args.skin.gradient,
             lod: args.lod == Switch::On,
             memory: MemoryCap::Process(args.memory),
             threads: args.threads.count(),
@@ -175,6 +195,8 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
+    // Thumbnails are made of models that lie there.
+    bus::tell_of(&args.out);
     let bars = BatchBars::new(jobs, args.quiet || args.json);
     let report = jobs::batch::batch(&request, &bars);
     bars.finish();
@@ -189,10 +211,10 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             || Value::Null,
             || {
                 let notes: String =
-                    report.warnings.iter().map(|warning| format!("  note: {warning}\n")).collect();
+                    report.warnings.iter().map(|note| format!("  note: {}\n", shown(note))).collect();
                 format!(
                     "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n  the folder holds {} model(s), {}\n{notes}",
-                    args.out.display(),
+                    shown(&args.out),
                     counts.converted,
                     counts.skipped,
                     counts.failed,
@@ -225,6 +247,8 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     let how = OpenOptions {
         gaps: args.gaps.policy(),
         opening_bytes: Some(SCAN_OPENING_BYTES),
+        follow_links: args.search.links.follow_links,
+        all_volumes: args.search.all_volumes,
         ..OpenOptions::default()
     };
     let report = jobs::scan::scan(&args.input, &how, &mut |listed| {
@@ -233,7 +257,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
             (true, false) => ",\n",
             (false, _) => "",
         };
-        let text = if args.json { listed.json().to_string() } else { listed.text() };
+        let text = if args.json { foreign::json(&listed.json()) } else { listed.text() };
         print(false, || Value::Null, || format!("{before}{text}")).map(|_| ())
     });
     let report = match report {
@@ -253,13 +277,13 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         }
         text += "; only headers were read, so that damaged pixels, or none inside, show in the batch\n";
         for (reason, count, first) in &report.left_out {
-            text += &format!("  {count} file(s) left out: {reason} (first: {first})\n");
+            text += &format!("  {count} file(s) left out: {} (first: {})\n", shown(reason), shown(first));
         }
         text
     };
     let json = || {
         let head = if first { &begin } else { "" };
-        let rest = report.json().to_string();
+        let rest = foreign::json(&report.json());
         format!("{head}\n],{}\n", rest.strip_prefix('{').unwrap_or(&rest))
     };
     Ok(print(false, || Value::Null, || if args.json { json() } else { text() })?)
@@ -303,6 +327,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     check_suffixes(layers(), Written::Picture, args.force)?;
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let model = Input::of(&args.model)?;
+    bus::tell_of(&args.model);
     let bars = Bars::new(args.json);
     let report = picture::render_file(model.path(), output.path(), depth, normals, &request, &bars);
     bars.finish();
@@ -314,9 +339,14 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
     let threads = args.threads.count();
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let model = Input::of(&args.model)?;
+    bus::tell_of(&args.model);
     let report = picture::thumbnail_file(model.path(), output.path(), args.size, threads)?;
     output.finish(|| print_picture(args.json, &args.model, &args.output, &report))
 }
+
+/// What is said of a picture that shows nothing.
+const NO_HIT: &str =
+    "  note: no ray meets the model, so the picture is empty; check --eye, --look-at and --fov\n";
 
 fn print_picture(
     as_json: bool,
@@ -327,16 +357,17 @@ fn print_picture(
     let json = || {
         let mut value = serde_json::to_value(report).unwrap_or_default();
         if let Value::Object(map) = &mut value {
-            map.insert("input".into(), json!(model.display().to_string()));
-            map.insert("output".into(), json!(output.display().to_string()));
+            map.insert("input".into(), json!(data(model)));
+            map.insert("output".into(), json!(data(output)));
             map.insert("peak_rss_bytes".into(), json!(infobyte::budget::peak_rss_bytes()));
         }
         value
     };
     let text = || {
+        let nothing = if report.hits == 0 { NO_HIT } else { "" };
         format!(
-            "{}: {}x{}, {} rays, {} hits, {:.3} s\n",
-            output.display(),
+            "{}: {}x{}, {} rays, {} hits, {:.3} s\n{nothing}",
+            shown(output),
             report.width,
             report.height,
             report.rays,
@@ -365,6 +396,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
         ..BuildOptions::default()
     };
     let files = DemoFiles::beside(&args.output, args.picture.as_deref());
+    bus::tell_of(&args.output);
     let bars = Bars::new(args.quiet || args.json);
     let summary = jobs::demo::demo(args.size, &options, &files, threads, &bars);
     bars.finish();
@@ -374,9 +406,11 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
 
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
     let input = Input::of(&args.model)?;
+    bus::tell_of(&args.model);
     let model = Model::open(input.path()).map_err(Error::from)?;
     let threads = args.threads.count();
     let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads).map_err(Error::from)?;
+    model.check_unchanged(input.path()).map_err(Error::from)?;
     let total = found.total();
     let code = print(
         args.json,
@@ -384,6 +418,28 @@ fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
         || format!("{} rays, {total} mismatches against the exact reference\n", args.rays),
     )?;
     Ok(if total == 0 { code } else { ExitCode::FAILURE })
+}
+
+fn report(args: &args::ReportArgs) -> Result<ExitCode, Error> {
+    // As a shell would take it again.
+    let quoted = |word: String| {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_./@=:,".contains(c);
+        if word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    };
+    let words = std::env::args_os().skip(1).map(|word| quoted(word.to_string_lossy().into_owned()));
+    let request = ReportRequest {
+        model: args.model.clone(),
+        synthetic: args.synthetic.clone(),
+        out: args.out.clone(),
+        threads: args.threads.count(),
+        pixels: args.pixels,
+        command: std::iter::once("oct".to_owned()).chain(words).collect::<Vec<_>>().join(" "),
+    };
+    let bars = Bars::new(args.quiet || args.json);
+    let report = jobs::report::report(&request, &bars);
+    bars.finish();
+    let report = report?;
+    print(args.json, || report.json(), || report.text())
 }
 
 fn pack_with(
@@ -402,8 +458,8 @@ fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<Exit
         args.json,
         || {
             json!({
-                "input": args.input.display().to_string(),
-                "output": args.output.display().to_string(),
+                "input": data(&args.input),
+                "output": data(&args.output),
                 "bytes_in": report.bytes_in,
                 "bytes": report.bytes_out,
                 "skin_voxels": report.skin_voxels,
@@ -415,7 +471,7 @@ fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<Exit
         || {
             format!(
                 "{}: {} -> {} ({per_voxel:.4} bytes per skin voxel)\n",
-                args.output.display(),
+                shown(&args.output),
                 Bytes(report.bytes_in),
                 Bytes(report.bytes_out)
             )
@@ -435,7 +491,7 @@ fn print(
     json: impl FnOnce() -> Value,
     text: impl FnOnce() -> String,
 ) -> Result<ExitCode, Error> {
-    let output = if as_json { format!("{}\n", json()) } else { text() };
+    let output = if as_json { foreign::json(&json()) + "\n" } else { plain(&text(), true).into_owned() };
     let mut stdout = io::stdout().lock();
     match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
         Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {

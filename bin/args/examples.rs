@@ -44,6 +44,10 @@ pub(crate) const SELFCHECK: &str = "Examples:
   oct selfcheck head.oct
   oct selfcheck head.oct --rays 10000000 --seed 7";
 
+pub(crate) const REPORT: &str = "Examples:
+  oct report --synthetic suite --out report/
+  oct report head.oct --out report/";
+
 pub(crate) const COMPLETIONS: &str = "Examples:
   oct completions bash
   oct completions zsh";

@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
-use infobyte::builder::{Connectivity, Threshold};
+use infobyte::builder::{Connectivity, Gradient, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
-use infobyte::format::Channels;
+use infobyte::facts::Fill;
+use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
+use infobyte::mesh::{GridChoice, MeshOptions};
 use infobyte::source::GapPolicy;
 use infobyte::volume::{Endian, ScalarType};
 
@@ -51,6 +53,8 @@ pub(crate) struct BuildArgs {
     pub(crate) clean: CleanArgs,
     #[command(flatten)]
     pub(crate) raw: RawArgs,
+    #[command(flatten)]
+    pub(crate) mesh: MeshArgs,
 }
 
 #[derive(Debug, Args)]
@@ -92,6 +96,8 @@ pub(crate) struct BatchArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) min_slices: u32,
@@ -131,6 +137,8 @@ pub(crate) struct ScanArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -197,9 +205,17 @@ impl SelectionArgs {
 /// Which voxels are kept, and what is stored of them.
 #[derive(Debug, Args)]
 pub(crate) struct SkinArgs {
-    /// Attributes per skin voxel: normal, value, or none
+    /// Surface of the model: skin voxels, or cells between samples with a plane in each, true to a few hundredths
+    /// of a voxel
+    #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
+    pub(crate) surface: SurfaceKind,
+    /// Attributes per skin voxel: normal, value, or none; offset means --surface cells
     #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
     pub(crate) channels: Channels,
+    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), or auto,
+    /// which sees finer detail where there is little noise, at three times the time of normals
+    #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
+    pub(crate) gradient: Gradient,
     /// Connectivity of the skin: 26 (thin) or 6 (thick)
     #[arg(long, default_value = "26", value_parser = parse::connectivity)]
     pub(crate) connectivity: Connectivity,
@@ -214,6 +230,27 @@ pub(crate) struct WhichArgs {
     pub(crate) volume: Option<usize>,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) links: LinkArgs,
+}
+
+/// What becomes of symbolic links.
+#[derive(Debug, Args)]
+pub(crate) struct LinkArgs {
+    /// Search linked folders, and read data that a header or a side-car names and a link leads out of its folder to
+    #[arg(long)]
+    pub(crate) follow_links: bool,
+}
+
+/// What is searched, and what is taken of it.
+#[derive(Debug, Args)]
+pub(crate) struct SearchArgs {
+    #[command(flatten)]
+    pub(crate) links: LinkArgs,
+    /// Take all of more than 16 volumes of one series that are alike (moments of a film, of the brain at work), not
+    /// only the first
+    #[arg(long)]
+    pub(crate) all_volumes: bool,
 }
 
 /// What becomes of series with gaps.
@@ -290,6 +327,56 @@ impl CleanArgs {
             drop_below: self.drop_below,
             connectivity: self.component_connectivity,
         }
+    }
+}
+
+/// How a mesh becomes a solid.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Meshes only (STL, PLY, OBJ, OFF)")]
+pub(crate) struct MeshArgs {
+    /// Voxels along the longest side of the mesh, margins included
+    #[arg(long, value_name = "N", value_parser = parse::grid_side, conflicts_with = "voxel")]
+    pub(crate) grid: Option<u32>,
+    /// Edge of a voxel in mm
+    #[arg(long, value_name = "MM", value_parser = parse::positive)]
+    pub(crate) voxel: Option<f64>,
+    /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims")]
+    pub(crate) origin: Option<[f64; 3]>,
+    /// Voxels left free at every side of the mesh
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) margin: u16,
+    /// Unit of the file's coordinates: um, mm, cm, m or in
+    #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = parse::unit_mm)]
+    pub(crate) unit: f64,
+    /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what fits
+    /// the mesh
+    #[arg(long, value_enum, value_name = "winding|parity")]
+    pub(crate) fill: Option<FillRule>,
+}
+
+/// Which voxels are inside a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FillRule {
+    Winding,
+    Parity,
+}
+
+impl MeshArgs {
+    /// The options of the library, if anything says how fine the grid is.
+    pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
+        let margin = self.margin.into();
+        let grid = match (self.grid, self.voxel, self.origin, dims) {
+            (_, Some(edge_mm), Some(origin_mm), Some(dims)) => GridChoice::Exact { edge_mm, origin_mm, dims },
+            (_, Some(edge_mm), ..) => GridChoice::Voxel { edge_mm, margin },
+            (Some(voxels), ..) => GridChoice::Side { voxels, margin },
+            _ => return None,
+        };
+        let fill = self.fill.map(|rule| match rule {
+            FillRule::Winding => Fill::Winding,
+            FillRule::Parity => Fill::Parity,
+        });
+        Some(MeshOptions { grid, unit_mm: self.unit, fill })
     }
 }
 

@@ -12,11 +12,13 @@ use super::log::{Log, NONE, Record};
 use super::walk::{Visitor, changed};
 use super::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
 use super::{placing, sidecar};
-use crate::facts::NotVolume;
+use crate::facts::{NotVolume, SyntheticFault};
+use crate::mark::is_own_picture;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::natural_cmp;
 use crate::source::{FORMATS, HEAD_BYTES, STACKS, known};
+use crate::synthetic;
 use crate::volume::SourceError;
 
 /// Different reasons that are kept apart.
@@ -175,7 +177,8 @@ impl<'a> Surveyor<'a> {
             return Ok(Class::Item(What::Format(index(at)), None, Weight::FILE));
         }
         if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
-            if path.extension().is_some_and(|e| e == "png") && path.with_extension("oct").is_file() {
+            // What was given by name is what is meant, whoever made it.
+            if !named && is_own_picture(&head) {
                 return left_out(NotVolume::ModelPicture);
             }
             let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
@@ -257,6 +260,17 @@ impl Visitor for Surveyor<'_> {
                 self.add((what, key), weight, record)
             }
         }
+    }
+
+    fn synthetic(&mut self, input: u32) -> Result<(), SourceError> {
+        let record = Record { before: NONE, size: 0, changed: 0, input, path: PathBuf::new() };
+        let text = self.path(input, Path::new(""));
+        if self.options.raw.is_some() {
+            return Err(synthetic::usage(&text, SyntheticFault::Described));
+        }
+        // Like a file that is not there: whoever typed it wants to know at once.
+        synthetic::open(&text)?;
+        self.add((What::Synthetic, None), Weight::FILE, record)
     }
 
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError> {

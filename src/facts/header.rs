@@ -21,6 +21,11 @@ pub enum HeaderFault {
         /// Its name.
         name: String,
     },
+    /// A symbolic link leads from a data file out of the folder of the header.
+    Linked {
+        /// Its name.
+        name: String,
+    },
     /// Too many data files are named.
     TooManyFiles {
         /// The most that are read.

@@ -31,6 +31,8 @@ pub enum NotVolume {
     Unknown,
     /// A folder that may not be read.
     FolderUnreadable,
+    /// A folder that a symbolic link leads to.
+    LinkedFolder,
     /// A folder below the deepest that is searched.
     FolderTooDeep,
     /// One of more reasons than are kept apart.

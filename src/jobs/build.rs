@@ -8,13 +8,14 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::info::{Info, read_info, static_facts};
+use super::wording::foreign::{data, shown};
 use super::wording::{Hint, Short, sentences};
 use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
 use crate::clean::{CleanOptions, CleanReport};
 use crate::error::{Error, UsageError};
-use crate::format::MAGIC;
+use crate::format::{MAGIC, SurfaceKind};
 use crate::resident::give_back;
 use crate::source::OpenOptions;
 use crate::volume::{Preparation, VolumeSource, Workspace};
@@ -61,13 +62,13 @@ pub fn convert(
     let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
     let source = catalogue::open_unprepared_in(inputs, &how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
-    let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
+    let input = inputs.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
     convert_source(source, input, cleaning, options, output, progress, started)
 }
 
 /// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
 /// not a model itself.
-fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
+pub(super) fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     let Ok(real) = output.canonicalize() else { return Ok(()) };
     let is_model = || {
         let mut head = [0; MAGIC.len()];
@@ -104,11 +105,11 @@ pub fn build_source(
         input,
         output: output.to_path_buf(),
         memory_bytes: options.memory.bytes(),
-        report,
         info: read_info(output)?,
         cleaning: None,
-        warnings: sentences(&source.info().notes),
+        warnings: told(source, &report),
         hints: Vec::new(),
+        report,
         wall_s,
     })
 }
@@ -179,7 +180,7 @@ pub fn convert_reshaped(
         None => builder::build_volume(&*source, &options, output, progress)?,
     };
     let wall_s = started.elapsed().as_secs_f64();
-    let mut warnings = sentences(&source.info().notes);
+    let mut warnings = told(&*source, &report);
     warnings.extend(doubt.map(|doubt| doubt.to_string()));
     let hints = hints(&*source, threshold, &report);
     Ok(BuildSummary {
@@ -193,6 +194,13 @@ pub fn convert_reshaped(
         hints,
         wall_s,
     })
+}
+
+/// Sentences about the input, and about what was found in it.
+fn told(source: &dyn VolumeSource, report: &BuildReport) -> Vec<String> {
+    let mut all = sentences(&source.info().notes);
+    all.extend(report.notes.iter().map(|note| note.to_string()));
+    all
 }
 
 /// Unrolls a source that has to be, unless the cap would be too small for that or for what follows.
@@ -233,7 +241,7 @@ impl BuildSummary {
         let mut facts = static_facts(&self.info.frame);
         let mut put = |key: &str, value: Value| facts.insert(key.to_owned(), value);
         put("input", json!(self.input));
-        put("output", json!(self.output.display().to_string()));
+        put("output", json!(data(&self.output)));
         put("memory_budget_bytes", json!(self.memory_bytes));
         put("memory_plan_bytes", json!(r.plan_bytes));
         put("peak_rss_bytes", json!(peak_rss_bytes()));
@@ -269,11 +277,15 @@ impl BuildSummary {
         };
         #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
+        let (kept, one) = match self.info.frame.surface() {
+            SurfaceKind::Skin => ("skin voxels", "skin voxel"),
+            SurfaceKind::Cells => ("cells", "cell"),
+        };
+        let [x, y, z] = self.info.frame.metadata.dims;
         let mut text = format!(
-            "{}: {} skin voxels of {}, values {range}\n  {} ({per_voxel:.3} bytes per skin voxel), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
-            self.output.display(),
+            "{}: {} {kept} of {x}x{y}x{z}, values {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
+            shown(&self.output),
             r.skin_voxels,
-            self.info.frame.dims(),
             Bytes(r.file_bytes),
             r.nodes,
             self.wall_s,

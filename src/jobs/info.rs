@@ -6,10 +6,11 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::measure::{Measures, measure};
+use super::wording::foreign::{data, shown};
 use super::wording::{Short, WithError};
 use crate::budget::Bytes;
 use crate::error::Error;
-use crate::format::{Encoding, SectionKind, SelectionKind, VERSION_MAJOR};
+use crate::format::{Encoding, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
 use crate::load::{Frame, LoadError, Model, open_regular};
 use crate::volume::ScalarType;
 
@@ -74,7 +75,7 @@ pub fn read_info(path: &Path) -> Result<Info, Error> {
     let file =
         open_regular(path).map_err(|cause| LoadError::Unreadable { path: path.to_path_buf(), cause })?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
-    Ok(Info { input: path.display().to_string(), frame, measured: None })
+    Ok(Info { input: data(path), frame, measured: None })
 }
 
 /// Bytes stored for one kind of section.
@@ -145,6 +146,7 @@ pub fn static_facts(frame: &Frame) -> Map<String, Value> {
     put("dtype", json!(dtype(frame)));
     let s = &m.selection;
     put("range", json!({"kind": kind_name(s.kind), "lo": finite(s.lo), "hi": finite(s.hi)}));
+    put("surface", json!(frame.surface().name()));
     put("skin_voxels", json!(frame.header.voxels));
     put("nodes", json!(frame.header.nodes));
     put("bytes", json!(frame.header.file_bytes));
@@ -210,20 +212,28 @@ impl Info {
             "file",
             format!(
                 "{} (format {VERSION_MAJOR}.{}, {})",
-                self.input,
+                shown(&self.input),
                 frame.header.minor,
                 frame.header.encoding.name()
             ),
         );
         row(
             "source",
-            format!("{} {} ({} files, {})", m.source.format, m.source.kind, m.source.files, dtype(frame)),
+            format!(
+                "{} {} ({} files, {})",
+                shown(&m.source.format),
+                shown(&m.source.kind),
+                m.source.files,
+                dtype(frame)
+            ),
         );
         row(
             "dims",
             format!(
-                "{}  in a grid of {} cells a side, {} levels",
-                frame.dims(),
+                "{}x{}x{}  in a grid of {} cells a side, {} levels",
+                m.dims[0],
+                m.dims[1],
+                m.dims[2],
                 1_u64 << frame.dims().depth(),
                 frame.dims().depth()
             ),
@@ -238,8 +248,12 @@ impl Info {
         } else {
             format!(">= {}", Short(s.lo))
         };
-        row("inside", format!("{range} ({}), skin {}-connected", kind_name(s.kind), m.connectivity));
-        row("skin voxels", voxels.to_string());
+        let (kept, surface) = match frame.surface() {
+            SurfaceKind::Skin => ("skin voxels", format!("skin {}-connected", m.connectivity)),
+            SurfaceKind::Cells => ("cells", "cells between samples".into()),
+        };
+        row("inside", format!("{range} ({}), {surface}", kind_name(s.kind)));
+        row(kept, voxels.to_string());
         row("nodes", frame.header.nodes.to_string());
         for (name, text) in self.measured.iter().flat_map(Measured::rows) {
             row(name, text);
@@ -266,7 +280,7 @@ impl Info {
             ),
         );
         row("checksum", format!("{:08x}", content_checksum(frame)));
-        row("written by", m.program.clone());
+        row("written by", shown(&m.program).to_string());
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
         rows.iter().fold(String::new(), |mut text, (name, value)| {
             let _ = writeln!(text, "{name:width$}  {value}");

@@ -9,11 +9,14 @@ pub mod build;
 pub mod demo;
 pub mod info;
 pub mod measure;
+pub mod mesh;
 pub mod pack;
 pub mod picture;
 pub mod render;
+pub mod report;
 pub mod scan;
 pub mod verify;
 pub mod wording;
 
 pub use crate::resident::map_large_buffers;
+pub use wording::foreign::shown;

@@ -25,7 +25,8 @@ pub fn render_file(
 ) -> Result<RenderReport, Error> {
     let outputs: Vec<&Path> = [Some(output), depth, normals].into_iter().flatten().collect();
     refuse_clash(model, &outputs)?;
-    let model = Model::open(model)?;
+    let path = model;
+    let model = Model::open(path)?;
     let output = ImageFile::create(output)?;
     let depth = depth.map(ImageFile::create).transpose()?;
     let normals = normals.map(ImageFile::create).transpose()?;
@@ -33,6 +34,7 @@ pub fn render_file(
     let (image, mut report) =
         render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
+    model.check_unchanged(path)?;
     image.write_png_to(output)?;
     if let Some(file) = depth {
         image.write_depth_png_to(file)?;
@@ -49,10 +51,12 @@ pub fn render_file(
 /// The model cannot be used, or the picture cannot be written.
 pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) -> Result<RenderReport, Error> {
     refuse_clash(model, &[output])?;
-    let model = Model::open(model)?;
+    let path = model;
+    let model = Model::open(path)?;
     let output = ImageFile::create(output)?;
     let (image, mut report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
+    model.check_unchanged(path)?;
     image.write_png_to(output)?;
     Ok(report)
 }

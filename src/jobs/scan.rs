@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::batch::{Claim, Claims, NOTICE, copy_of, numbered};
+use super::wording::foreign::{data, shown};
 use super::wording::sentences;
 use crate::budget::peak_rss_bytes;
 use crate::catalogue::{Catalogue, LeftOut};
@@ -67,9 +68,11 @@ pub fn scan(
     let mut number = 0;
     for at in 0..catalogue.len() {
         let turn = claims.turn(at);
+        let before = number;
         for (part, finding) in catalogue.open(at).into_iter().enumerate() {
-            number += 1;
-            let mut listed = list(number, &finding);
+            // Those that are passed over have numbers, too.
+            number += 1 + finding.more;
+            let mut listed = list(before + finding.at + 1, &finding);
             if listed.facts.is_ok() {
                 // As a batch names it.
                 match turn.claim(&finding, (at, part), &|finding, owner| catalogue.is_copy(finding, owner)) {
@@ -95,18 +98,18 @@ pub fn scan(
     }
     catalogue.for_each_left_out::<Error>(&mut |why, path| {
         if report.left_out_files.len() < MOST_NAMED {
-            report.left_out_files.push((path.display().to_string(), why.to_string()));
+            report.left_out_files.push((data(path), why.to_string()));
         }
         Ok(())
     })?;
-    let line = |l: &LeftOut| (l.why.to_string(), l.count, l.first.display().to_string());
+    let line = |l: &LeftOut| (l.why.to_string(), l.count, data(&l.first));
     report.left_out = catalogue.left_out().iter().map(line).collect();
     Ok(report)
 }
 
 fn list(number: usize, finding: &Finding) -> Listed {
     Listed {
-        input: finding.path.display().to_string(),
+        input: data(&finding.path),
         number,
         format: finding.format.to_owned(),
         part: finding.part.clone().unwrap_or_default(),
@@ -196,9 +199,9 @@ impl Listed {
 
     /// A few lines for people.
     pub fn text(&self) -> String {
-        let part = if self.part.is_empty() { String::new() } else { format!(", {}", self.part) };
-        let head =
-            format!("{:>3}. {} ({}{part}, {} file(s))", self.number, self.input, self.format, self.files.0);
+        let part = if self.part.is_empty() { String::new() } else { format!(", {}", shown(&self.part)) };
+        let (input, format) = (shown(&self.input), &self.format);
+        let head = format!("{:>3}. {input} ({format}{part}, {} file(s))", self.number, self.files.0);
         match &self.facts {
             Ok(f) => {
                 let [x, y, z] = f.dims;
@@ -212,8 +215,8 @@ impl Listed {
                 }
                 text
             }
-            Err(reason) if self.copy_of.is_some() => format!("{head}\n  skipped: {reason}\n"),
-            Err(reason) => format!("{head}\n  refused: {reason}\n"),
+            Err(reason) if self.copy_of.is_some() => format!("{head}\n  skipped: {}\n", shown(reason)),
+            Err(reason) => format!("{head}\n  refused: {}\n", shown(reason)),
         }
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Layer, RenderError};
 use crate::atomic::AtomicFile;
+use crate::mark::{KEYWORD, PROGRAM};
 
 /// A picture, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -74,6 +75,8 @@ impl Image {
         let mut encoder = png::Encoder::new(out, self.width, self.height);
         encoder.set_color(format.colour);
         encoder.set_depth(format.bits);
+        // It lies in the folder of its volume as often as not, and must not become a slice of it.
+        encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;
         if format.srgb {
             encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         }

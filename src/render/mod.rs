@@ -11,6 +11,7 @@
 //! | [`tile`] | the traversal of pictures: 8 x 8 rays together |
 //! | [`single`] | the same for one ray alone |
 //! | [`surface`] | the last decision: is this box a hit |
+//! | [`cells`] | the surface within a cell |
 //! | [`form`] | portable, AVX2 or AVX-512; `lanes` and `lanes_x86` are their arithmetic |
 //! | `occupancy`, `pierce` | two levels of the octree at once; whether a ray passes through a box, exactly |
 //! | [`sight`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
@@ -22,6 +23,7 @@
 
 pub mod camera;
 mod caster;
+pub mod cells;
 mod error;
 mod facing;
 pub mod form;

@@ -85,6 +85,19 @@ impl GridSpace {
         if length > 0.0 { world.map(|c| c / length) } else { world }
     }
 
+    /// Unit world normal of a vector of index space that is not null: a gradient along the index axes, not
+    /// divided by spacings.
+    #[inline]
+    pub fn index_normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
+        self.normal_to_world(std::array::from_fn(|a| n[a] / self.spacing_mm[a]))
+    }
+
+    /// A world point in grid space: cell (i, j, k) is `[i, i + 1) x [j, j + 1) x [k, k + 1)`.
+    #[inline]
+    pub(super) fn to_grid(&self, world: [f64; 3]) -> [f64; 3] {
+        self.world_to_grid.apply(world)
+    }
+
     /// Greatest value of `direction . p` over the skin's points p, to within 1/2048 of the grid and never
     /// too small. Of an empty model: over the volume's box.
     ///

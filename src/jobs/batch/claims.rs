@@ -107,6 +107,8 @@ mod tests {
             size: None,
             files: InputFiles::default(),
             burned_in: None,
+            at: 0,
+            more: 0,
             volume: Err(crate::volume::SourceError::Usage {
                 path: "x".into(),
                 misuse: crate::facts::Misuse::NoInput,

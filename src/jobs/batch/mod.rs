@@ -38,6 +38,7 @@ use serde_json::{Value, json};
 
 use super::build::convert_reshaped;
 use super::picture::thumbnail_file;
+use super::wording::foreign::data;
 use super::wording::sentences;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
@@ -159,7 +160,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         let dry = Budget::dry(cap);
         drop(reserve_jobs(&dry, &catalogue, costs::USUAL_OPENING, 1));
         return Err(Error::Build(BuildError::BudgetTooSmall {
-            name: request.out.display().to_string(),
+            name: data(&request.out),
             limit_bytes: limit,
             minimum_bytes: dry.smallest_limit(1),
         }));
@@ -214,11 +215,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let burned_in = told_of_text(&run.burned_in.map(AtomicU64::into_inner), request);
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
-        left_out: catalogue
-            .left_out()
-            .iter()
-            .map(|l| (l.why.to_string(), l.count, l.first.display().to_string()))
-            .collect(),
+        left_out: catalogue.left_out().iter().map(|l| (l.why.to_string(), l.count, data(&l.first))).collect(),
         left_out_files,
         warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
         memory_budget_bytes: limit,
@@ -366,7 +363,7 @@ impl Run<'_> {
         let mut item = Item {
             status: Status::Failed,
             name: finding.id.clone(),
-            input: finding.path.display().to_string(),
+            input: data(&finding.path),
             format: finding.format.to_owned(),
             kind: finding.kind.clone(),
             part: finding.part.clone().unwrap_or_default(),
@@ -634,9 +631,18 @@ enum Named {
 /// One number for everything in the request that the bytes of results depend on.
 fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
+    // Which volumes are taken changes none of them.
+    let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
     let text = format!(
-        "{:?} {:?} {:?} {} {} {:?} {:?}",
-        b.threshold, b.connectivity, b.channels, b.lod, request.thumbnails, request.how, request.clean
+        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?}",
+        b.threshold,
+        b.volume_surface(),
+        b.connectivity,
+        b.channels,
+        b.gradient,
+        b.lod,
+        request.thumbnails,
+        request.clean
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }
@@ -651,8 +657,10 @@ fn options_told(request: &BatchRequest) -> Value {
             Threshold::Otsu => json!("otsu"),
             Threshold::Chosen(selection) => json!({ "range": [selection.lo, selection.hi] }),
         },
+        "surface": b.volume_surface().name(),
         "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
         "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
+        "gradient": b.gradient.name(),
         "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
         "cleaning": request.clean.operations(),
         "lod": b.lod,

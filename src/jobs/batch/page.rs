@@ -10,6 +10,7 @@ use std::path::Path;
 use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, status};
 use crate::budget::Bytes;
+use crate::jobs::wording::foreign::plain;
 use crate::source::BurnedIn;
 
 /// Thumbnails up to this many are part of the page; larger batches refer to the files beside it, or the page
@@ -249,14 +250,13 @@ fn embed_png(path: &Path, w: &mut dyn Write) -> io::Result<bool> {
 
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in plain(text, false).chars() {
         match c {
             '&' => out.push_str("&amp;"),
             '<' => out.push_str("&lt;"),
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
-            c if c.is_control() => out.push(' '),
             c => out.push(c),
         }
     }
@@ -287,6 +287,6 @@ mod tests {
 
     #[test]
     fn texts_cannot_break_out_of_the_page() {
-        assert_eq!(escaped("<a b=\"c\" d='e'>&\n"), "&lt;a b=&quot;c&quot; d=&#39;e&#39;&gt;&amp; ");
+        assert_eq!(escaped("<a b=\"c\" d='e'>&\n"), "&lt;a b=&quot;c&quot; d=&#39;e&#39;&gt;&amp;\u{fffd}");
     }
 }

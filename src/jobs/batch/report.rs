@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::record::{Item, Journal, Status};
 use super::{page, write_whole};
+use crate::jobs::wording::foreign::{self, escaped, plain};
 use crate::source::BurnedIn;
 
 /// How many volumes came to which end.
@@ -102,7 +103,7 @@ impl BatchReport {
         write!(w, "{{\"notice\":{}", json!(format!("this report {NOTICE}")))?;
         if let Value::Object(facts) = self.json() {
             for (key, value) in facts {
-                write!(w, ",{}:{value}", json!(key))?;
+                write!(w, ",{}:{}", json!(key), foreign::json(&value))?;
             }
         }
         w.write_all(b",\"items\":[")?;
@@ -110,8 +111,7 @@ impl BatchReport {
         journal.for_each(&mut |item| {
             w.write_all(if first { b"\n" } else { b",\n" })?;
             first = false;
-            serde_json::to_writer(&mut *w, &item)?;
-            Ok(())
+            w.write_all(escaped(serde_json::to_string(&item)?).as_bytes())
         })?;
         w.write_all(b"\n]}\n")
     }
@@ -146,7 +146,7 @@ impl BatchReport {
 fn quoted(text: &str) -> String {
     // A cell that begins like a formula would be evaluated by spreadsheets.
     let formula = text.starts_with(['=', '+', '-', '@', '\t']);
-    let text = text.replace('"', "\"\"").replace(['\n', '\r'], " ");
+    let text = plain(text, false).replace('"', "\"\"");
     format!("\"{}{text}\"", if formula { "'" } else { "" })
 }
 

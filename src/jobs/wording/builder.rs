@@ -2,10 +2,11 @@
 
 use std::fmt;
 
+use super::foreign::shown;
 use super::number::Short;
 use super::system::{reading, writing};
 use crate::budget::{ExactSize, SizeArgument};
-use crate::builder::{BuildError, ScratchFault, Sought};
+use crate::builder::{BuildError, BuildNote, ScratchFault, Sought};
 
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -31,16 +32,20 @@ impl fmt::Display for BuildError {
             Self::NoChannel { name, channel } => {
                 write!(f, "{name}: does not have the channel '{channel}'; leave it out")
             }
+            Self::NoRoomForCells { name } => write!(
+                f,
+                "{name}: a side of 65536 voxels is too long for cells; use --surface skin, or a part of the volume with --roi"
+            ),
             Self::NoNumbers { name } => write!(f, "{name}: holds no finite value; check --dtype"),
             Self::EmptyRange { .. } => f.write_str("the range is empty: write it as LO..HI with LO <= HI"),
             Self::Scratch { path, cause } => write!(
                 f,
                 "scratch file in {}: {cause}; {}",
-                path.display(),
+                shown(path),
                 reading(cause, "free some space or choose another folder with --scratch")
             ),
             Self::Output { path, cause } => {
-                write!(f, "{}: cannot be written ({cause}); {}", path.display(), writing(cause))
+                write!(f, "{}: cannot be written ({cause}); {}", shown(path), writing(cause))
             }
             Self::Threads { cause, .. } => {
                 write!(f, "worker threads cannot be started ({cause}); try --threads 1")
@@ -67,5 +72,17 @@ impl fmt::Display for ScratchFault {
             Self::Changed => "its contents were changed by someone else",
             Self::TooManyBricks => "the model has too many bricks for this machine",
         })
+    }
+}
+
+impl fmt::Display for BuildNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),
+            Self::AllInside { voxels } => write!(
+                f,
+                "all {voxels} voxels are inside, so that the model is the box of the volume; choose another --iso or --range"
+            ),
+        }
     }
 }

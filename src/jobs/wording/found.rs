@@ -21,6 +21,9 @@ impl fmt::Display for NotVolume {
             ),
             Self::Unknown => f.write_str("not a volume"),
             Self::FolderUnreadable => f.write_str("folder that cannot be read"),
+            Self::LinkedFolder => {
+                f.write_str("folder that a link leads to, which is searched with --follow-links only")
+            }
             Self::FolderTooDeep => f.write_str("folder that lies too deep to be searched"),
             Self::Other => f.write_str("left out for other reasons"),
         }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::foreign::shown;
 use super::system::writing;
 use crate::render::ray::BadRay;
 use crate::render::{CameraFault, Layer, RenderError};
@@ -45,7 +46,7 @@ impl fmt::Display for RenderError {
             Self::Write { path, cause } => write!(
                 f,
                 "{}: cannot be written ({cause}); {}",
-                path.display(),
+                shown(path),
                 writing(cause)
             ),
         }

@@ -9,7 +9,7 @@ use super::layer::Stack;
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
-use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageName, SeriesFault, SetApart};
+use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageFault, ImageName, SeriesFault, SetApart};
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
@@ -49,6 +49,8 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             size: None,
             files: InputFiles::default(),
             burned_in: None,
+            at: 0,
+            more: 0,
             volume: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
         });
     }
@@ -132,6 +134,8 @@ fn finding(
         size: Some(opened.unwrap_or([shared.size[0], shared.size[1], images])),
         files,
         burned_in: shared.burned_in,
+        at: 0,
+        more: 0,
         volume: volume.map(|v| Box::new(v) as Box<dyn VolumeSource>),
     }
 }
@@ -159,6 +163,11 @@ fn open(
             // Without it the volume would silently lack a slice.
             _ => refuse(&file, DicomFault::OneImage(fault)),
         };
+    }
+    // Another image of the series may be one of these: without it the volume would silently lack a slice.
+    if let Some((file, attribute)) = series.not_finite {
+        let fault = DicomFault::OneImage(ImageFault::NotFinite(attribute));
+        return refuse(&series.files.path(file as usize), fault);
     }
     let frames = slices.iter().any(|s| s.frame > 0);
     let name = |s: &Slice| ImageName {

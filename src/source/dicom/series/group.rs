@@ -306,6 +306,9 @@ pub(crate) struct Series {
     pub(crate) obstacles: Vec<ImageFault>,
     /// Images that were dropped, because they are in the series twice: the numbers of their files.
     pub(crate) duplicates: Vec<u32>,
+    /// The first file with an image that cannot be placed or scaled, as its header states numbers that are none:
+    /// which of the others it belongs to is not known, either.
+    pub(crate) not_finite: Option<(u32, Attribute)>,
     /// Files that were images when they were found, and are not any more.
     pub(crate) lost: Option<(PathBuf, ScanError)>,
     directions: Vec<[i64; 3]>,
@@ -324,6 +327,7 @@ impl Series {
             image_types: Vec::new(),
             obstacles: Vec::new(),
             duplicates: Vec::new(),
+            not_finite: None,
             lost: None,
             directions: Vec::new(),
             stacks: Vec::new(),
