@@ -115,6 +115,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         scratch: args.scratch.clone(),
     };
     if jobs::mesh::are_meshes(&args.input) {
+        if let Some(flag) = args.volume_flag() {
+            return Err(Refusal::ForVolumes(flag).into());
+        }
         let bars = Bars::new(args.quiet || args.json);
         let mesh = args.mesh.options(args.raw.dims);
         let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
@@ -122,6 +125,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         let summary = summary?;
         let text = || if args.quiet { String::new() } else { summary.text() };
         return Ok(print(args.json, || summary.json(), text)?);
+    }
+    if let Some(flag) = args.mesh.flag() {
+        return Err(Refusal::ForMeshes(flag).into());
     }
     let how = OpenOptions {
         raw: raw_options(&args.raw)?,
@@ -257,6 +263,10 @@ enum Refusal {
     SkipAlone,
     NoDims,
     NoType,
+    /// This flag says something about a volume, and the input is a mesh.
+    ForVolumes(&'static str),
+    /// The other way round.
+    ForMeshes(&'static str),
 }
 
 impl From<Refusal> for Failure {
@@ -275,6 +285,18 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Job(cause) => return cause.fmt(f),
+            Self::Arguments(Refusal::ForVolumes("--dims")) => {
+                "--dims of a mesh needs --voxel and --origin as well; --grid N alone chooses all of them"
+            }
+            Self::Arguments(Refusal::ForVolumes(flag)) => {
+                return write!(f, "{flag} is for volumes, and the input is a mesh; leave it out");
+            }
+            Self::Arguments(Refusal::ForMeshes(flag)) => {
+                return write!(
+                    f,
+                    "{flag} is for meshes (STL, PLY, OBJ, OFF), and the input is a volume; leave it out"
+                );
+            }
             Self::Arguments(Refusal::SkipAlone) => {
                 "--skip is for raw volumes, with --dims and --dtype; other files say where their voxels begin"
             }

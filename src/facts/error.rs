@@ -260,6 +260,8 @@ pub enum Misuse {
         /// How many there are.
         found: usize,
     },
+    /// Nothing says how fine the grid of a mesh is to be.
+    NoGrid,
     /// There is no volume at all.
     NoneFound,
 }
