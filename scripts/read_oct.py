@@ -57,7 +57,8 @@ def main():
      header_crc) = struct.unpack_from("<HHBBHQQQIIIIII", data, 8)
     need(header_crc == crc32c(data[:60]) and major == 1 and zero == 0, "bad header (I1)")
     need(length == len(data), "wrong length (I2)")
-    need(encoding == 0, "packed: unpack it first")
+    need(encoding & 1 == 0, "packed: unpack it first")
+    need(encoding == 0, "holds cells, which this script does not read")
     need(depth == (max(nx, ny, nz) - 1).bit_length(), "depth does not fit the dims (I5)")
     table = data[64:64 + 48 * count]
     need(len(table) == 48 * count and crc32c(table) == table_crc, "bad table (I3)")

@@ -1,47 +1,55 @@
-//! Surface octrees out of core: volumes in, one infobyte per node out, exact rays through them.
+//! Turns volumes into compact surface octrees in a fixed amount of memory, and traces exact rays through them.
 //!
 //! The library revives M. Tsygankov's *Hierarchical Discrete Ray Tracing in Octrees*. A volume is
 //! classified into inside and outside, only its *skin* is kept, and the skin lives in an octree with
-//! one **infobyte** (child mask) per non-empty node. Data flows one way:
+//! one **infobyte** (child mask) per non-empty node.
+//!
+//! In a clone beside your crate: `infobyte = { path = "../infobyte", default-features = false }`. The default
+//! feature `cli` is for the program `oct` only.
 //!
 //! # A volume of your own, a ray, a picture
 //!
 //! ```
-//! use infobyte::{BuildOptions, Dims, Model, RayCaster, RenderRequest, Threshold, Voxels};
+//! use infobyte::{BuildOptions, Dims, Model, NamedView, RayCaster, RenderRequest, Threshold, ViewPoint, Voxels};
 //!
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! # let folder = tempfile::tempdir()?;
-//! # let (path, picture) = (folder.path().join("ball.oct"), folder.path().join("ball.png"));
-//! // Distance from the centre of a ball, in voxels: inside is what is nearer than 20.
-//! let dims = Dims::new(48, 48, 48).ok_or("no such size")?;
-//! let ball = Voxels::from_fn(dims, |p| -p.map(|c| (c as f32 - 23.5).powi(2)).iter().sum::<f32>().sqrt());
-//! let options = BuildOptions { threshold: Threshold::Iso(-20.0), ..BuildOptions::default() };
-//! infobyte::build(&ball, &options, &path)?;
+//! # fn main() -> Result<(), infobyte::Error> {
+//! # let folder = tempfile::tempdir().expect("a temporary folder");
+//! # std::env::set_current_dir(&folder).expect("the folder exists");
+//! // A ball: 20 minus the distance from its centre, at the middle of voxel (x, y, z). Inside is 0 and more.
+//! let dims = Dims::new(48, 48, 48).expect("sides of 1 to 65536");
+//! let ball = Voxels::from_fn(dims, |p| 20.0 - p.map(|c| (c as f32 - 23.5).powi(2)).iter().sum::<f32>().sqrt());
+//! let options = BuildOptions { threshold: Threshold::Iso(0.0), ..Default::default() };
+//! infobyte::build(&ball, &options, "ball.oct")?;
 //!
-//! let model = Model::open(&path)?;
-//! let caster = RayCaster::new(&model)?;
-//! let hit = caster.first_hit([23.5, 23.5, -100.0], [0.0, 0.0, 1.0])?.ok_or("no hit")?;
-//! assert_eq!(hit.position_mm, [23.5, 23.5, 3.5]);
-//! assert!(hit.normal.is_some_and(|n| n[2] < -0.99));
+//! let model = Model::open("ball.oct")?;
+//! let hit = RayCaster::new(&model)?.first_hit([23.5, 23.5, -100.0], [0.0, 0.0, 1.0])?;
+//! if let Some(point) = hit {
+//!     assert_eq!(point.position_mm, [23.5, 23.5, 3.5]);
+//!     assert!(point.normal.is_some_and(|n| n[2] < -0.99));
+//! }
 //!
-//! let request = RenderRequest { width: 256, height: 256, ..RenderRequest::default() };
+//! let request = RenderRequest { point: ViewPoint::Named(NamedView::Iso), ..Default::default() };
 //! let (image, report) = infobyte::render(&model, &request)?;
-//! assert!(report.hits > 10_000);
-//! image.write_png(&picture)?;
+//! image.write_png("ball.png")?;
+//! assert!(report.hits > 100_000);
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! Coordinates are millimetres. Those of [`Voxels`] are voxel numbers until a spacing or a placement is given: the
+//! first voxel's middle is the origin. Patients and views are in DICOM's axes: x to the left hand, y to the
+//! back, z to the head; the camera of "front" looks along +y.
 //!
 //! # A volume on disk
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! // A folder of DICOM images, a NIfTI or NRRD file, ... : what it is, is told by its content.
+//! // A folder of DICOM images, a NIfTI or NRRD file, ...: the format is told by the content.
 //! let volume = infobyte::open("series/")?;
 //! println!("{} voxels of {:?} mm", volume.info().dims, volume.info().spacing_mm);
 //! let options = infobyte::BuildOptions {
 //!     threshold: infobyte::Threshold::Iso(300.0),
-//!     // The memory that the build may add to what the process holds.
+//!     // What the build may add to the memory of this process; `Process` would bound them together.
 //!     memory: infobyte::MemoryCap::Share(8 << 20),
 //!     ..Default::default()
 //! };
@@ -50,19 +58,19 @@
 //! # }
 //! ```
 //!
-//! # A model that you have
+//! # An existing model
 //!
 //! ```
-//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # fn main() -> Result<(), infobyte::Error> {
 //! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1.0-mapped.oct");
-//! let model = infobyte::Model::open(path.as_ref())?;
+//! let model = infobyte::Model::open(path)?;
 //! println!("{} skin voxels in {}", model.header().voxels, model.dims());
 //! infobyte::render(&model, &infobyte::RenderRequest { width: 64, height: 64, ..Default::default() })?;
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! What has no samples, such as an analytic body, is built from a [`Solid`](builder::Solid) by
+//! To build from a shape that has no samples, implement [`Solid`](builder::Solid) and call
 //! [`builder::build_solid`]. Progress, scratch folders and batches are in [`builder`] and [`jobs`].
 //!
 //! # How data flows
@@ -70,27 +78,6 @@
 //! ```text
 //! source --slabs--> builder (classify, skin, gradient, swap, merge) --> .oct --> load --> render
 //! ```
-//!
-//! | module | what it owns |
-//! |---|---|
-//! | [`geom`] | dims, Morton codes, affine transforms |
-//! | `atomic` (private) | output files that appear whole or not at all |
-//! | [`budget`] | sizes in bytes, and what the system accounts to the process |
-//! | [`progress`] | how a long job tells how far it is |
-//! | `resident` (private) | memory and code that are done with, given back to the system |
-//! | `scratch` (private) | nameless files for what does not fit into memory |
-//! | [`mod@format`] | the bytes of an `.oct`: header, sections, rank directory, normals, metadata |
-//! | `codec` (private) | compressed images, one frame at a time, row by row |
-//! | [`facts`] | what readers find, assume and refuse, as values |
-//! | [`volume`] | the trait of a volume, its facts, crop, downsample, georeference, spooling |
-//! | [`source`] | where voxels come from: raw files, DICOM series, NRRD, NIfTI and others, the synthetic head |
-//! | [`catalogue`] | what lies in folders: the walk, the survey, side-cars |
-//! | [`builder`] | plan, classify, skin, gradient, swap, merge, atomic output |
-//! | [`clean`] | what is done to the occupancy before the build: components, cavities, closing |
-//! | [`mesh`] | triangle meshes as solids: readers, bins, crossings, nearest triangles |
-//! | [`load`] | a file mapped, checked and offered as a read-only view; verify |
-//! | [`mod@render`] | camera, the one traversal kernel, shading, images |
-//! | [`jobs`] | what the commands do, one function each |
 
 mod atomic;
 pub mod budget;
@@ -109,6 +96,7 @@ pub mod format;
 pub mod geom;
 pub mod jobs;
 pub mod load;
+mod mark;
 pub mod mesh;
 pub mod progress;
 #[cfg(test)]
@@ -118,6 +106,7 @@ pub mod render;
 mod resident;
 mod scratch;
 pub mod source;
+pub mod synthetic;
 pub mod volume;
 
 pub use budget::MemoryCap;
@@ -128,14 +117,14 @@ pub use format::{Channel, Channels};
 pub use geom::{Affine, Dims};
 pub use jobs::render::{RenderReport, RenderRequest};
 pub use load::Model;
-pub use render::{Image, RayCaster, SurfacePoint};
+pub use render::{Image, NamedView, Projection, RayCaster, SurfacePoint, ViewPoint};
 pub use source::OpenOptions;
 pub use volume::{VolumeInfo, VolumeSource, Voxels};
 
 use std::path::{Path, PathBuf};
 
-/// Opens the volume in a file or a folder, ready to be built from; see [`catalogue::open`] for several files, and
-/// for choices such as which of several volumes is meant.
+/// Opens the volume in a file or a folder, ready to be built from; see [`catalogue::open`] for several files, or
+/// to choose among several volumes.
 ///
 /// # Errors
 /// [`Error::Source`], whose text names the input and says what was found and what to add.

@@ -40,9 +40,11 @@ fn noise(dims: [u32; 3], scalar: ScalarType) -> MemoryVolume {
 
 fn options(threshold: Threshold, memory: MemoryCap) -> BuildOptions {
     BuildOptions {
+        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
         connectivity: Connectivity::Thin26,
         channels: Channels::from([Channel::Normal, Channel::Value]),
+        gradient: Default::default(),
         lod: true,
         memory,
         // One thread works on the caller's, where everything is counted.

@@ -365,6 +365,7 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
         _ => Threshold::Otsu,
     };
     let options = BuildOptions {
+        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
         connectivity: random.pick(&[Connectivity::Thin26, Connectivity::Thick6]),
         channels: [(Channel::Normal, 4), (Channel::Value, 3)]
@@ -372,6 +373,7 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
             .filter(|(_, one_in)| random.below(*one_in) > 0)
             .map(|(channel, _)| channel)
             .collect(),
+        gradient: Default::default(),
         lod: random.below(4) > 0,
         memory: MemoryCap::Process(1 << 30),
         threads: 1 + random.below(3_usize),
@@ -521,9 +523,11 @@ fn bricks_of_several_fragments_are_joined_in_order() {
             let values: Vec<f64> = field.iter().map(|f| between(span, *f)).collect();
             let source = MemoryVolume::new(dims, scalar, &values);
             let options = BuildOptions {
+                surface: infobyte::format::SurfaceKind::Skin,
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity,
                 channels: Channels::from([Channel::Normal, Channel::Value]),
+                gradient: Default::default(),
                 lod: true,
                 memory: MemoryCap::Process(1 << 30),
                 threads,
@@ -542,9 +546,11 @@ fn the_skin_of_a_solid_is_its_six_faces() {
     for dims in SMALL {
         let source = MemoryVolume::new(dims, ScalarType::I16, &fill(dims, Shape::Solid, &mut Random(1)));
         let options = BuildOptions {
+            surface: infobyte::format::SurfaceKind::Skin,
             threshold: Threshold::Iso(-5.0),
             connectivity: Connectivity::Thin26,
             channels: Channels::from([Channel::Normal, Channel::Value]),
+            gradient: Default::default(),
             lod: true,
             memory: MemoryCap::Process(1 << 30),
             threads: 2,
@@ -581,9 +587,11 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
             }
             let source = MemoryVolume::new(dims, scalar, &values);
             let options = BuildOptions {
+                surface: infobyte::format::SurfaceKind::Skin,
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity: Connectivity::Thin26,
                 channels: Channels::default(),
+                gradient: Default::default(),
                 lod: false,
                 memory: MemoryCap::Process(1 << 30),
                 threads: 2,

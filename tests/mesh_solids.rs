@@ -381,7 +381,7 @@ fn the_same_bytes_whatever_the_budget_the_threads_and_the_order() {
     let file = place.put("a.stl", &body.stl());
     place.build(std::slice::from_ref(&file), &mesh, &options(32, 1)).unwrap();
     let first = place.bytes();
-    let mut same = |what: &str, inputs: &[PathBuf], options: &BuildOptions| {
+    let same = |what: &str, inputs: &[PathBuf], options: &BuildOptions| {
         std::fs::remove_file(place.path("a.oct")).unwrap();
         place.build(inputs, &mesh, options).unwrap();
         assert!(place.bytes() == first, "{what}");

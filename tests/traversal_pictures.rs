@@ -15,7 +15,7 @@ use support::{Scene, in_ball, in_torus};
 /// Writes a picture where a person can see it, if asked.
 fn show(image: &Image, name: &str) {
     if let Ok(folder) = std::env::var("INFOBYTE_PICTURES") {
-        image.write_png(&std::path::Path::new(&folder).join(format!("{name}.png"))).unwrap();
+        image.write_png(std::path::Path::new(&folder).join(format!("{name}.png"))).unwrap();
     }
 }
 

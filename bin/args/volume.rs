@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
-use infobyte::builder::{Connectivity, Threshold};
+use infobyte::builder::{Connectivity, Gradient, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::facts::Fill;
-use infobyte::format::Channels;
+use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::mesh::{GridChoice, MeshOptions};
 use infobyte::source::GapPolicy;
@@ -17,12 +17,15 @@ use super::{Switch, ThreadArgs, parse};
 
 #[derive(Debug, Args)]
 pub(crate) struct BuildArgs {
-    /// A file, a folder, or several slice files
+    /// A file, a folder, or several slice files; - for headerless voxels on standard input
     #[arg(required = true, value_name = "INPUT")]
     pub(crate) input: Vec<PathBuf>,
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct")]
     pub(crate) output: PathBuf,
+    /// Write it even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
     /// Peak resident memory of the whole process
@@ -72,7 +75,7 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     /// Volumes worked on at a time; as many as cores by default
-    #[arg(long, value_name = "N", value_parser = parse::threads)]
+    #[arg(long, value_name = "N", value_parser = parse::jobs)]
     pub(crate) jobs: Option<usize>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
@@ -93,9 +96,27 @@ pub(crate) struct BatchArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) min_slices: u32,
+    /// Take only DICOM series of these modalities, such as CT,MR; the others are listed as skipped
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) modality: Vec<String>,
+    /// Take only these volumes, by their names in `oct scan` or what these begin with, such as mr-012; the others are
+    /// listed as skipped
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) series: Vec<String>,
+    /// Store mean attributes of coarse nodes, for quick small pictures
+    #[arg(long, value_enum, default_value_t = Switch::On)]
+    pub(crate) lod: Switch,
+    /// Distance between neighbours in mm, for every volume; comes before what files state
+    #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing)]
+    pub(crate) spacing: Option<[f64; 3]>,
+    /// Patient directions that the axes run to, such as LPS or RAI, for every volume; comes before what files state
+    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation)]
+    pub(crate) orientation: Option<Orientation>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -116,6 +137,8 @@ pub(crate) struct ScanArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -126,6 +149,9 @@ pub(crate) struct DemoArgs {
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct", default_value = "head.oct")]
     pub(crate) output: PathBuf,
+    /// Write model and picture even if their names say that they are other kinds of files
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Voxels along a side of the synthetic volume
     #[arg(long, value_name = "N", default_value = "512", value_parser = parse::side)]
     pub(crate) size: u32,
@@ -138,7 +164,7 @@ pub(crate) struct DemoArgs {
     /// Picture to write
     #[arg(long, value_name = "IMAGE.png")]
     pub(crate) picture: Option<PathBuf>,
-    /// Peak resident memory of the whole process
+    /// Peak resident memory of the whole process until the model is built; the pictures come after
     #[arg(long, value_name = "SIZE", default_value = "8MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     #[command(flatten)]
@@ -179,9 +205,17 @@ impl SelectionArgs {
 /// Which voxels are kept, and what is stored of them.
 #[derive(Debug, Args)]
 pub(crate) struct SkinArgs {
-    /// Attributes per skin voxel: normal, value, or none
+    /// Surface of the model: skin voxels, or cells between samples with a plane in each, true to a few hundredths
+    /// of a voxel
+    #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
+    pub(crate) surface: SurfaceKind,
+    /// Attributes per skin voxel: normal, value, or none; offset means --surface cells
     #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
     pub(crate) channels: Channels,
+    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), or auto,
+    /// which sees finer detail where there is little noise, at three times the time of normals
+    #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
+    pub(crate) gradient: Gradient,
     /// Connectivity of the skin: 26 (thin) or 6 (thick)
     #[arg(long, default_value = "26", value_parser = parse::connectivity)]
     pub(crate) connectivity: Connectivity,
@@ -196,6 +230,27 @@ pub(crate) struct WhichArgs {
     pub(crate) volume: Option<usize>,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) links: LinkArgs,
+}
+
+/// What becomes of symbolic links.
+#[derive(Debug, Args)]
+pub(crate) struct LinkArgs {
+    /// Search linked folders, and read data that a header or a side-car names and a link leads out of its folder to
+    #[arg(long)]
+    pub(crate) follow_links: bool,
+}
+
+/// What is searched, and what is taken of it.
+#[derive(Debug, Args)]
+pub(crate) struct SearchArgs {
+    #[command(flatten)]
+    pub(crate) links: LinkArgs,
+    /// Take all of more than 16 volumes of one series that are alike (moments of a film, of the brain at work), not
+    /// only the first
+    #[arg(long)]
+    pub(crate) all_volumes: bool,
 }
 
 /// What becomes of series with gaps.
@@ -278,8 +333,9 @@ impl CleanArgs {
 impl BuildArgs {
     /// A flag that was given and says something about volumes only.
     pub(crate) fn volume_flag(&self) -> Option<&'static str> {
-        let Self { selection, clean, raw, which, mesh, .. } = self;
+        let Self { selection, clean, raw, which, mesh, skin, .. } = self;
         let given = [
+            ("--surface cells", skin.surface != SurfaceKind::Skin),
             ("--iso", selection.iso.is_some()),
             ("--range", selection.range.is_some()),
             ("--otsu", selection.otsu),

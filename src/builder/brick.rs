@@ -6,7 +6,8 @@ use super::item::{ChannelForm, ItemForm};
 use super::layout::{BRICK_LEVELS, StoredChannels};
 use super::simd::{Isa, Kernel, dispatch};
 use super::swap::{BrickEntry, Scratch, read_fragment};
-use crate::format::{MeanRule, Sum};
+use crate::format::cell::{CORNERS, HAS_CORNERS};
+use crate::format::{Channel, MeanRule, Sum};
 use crate::geom::morton;
 
 const EDGE: usize = 32;
@@ -17,6 +18,7 @@ const WORDS: usize = VOXELS / 64;
 
 /// One channel of the brick at hand.
 pub(super) struct BrickChannel {
+    channel: Channel,
     form: ItemForm,
     /// How its means come about, if they are wanted.
     rule: Option<MeanRule>,
@@ -28,20 +30,42 @@ pub(super) struct BrickChannel {
     pub(super) sums: Vec<Sum>,
 }
 
+/// A cell with corners: its rank in Morton order among all cells of the brick, and its number among those with
+/// corners in the order of the scan.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Corner {
+    rank: u16,
+    scanned: u16,
+}
+
 /// Bytes of a channel's items at their fullest, in both orders, and of its sums.
 pub(super) fn channel_bytes(channel: &ChannelForm) -> u64 {
+    if channel.channel.row().is_sparse {
+        return (VOXELS * (channel.form.stored_bytes() + size_of::<Corner>())) as u64;
+    }
     (2 * VOXELS * channel.form.stored_bytes() + Sum::BYTES * WORDS) as u64
 }
 
 impl BrickChannel {
     fn new(channel: &ChannelForm, rule: Option<MeanRule>) -> Self {
         Self {
+            channel: channel.channel,
             form: channel.form,
             rule,
             scan: Vec::new(),
             items: Vec::new(),
             sums: vec![Sum::default(); if rule.is_some() { WORDS } else { 0 }],
         }
+    }
+
+    /// Does only a part of the voxels have an item?
+    pub(super) fn is_sparse(&self) -> bool {
+        self.channel.row().is_sparse
+    }
+
+    /// Corners of a cell that has them.
+    pub(super) fn corner(&self, cell: Corner) -> &[u8] {
+        self.scan.as_chunks::<CORNERS>().0.get(usize::from(cell.scanned)).unwrap_or(&[1; CORNERS])
     }
 
     /// Bytes of a stored item.
@@ -124,6 +148,8 @@ pub(super) struct BrickReader {
     pub(super) words: Box<[u64; WORDS]>,
     /// Voxels before each word.
     before: Box<[u32; WORDS]>,
+    /// Cells with corners, in Morton order.
+    pub(super) corners: Vec<Corner>,
     pub(super) channels: Vec<BrickChannel>,
 }
 
@@ -139,6 +165,7 @@ impl BrickReader {
             rows: Box::new([0; EDGE * EDGE]),
             words: Box::new([0; WORDS]),
             before: Box::new([0; WORDS]),
+            corners: Vec::new(),
             channels: channels.with_means().map(|(c, rule)| BrickChannel::new(c, rule)).collect(),
         }
     }
@@ -166,7 +193,11 @@ impl BrickReader {
             }
         }
         dispatch(WordsKernel { reader: self });
-        for BrickChannel { form, scan, items, .. } in &mut self.channels {
+        self.sort_corners();
+        for BrickChannel { channel, form, scan, items, .. } in &mut self.channels {
+            if channel.row().is_sparse {
+                continue;
+            }
             let order = MortonOrder { rows: &self.rows, words: &self.words, before: &self.before };
             match form.stored_bytes() {
                 1 => dispatch(SortKernel::<1> { order, scan, items }),
@@ -177,6 +208,25 @@ impl BrickReader {
             }
         }
         Ok(())
+    }
+
+    /// Finds the cells with corners, and puts them into Morton order.
+    fn sort_corners(&mut self) {
+        self.corners.clear();
+        let sparse = self.channels.iter().find(|c| c.is_sparse());
+        if sparse.is_none_or(|c| c.scan.is_empty()) {
+            return;
+        }
+        let Some(offsets) = self.channels.iter().find(|c| c.channel == Channel::Offset) else { return };
+        let order = MortonOrder { rows: &self.rows, words: &self.words, before: &self.before };
+        let (mut announced, mut scanned) = (offsets.scan.iter(), 0);
+        order.for_each_rank(|rank| {
+            if announced.next() == Some(&HAS_CORNERS.cast_unsigned()) {
+                self.corners.push(Corner { rank: rank as u16, scanned });
+                scanned += 1;
+            }
+        });
+        self.corners.sort_unstable();
     }
 
     /// Appends the fragment in `payload` to the scan-order buffers; `None` if it is not one.
@@ -198,9 +248,14 @@ impl BrickReader {
                 count += row.count_ones() as usize;
             }
         }
+        let mut corners = 0;
         for channel in &mut self.channels {
-            let (swapped, more) = rest.split_at_checked(channel.form.swapped_bytes() * count)?;
+            let items = if channel.channel.row().is_sparse { corners } else { count };
+            let (swapped, more) = rest.split_at_checked(channel.form.swapped_bytes() * items)?;
             rest = more;
+            if channel.channel == Channel::Offset {
+                corners = swapped.iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
+            }
             channel.form.store(swapped, &mut channel.scan);
         }
         Some(())

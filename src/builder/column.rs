@@ -19,9 +19,11 @@ use super::error::BuildError;
 use super::item::ChannelForm;
 use super::plan::ColumnPlan;
 use super::pool::{CHUNK_BYTES, Chain, ChunkPool};
-use super::skin::{BIT_RING, BIT_ROWS, BitRows, Connectivity, brick_rows, find_skin};
+use super::skin::{BIT_RING, BIT_ROWS, BitRows, Kept, brick_rows, find_skin};
 use super::solid::{BRICK, Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, VoxelBox};
 use super::swap::{BrickEntry, FragmentWriter, Scratch};
+use crate::format::Channel;
+use crate::format::cell::HAS_CORNERS;
 
 const BRICK_ROWS: usize = BRICK as usize;
 
@@ -30,7 +32,7 @@ pub(super) struct ScanContext<'a, S> {
     pub(super) solid: &'a S,
     /// The channels to be stored.
     pub(super) channels: &'a [ChannelForm],
-    pub(super) connectivity: Connectivity,
+    pub(super) kept: Kept,
     pub(super) plan: &'a ColumnPlan,
     pub(super) scratch: &'a Scratch,
 }
@@ -57,11 +59,19 @@ struct Brick {
     swapped: u8,
     done: u8,
     last_fragment: u64,
+    /// Cells with corners.
+    corners: u16,
 }
 
 impl Brick {
     fn new() -> Self {
-        Self { rows: Box::new([0; BRICK_ROWS * BRICK_ROWS]), swapped: 0, done: 0, last_fragment: 0 }
+        Self {
+            rows: Box::new([0; BRICK_ROWS * BRICK_ROWS]),
+            swapped: 0,
+            done: 0,
+            last_fragment: 0,
+            corners: 0,
+        }
     }
 }
 
@@ -176,9 +186,9 @@ impl<'a, S: Solid> ColumnWorker<'a, S> {
         for cover in &mut self.covers {
             cover.slab = SlabCover::NONE;
         }
-        let ahead_by = i64::from(LOOKAHEAD);
+        let (ahead_by, behind_by) = (i64::from(LOOKAHEAD), i64::from(self.shared.solid.lookbehind()));
         let (z0, z1) = (i64::from(column.z.start), i64::from(column.z.end));
-        for ahead in z0 - ahead_by..z1 + ahead_by {
+        for ahead in z0 - behind_by..z1 + ahead_by {
             if let Some(slice) = u32::try_from(ahead).ok().filter(|z| *z < self.dims[2]) {
                 self.load(column, slice)?;
             }
@@ -297,7 +307,7 @@ impl<'a, S: Solid> ColumnWorker<'a, S> {
             let run = self.covers[slab as usize % 2].mixed[at].clone();
             let bits = BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] };
             let skin = &mut self.skin[..words * BRICK_ROWS];
-            find_skin(&bits, run.clone(), column.y.len(), self.shared.connectivity, skin);
+            find_skin(&bits, run.clone(), column.y.len(), self.shared.kept, skin);
             for brick in 2 * run.start..(2 * run.end).min(bricks) {
                 self.scan_brick_slice(column, z, brick)?;
             }
@@ -331,11 +341,18 @@ impl<'a, S: Solid> ColumnWorker<'a, S> {
                 brick,
             })?;
             let chains = &mut self.chains[brick * channels.len()..][..channels.len()];
+            let mut corners = 0;
             for (chain, ChannelForm { channel, form }) in chains.iter_mut().zip(channels) {
                 let items = self.solid.items(*channel);
-                assert_eq!(items.len(), count * form.swapped_bytes(), "one {channel} for every skin voxel");
+                // The offsets come before what they announce.
+                if *channel == Channel::Offset && self.shared.kept == Kept::Cells {
+                    corners = items.iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
+                }
+                let due = if channel.row().is_sparse { corners } else { count };
+                assert_eq!(items.len(), due * form.swapped_bytes(), "one {channel} for every skin voxel");
                 self.pool.append(chain, items);
             }
+            self.bricks[brick].corners += corners as u16;
         }
         let b = &mut self.bricks[brick];
         b.rows[slice * BRICK_ROWS..][..BRICK_ROWS].copy_from_slice(&skin);
@@ -381,8 +398,9 @@ impl<'a, S: Solid> ColumnWorker<'a, S> {
             if brick.last_fragment != 0 {
                 (entry.skin, entry.boxes) = count_brick(&brick.rows);
                 entry.last_fragment = brick.last_fragment;
+                entry.corners = brick.corners;
                 brick.rows.fill(0);
-                brick.last_fragment = 0;
+                (brick.last_fragment, brick.corners) = (0, 0);
             }
             (brick.swapped, brick.done) = (0, 0);
             self.entries.push(entry);

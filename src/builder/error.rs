@@ -46,6 +46,11 @@ pub enum BuildError {
         /// The channel.
         channel: Channel,
     },
+    /// Cells are one more than voxels along each axis, and the volume has as many as can be.
+    NoRoomForCells {
+        /// The input.
+        name: String,
+    },
     /// Every sample is NaN or infinite.
     NoNumbers {
         /// The input.
@@ -121,6 +126,7 @@ impl Error for BuildError {
             | Self::EmptyResult { .. }
             | Self::NothingInside { .. }
             | Self::NoChannel { .. }
+            | Self::NoRoomForCells { .. }
             | Self::NoNumbers { .. }
             | Self::EmptyRange { .. } => None,
         }
@@ -146,7 +152,7 @@ impl BuildError {
             Self::Source(e) => e.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
             Self::EmptyResult { .. } | Self::NothingInside { .. } | Self::NoNumbers { .. } => ExitKind::Input,
-            Self::EmptyRange { .. } | Self::NoChannel { .. } => ExitKind::Usage,
+            Self::EmptyRange { .. } | Self::NoChannel { .. } | Self::NoRoomForCells { .. } => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,
         }

@@ -11,15 +11,16 @@ use super::item::{ChannelForm, ItemForm};
 use super::layout::{Census, Layout, StoredChannels};
 use super::merge::{self, Merge, Target};
 use super::plan::{ColumnPlan, PlanRequest};
+use super::skin::{Connectivity, Kept};
 use super::solid::{BRICK, Found, Solid};
 use super::swap::Scratch;
-use super::{BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
+use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
-use crate::format::{Channel, Channels, Metadata};
+use crate::format::{Channel, Channels, Metadata, SurfaceKind};
 use crate::geom::Dims;
 
-/// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is not asked.
+/// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
 ///
 /// Memory and temporary disk as [`super::build_volume`]; the solid's part is what it says of itself.
 ///
@@ -34,6 +35,7 @@ pub fn build_solid<S: Solid>(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
+    let options = &options.for_surface(solid.surface());
     let job = Job { options, output, progress };
     // What can be refused at once is refused before a file is made.
     drop(job.plan_solid(solid)?);
@@ -64,6 +66,19 @@ fn forms_of(
         None => Err(BuildError::NoChannel { name: name.to_owned(), channel }),
     };
     channels.iter().map(with_form).collect()
+}
+
+/// What is odd about what was found.
+fn notes(dims: Dims, totals: &ScanTotals) -> Vec<BuildNote> {
+    let [x, y, z] = dims.to_array().map(u64::from);
+    let within = [x, y, z].map(|side| side.saturating_sub(2)).iter().product::<u64>();
+    // All voxels are inside where the skin is that of the box.
+    let all = totals.skin == x * y * z - within;
+    let found = [
+        (BuildNote::NotNumbers, totals.found.not_numbers),
+        (BuildNote::AllInside { voxels: x * y * z }, all),
+    ];
+    found.into_iter().filter(|(_, is_so)| *is_so).map(|(note, _)| note).collect()
 }
 
 /// What is built, and where.
@@ -122,9 +137,10 @@ impl Job<'_> {
 
         let started = Instant::now();
         let _memory = self.part(solid, &plan, seal::MEMORY_BYTES)?;
-        let file_bytes = seal::seal(&target, solid.dims(), &census, &metadata)?;
+        let file_bytes = seal::seal(&target, solid.dims(), solid.surface(), &census, &metadata)?;
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
+        solid.check_unchanged().map_err(BuildError::Source)?;
         atomic.commit().map_err(|e| self.output_error(e))?;
         seconds.commit = started.elapsed().as_secs_f64();
         Ok(BuildReport {
@@ -142,6 +158,7 @@ impl Job<'_> {
             threads: plan.threads,
             tile: plan.tile,
             seconds,
+            notes: notes(solid.dims(), &totals),
         })
     }
 
@@ -192,8 +209,11 @@ impl Job<'_> {
         plan: &ColumnPlan,
         scratch: &Scratch,
     ) -> Result<ScanTotals, BuildError> {
-        let connectivity = self.options.connectivity;
-        let shared = ScanContext { solid, channels, connectivity, plan, scratch };
+        let kept = match solid.surface() {
+            SurfaceKind::Skin => Kept::Skin(self.options.connectivity),
+            SurfaceKind::Cells => Kept::Cells,
+        };
+        let shared = ScanContext { solid, channels, kept, plan, scratch };
         let count = plan.column_count();
         self.progress.stage("scan", count);
         let next = AtomicU64::new(0);
@@ -239,7 +259,10 @@ impl Job<'_> {
     fn metadata<S: Solid>(&self, solid: &S, found: &Found) -> Metadata {
         let mut metadata = solid.metadata(found);
         metadata.program = concat!("infobyte ", env!("CARGO_PKG_VERSION")).into();
-        metadata.connectivity = self.options.connectivity.code();
+        metadata.connectivity = match solid.surface() {
+            SurfaceKind::Skin => self.options.connectivity.code(),
+            SurfaceKind::Cells => Connectivity::default().code(),
+        };
         if !self.options.channels.contains(Channel::Normal) {
             metadata.gradient = String::new();
         }

@@ -4,6 +4,7 @@ use super::error::BuildError;
 use super::item::ChannelForm;
 use super::swap::{BrickEntry, Scratch};
 use super::walk::BrickWalk;
+use crate::format::cell::corner_blocks;
 use crate::format::{ENTRY_BYTES, HEADER_BYTES, MeanRule, SectionEntry, SectionKind, align_up, rank};
 use crate::geom::Dims;
 
@@ -22,6 +23,8 @@ pub(super) struct Census {
     pub(super) voxels: u64,
     /// Bricks with skin.
     pub(super) bricks: u64,
+    /// Cells with corners.
+    pub(super) corners: u64,
     /// Nodes with an edge of `2^e`, by e; index 0 is unused.
     by_edge: [u64; 17],
 }
@@ -30,13 +33,14 @@ impl Census {
     /// One sequential pass over the index.
     pub(super) fn take(dims: Dims, scratch: &Scratch) -> Result<Self, BuildError> {
         let depth = dims.depth();
-        let mut census = Self { depth, voxels: 0, bricks: 0, by_edge: [0; 17] };
+        let mut census = Self { depth, voxels: 0, bricks: 0, corners: 0, by_edge: [0; 17] };
         let (mut walk, mut found) = (BrickWalk::new(dims), Vec::new());
         let mut previous = None;
         while walk.next_group(scratch, &mut found)? {
             for (code, entry) in &found {
                 census.voxels += u64::from(entry.skin);
                 census.bricks += 1;
+                census.corners += u64::from(entry.corners);
                 for e in 1..=depth.min(BRICK_LEVELS) {
                     census.by_edge[e as usize] += boxes_in_brick(entry, e);
                 }
@@ -81,6 +85,11 @@ pub(super) struct StoredChannels {
 }
 
 impl StoredChannels {
+    /// Do the offsets announce corners?
+    pub(super) fn has_corners(&self) -> bool {
+        self.forms.iter().any(|c| c.channel.row().is_sparse)
+    }
+
     /// Each with the rule of its means, if it has any.
     pub(super) fn with_means(&self) -> impl Iterator<Item = (&ChannelForm, Option<MeanRule>)> {
         let rule = |c: &ChannelForm| c.channel.row().means.as_ref().filter(|_| self.lod).map(|m| m.rule);
@@ -109,10 +118,14 @@ impl Layout {
             .with_means()
             .filter(|(_, rule)| rule.is_some() && census.lod_nodes() > 0)
             .map(|(c, _)| (SectionKind::Means(c.channel), item_bytes(c), census.lod_nodes()));
-        let voxels =
-            channels.forms.iter().map(|c| (SectionKind::Voxels(c.channel), item_bytes(c), census.voxels));
+        let voxels = channels.forms.iter().map(|c| {
+            let items = if c.channel.row().is_sparse { census.corners } else { census.voxels };
+            (SectionKind::Voxels(c.channel), item_bytes(c), items)
+        });
+        let corner_rank =
+            channels.has_corners().then(|| (SectionKind::CornerRank, 8, corner_blocks(census.voxels)));
         // Kind, bytes per item, items.
-        let wanted: Vec<_> = fixed.into_iter().chain(means).chain(voxels).collect();
+        let wanted: Vec<_> = fixed.into_iter().chain(means).chain(voxels).chain(corner_rank).collect();
         let mut end = (HEADER_BYTES + wanted.len() * ENTRY_BYTES) as u64;
         let mut entries = Vec::with_capacity(wanted.len());
         for (kind, item_bytes, items) in wanted {

@@ -32,10 +32,14 @@ fn runs(count: u64) -> u64 {
     count * RUN_BYTES as u64
 }
 
-/// Memory of one worker: a brick, runs for five levels of infobytes, and for each channel one of items and four
-/// of means.
+/// Runs of a channel: one of its items, and four of means if it has any.
+fn runs_of(channel: &ChannelForm) -> u64 {
+    if channel.channel.row().means.is_some() { 5 } else { 1 }
+}
+
+/// Memory of one worker: a brick, runs for five levels of infobytes, and those of each channel.
 pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
-    let own: u64 = channels.iter().map(|c| channel_bytes(c) + runs(5)).sum();
+    let own: u64 = channels.iter().map(|c| channel_bytes(c) + runs(runs_of(c))).sum();
     (BrickReader::BYTES + runs(5) + own + MERGE_LISTS).max(LEAST_WORKER)
 }
 
@@ -120,6 +124,7 @@ struct Cursors {
     /// Next node with an edge of 2^e, by e.
     node: [u64; BRICK_LEVELS as usize + 1],
     voxel: u64,
+    corners: u64,
     brick: u64,
 }
 
@@ -138,6 +143,7 @@ pub(super) struct Merge<'a> {
 struct Group {
     node: [u64; BRICK_LEVELS as usize + 1],
     voxel: u64,
+    corners: u64,
     brick: u64,
 }
 
@@ -164,7 +170,7 @@ impl<'a> Merge<'a> {
             scratch,
             target,
             census,
-            cursors: Mutex::new(Cursors { walk: BrickWalk::new(dims), node, voxel: 0, brick: 0 }),
+            cursors: Mutex::new(Cursors { walk: BrickWalk::new(dims), node, voxel: 0, corners: 0, brick: 0 }),
             summaries: scratch.take(summaries_len),
             summary_bytes,
         })
@@ -180,9 +186,11 @@ impl<'a> Merge<'a> {
         if !cursors.walk.next_group(self.scratch, found)? {
             return Ok(None);
         }
-        let group = Group { node: cursors.node, voxel: cursors.voxel, brick: cursors.brick };
+        let Cursors { node, voxel, corners, brick, .. } = *cursors;
+        let group = Group { node, voxel, corners, brick };
         for (_, entry) in found.iter() {
             cursors.voxel += u64::from(entry.skin);
+            cursors.corners += u64::from(entry.corners);
             cursors.brick += 1;
             for e in 1..=self.levels() {
                 cursors.node[e as usize] += boxes_in_brick(entry, e);
@@ -269,7 +277,8 @@ impl MergeWorker {
         }
         for (runs, ChannelForm { channel, form }) in self.channels.iter_mut().zip(&target.channels.forms) {
             let item = form.stored_bytes();
-            runs.items.restart(target.offset(SectionKind::Voxels(*channel), group.voxel, item));
+            let first = if channel.row().is_sparse { group.corners } else { group.voxel };
+            runs.items.restart(target.offset(SectionKind::Voxels(*channel), first, item));
             for e in 2..=merge.levels() as usize {
                 runs.means[e - 1].restart(target.offset(SectionKind::Means(*channel), group.node[e], item));
             }
@@ -301,6 +310,10 @@ impl MergeWorker {
         }
         self.summaries.extend(code.to_le_bytes());
         for (runs, channel) in self.channels.iter_mut().zip(&mut self.reader.channels) {
+            if channel.is_sparse() {
+                self.reader.corners.iter().try_for_each(|c| runs.items.put(target, channel.corner(*c)))?;
+                continue;
+            }
             runs.items.put(target, &channel.items)?;
             let mut boxes = channel.sums.len();
             for e in 2..=BRICK_LEVELS as usize {

@@ -22,10 +22,12 @@
 
 mod boxes;
 mod brick;
+mod cells;
 mod choose;
 mod classify;
 mod column;
 mod error;
+mod estimator;
 mod gradient;
 mod histogram;
 mod item;
@@ -44,6 +46,7 @@ mod ring;
 mod seal;
 mod simd;
 mod skin;
+mod slices;
 mod solid;
 mod swap;
 mod volume;
@@ -51,11 +54,11 @@ mod walk;
 
 pub use choose::choose_selection;
 pub use error::{BuildError, ScratchFault, Sought};
-pub use gradient::ESTIMATOR;
+pub use estimator::Gradient;
 pub use item::ItemForm;
 pub use job::build_solid;
 pub use options::{BuildOptions, Threshold};
-pub use report::{BuildReport, StageSeconds};
+pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 
@@ -67,15 +70,18 @@ use std::path::Path;
 use std::time::Instant;
 
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
-use crate::format::Selection;
-use crate::volume::{ScalarType, VolumeSource};
+use crate::format::{Channel, Selection, SurfaceKind};
+use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
+use cells::{AROUND_CELL, CellSolid, cell_dims, cell_form};
 use choose::Chooser;
+use gradient::NormalRule;
 use item::ChannelForm;
 use job::{Job, channel_forms};
 use plan::{ColumnPlan, PlanRequest};
 use range::{Ordered, SampleRange};
 use ring::{Depths, RingForm, Samples};
-use volume::{RingShape, VolumeSolid, volume_form};
+use slices::RingShape;
+use volume::{AROUND, VolumeSolid, volume_form};
 
 /// The smallest [`MemoryCap::Share`] within which a model of `source` can be built.
 pub fn smallest_share(source: &dyn VolumeSource, options: &BuildOptions) -> u64 {
@@ -107,21 +113,45 @@ pub(crate) fn reserve_least(
 /// refused elsewhere.
 fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> PlanRequest<'a> {
     let info = source.info();
-    let shape = RingShape::kindest(info.dims, info.scalar);
+    let surface = options.volume_surface();
+    let (dims, reach) = match surface {
+        SurfaceKind::Skin => (info.dims, AROUND),
+        // A volume that is too large is refused elsewhere.
+        SurfaceKind::Cells => (cell_dims(info.dims).unwrap_or(info.dims), AROUND_CELL),
+    };
+    let more = match surface {
+        SurfaceKind::Skin => NormalRule::more_bytes(options.gradient),
+        SurfaceKind::Cells => cells::WORKER_BYTES,
+    };
+    let shape = RingShape::kindest(info.dims, info.scalar, reach);
+    let channels = options.for_surface(surface).channels;
     let form_of = |channel| {
-        let form = volume_form(info.scalar, channel, &Found::default())?;
+        let form = form_on(surface, info.scalar, channel, &Found::default())?;
         Some(ChannelForm { channel, form })
     };
     PlanRequest {
-        dims: info.dims,
-        channels: options.channels.iter().filter_map(form_of).collect(),
+        dims,
+        channels: channels.iter().filter_map(form_of).collect(),
         threads: options.threads,
-        solid_bytes: Box::new(move |tile| shape.bytes(tile)),
+        solid_bytes: Box::new(move |tile| shape.bytes(tile) + more),
         input_bytes: source.resident_bytes(),
     }
 }
 
-/// Builds the skin octree of `source`, of the voxels whose values lie in [`BuildOptions::threshold`], into
+/// The form of a channel's items, of those that a volume has with this surface.
+fn form_on(
+    surface: SurfaceKind,
+    scalar: ScalarType,
+    channel: Channel,
+    found: &Found,
+) -> Option<item::ItemForm> {
+    match surface {
+        SurfaceKind::Skin => volume_form(scalar, channel, found),
+        SurfaceKind::Cells => cell_form(channel),
+    }
+}
+
+/// Builds the octree of `source`, of the voxels whose values lie in [`BuildOptions::threshold`], into
 /// `output`.
 ///
 /// Memory: [`BuildOptions::memory`] bounds the process as the operating system accounts it, or the build's
@@ -136,10 +166,11 @@ pub fn build_volume(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
+    let options = &options.for_surface(options.volume_surface());
     let front = Front { source, job: Job { options, output, progress } };
     // What can be refused at once is refused before the volume is read.
     front.check()?;
-    let files = front.job.open_files(source.info().dims)?;
+    let files = front.job.open_files(front.dims()?)?;
     match source.info().scalar {
         ScalarType::U8 => front.build_samples::<u8>(files),
         ScalarType::I8 => front.build_samples::<i8>(files),
@@ -159,11 +190,24 @@ struct Front<'a> {
 }
 
 impl<'a> Front<'a> {
+    /// Size of the model's grid.
+    fn dims(&self) -> Result<crate::geom::Dims, BuildError> {
+        let VolumeInfo { dims, description, .. } = self.source.info();
+        match self.job.options.surface {
+            SurfaceKind::Skin => Ok(*dims),
+            SurfaceKind::Cells => {
+                cell_dims(*dims).ok_or_else(|| BuildError::NoRoomForCells { name: description.name.clone() })
+            }
+        }
+    }
+
     /// Does the volume have the channels, and is there a plan for the kindest range of this sample type?
     fn check(&self) -> Result<(), BuildError> {
         let info = self.source.info();
         let name = &info.description.name;
-        channel_forms(self.job.options, name, |c, found| volume_form(info.scalar, c, found))?;
+        let surface = self.job.options.surface;
+        self.dims()?;
+        channel_forms(self.job.options, name, |c, found| form_on(surface, info.scalar, c, found))?;
         self.job.plan(name, &kindest_request(self.source, self.job.options)).map(drop)
     }
 
@@ -192,8 +236,11 @@ impl<'a> Front<'a> {
         selection: Selection,
         histogram_s: f64,
     ) -> Result<BuildReport, BuildError> {
-        let solid = VolumeSolid::new(self.source, form, selection, self.chooser());
-        let mut report = self.job.run(files, &solid)?;
+        let solid = VolumeSolid::new(self.source, form, selection, self.job.options.gradient, self.chooser());
+        let mut report = match self.job.options.surface {
+            SurfaceKind::Skin => self.job.run(files, &solid)?,
+            SurfaceKind::Cells => self.job.run(files, &CellSolid::new(solid, self.dims()?))?,
+        };
         report.seconds.histogram = histogram_s;
         Ok(report)
     }

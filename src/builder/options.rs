@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Connectivity;
+use super::{Connectivity, Gradient};
 use crate::budget::MemoryCap;
-use crate::format::{Channels, Selection};
+use crate::format::{Channel, Channels, Selection, SurfaceKind};
 
 /// How to choose what is inside; values are physical (after rescale).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,10 +24,15 @@ pub enum Threshold {
 pub struct BuildOptions {
     /// What is inside a volume; other solids know for themselves.
     pub threshold: Threshold,
-    /// Which neighbours make a voxel skin.
+    /// Skin voxels or cells; [`Channel::Offset`] among the channels means cells, too. Other solids than volumes
+    /// know for themselves.
+    pub surface: SurfaceKind,
+    /// Which neighbours make a voxel skin; cells do not ask.
     pub connectivity: Connectivity,
     /// What is stored of every skin voxel.
     pub channels: Channels,
+    /// How normals are estimated, of volumes.
+    pub gradient: Gradient,
     /// Store means of coarse nodes for level of detail?
     pub lod: bool,
     /// Cap on resident memory.
@@ -44,8 +49,10 @@ impl Default for BuildOptions {
     fn default() -> Self {
         Self {
             threshold: Threshold::Otsu,
+            surface: SurfaceKind::Skin,
             connectivity: Connectivity::Thin26,
             channels: Channels::default(),
+            gradient: Gradient::default(),
             lod: true,
             memory: MemoryCap::Share(64 << 20),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
@@ -55,6 +62,22 @@ impl Default for BuildOptions {
 }
 
 impl BuildOptions {
+    /// The surface that a volume is built with.
+    pub fn volume_surface(&self) -> SurfaceKind {
+        if self.channels.contains(Channel::Offset) { SurfaceKind::Cells } else { self.surface }
+    }
+
+    /// The same for a solid with this surface: cells need normals, offsets and corners.
+    pub(super) fn for_surface(&self, surface: SurfaceKind) -> Self {
+        let channels = match surface {
+            SurfaceKind::Skin => self.channels,
+            SurfaceKind::Cells => {
+                self.channels.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners)
+            }
+        };
+        Self { surface, channels, ..self.clone() }
+    }
+
     /// The folder of scratch files for a model: as given, or the model's own.
     pub fn scratch_folder(&self, output: &Path) -> PathBuf {
         let models_own = || match output.parent() {

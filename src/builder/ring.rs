@@ -19,6 +19,13 @@ pub(super) trait RingForm: Sync + Copy {
     fn convert(&self, sample: Self::File) -> Self::Ring;
     /// Depth inside the range of a ring sample.
     fn depth(&self, sample: Self::Ring) -> f32;
+    /// The ring sample at the surface, where the range begins at `bound` in samples of the file; `None` for a
+    /// range with two ends. Among integers a surface lies between the last sample outside and the first inside.
+    fn level(&self, bound: Option<f64>) -> f32;
+    /// Depth of a ring sample below that level.
+    fn depth_from(&self, sample: Self::Ring, level: f32) -> f32;
+    /// Is a ring sample inside? (Of depths: not outside; what is not a number has none.)
+    fn is_inside(&self, sample: Self::Ring) -> bool;
 }
 
 /// Samples stay as they are: one lower bound, and a type whose values a single holds exactly.
@@ -40,6 +47,25 @@ impl<T: Ordered + RingSample> RingForm for Samples<T> {
     fn depth(&self, sample: T) -> f32 {
         self.0.depth(sample)
     }
+    fn level(&self, bound: Option<f64>) -> f32 {
+        let lo = self.0.lo.to_f64();
+        single(bound.map_or(lo, |bound| bound.clamp(lo - f64::from(border_unit::<Self>()), lo)))
+    }
+    #[inline(always)]
+    fn depth_from(&self, sample: T, level: f32) -> f32 {
+        single(sample.to_f64()) - level
+    }
+    #[inline(always)]
+    fn is_inside(&self, sample: T) -> bool {
+        self.0.contains(sample)
+    }
+}
+
+/// Nearest single of a number.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "rounded, and far from overflow where it matters")]
+fn single(v: f64) -> f32 {
+    v as f32
 }
 
 /// The ring holds depths inside the range: wide types, two-sided ranges, falling scales.
@@ -60,6 +86,25 @@ impl<T: Ordered> RingForm for Depths<T> {
     #[inline(always)]
     fn depth(&self, sample: f32) -> f32 {
         sample
+    }
+    fn level(&self, bound: Option<f64>) -> f32 {
+        let unit = f64::from(border_unit::<Self>());
+        let SampleRange { lo, hi } = self.0;
+        let level = match bound {
+            Some(bound) if self.0.is_open_above() => bound - lo.to_f64(),
+            Some(bound) => hi.to_f64() - bound,
+            // Half way between neighbouring integers at either end.
+            None => -0.5 * unit,
+        };
+        single(level.clamp(-unit, 0.0))
+    }
+    #[inline(always)]
+    fn depth_from(&self, sample: f32, level: f32) -> f32 {
+        sample - level
+    }
+    #[inline(always)]
+    fn is_inside(&self, sample: f32) -> bool {
+        sample >= 0.0
     }
 }
 

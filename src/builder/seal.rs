@@ -1,12 +1,13 @@
-//! The last pass over the output: rank directory, checksums, section table, header.
+//! The last pass over the output: directories, checksums, section table, header.
 
 use std::os::unix::fs::FileExt;
 
 use super::error::BuildError;
 use super::layout::Census;
 use super::merge::{RUN_BYTES, Run, Target};
+use crate::format::cell::CornerRankBuilder;
 use crate::format::rank::{RankBuilder, directory_bytes};
-use crate::format::{Encoding, HEADER_BYTES, Header, SectionKind, VERSION_MINOR, table_bytes};
+use crate::format::{Channel, Encoding, HEADER_BYTES, Header, SectionKind, SurfaceKind, table_bytes};
 use crate::geom::Dims;
 
 /// Bytes read at a time.
@@ -19,6 +20,7 @@ pub(super) const MEMORY_BYTES: u64 = (STEP + 2 * RUN_BYTES) as u64;
 pub(super) fn seal(
     target: &Target<'_>,
     dims: Dims,
+    surface: SurfaceKind,
     census: &Census,
     metadata: &[u8],
 ) -> Result<u64, BuildError> {
@@ -35,6 +37,7 @@ pub(super) fn seal(
     let mut buffer = vec![0; STEP];
     let mut entries = layout.entries.clone();
     let nodes_crc = rank_directory(target, census.nodes(), &mut buffer)?;
+    corner_directory(target, census.voxels, &mut buffer)?;
     for entry in &mut entries {
         let crc = if entry.kind == Some(SectionKind::Nodes) {
             nodes_crc
@@ -50,8 +53,9 @@ pub(super) fn seal(
     }
     let table = table_bytes(&entries);
     let header = Header {
-        minor: VERSION_MINOR,
+        minor: surface.minor(),
         encoding: Encoding::Mapped,
+        surface,
         #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each kind")]
         sections: entries.len() as u16,
         file_bytes,
@@ -86,6 +90,25 @@ fn rank_directory(target: &Target<'_>, nodes: u64, buffer: &mut [u8]) -> Result<
     supers.flush(target)?;
     blocks.flush(target)?;
     Ok(crc)
+}
+
+/// Builds the directory of corners, if there are any, from the offsets written before.
+fn corner_directory(target: &Target<'_>, cells: u64, buffer: &mut [u8]) -> Result<(), BuildError> {
+    let at = |kind| target.layout.offset(kind);
+    let (Some(directory), Some(offsets)) =
+        (at(SectionKind::CornerRank), at(SectionKind::Voxels(Channel::Offset)))
+    else {
+        return Ok(());
+    };
+    let mut blocks = Run::new(Some(directory));
+    let mut builder = CornerRankBuilder::default();
+    let mut new = Vec::new();
+    for_each_part(target, offsets, cells, buffer, |part| {
+        new.clear();
+        builder.feed(part, |block| new.extend(block.to_le_bytes()));
+        blocks.put(target, &new)
+    })?;
+    blocks.flush(target)
 }
 
 fn for_each_part(

@@ -21,8 +21,7 @@ pub(super) fn movemask(_: Avx2, bytes: [u8; 32]) -> u32 {
     bytes.iter().enumerate().fold(0, |m, (i, b)| m | u32::from(b >> 7) << i)
 }
 
-/// Rows `start`, `start + stride` ... `start + 4 stride` of a plane, `N` samples each, with one check for
-/// all of them instead of one each.
+/// [`rows_of`] with five rows.
 ///
 /// # Panics
 /// If the last row does not end within the plane.
@@ -32,10 +31,27 @@ pub(super) fn five_rows<R: bytemuck::Pod, const N: usize>(
     start: usize,
     stride: usize,
 ) -> [[R; N]; 5] {
+    rows_of(plane, start, stride)
+}
+
+/// `K` rows of a plane, at least two, from `start` on and `stride` apart, `N` samples each, with one check for
+/// all of them instead of one each.
+///
+/// # Panics
+/// If the last row does not end within the plane.
+#[inline(always)]
+pub(super) fn rows_of<R: bytemuck::Pod, const N: usize, const K: usize>(
+    plane: &[R],
+    start: usize,
+    stride: usize,
+) -> [[R; N]; K] {
     let most = plane.len().wrapping_sub(N);
-    assert!(plane.len() >= N && start <= most && stride <= (most - start) / 4, "a window leaves its plane");
+    assert!(
+        plane.len() >= N && start <= most && stride <= (most - start) / (K - 1),
+        "a window leaves its plane"
+    );
     std::array::from_fn(|row| {
-        // SAFETY: row <= 4, so start + row * stride + N <= start + 4 * stride + N <= plane.len() by the
+        // SAFETY: row < K, so start + row * stride + N <= start + (K - 1) * stride + N <= plane.len() by the
         // check above, and any bytes are a value of a Pod type.
         unsafe { plane.as_ptr().add(start + row * stride).cast::<[R; N]>().read_unaligned() }
     })

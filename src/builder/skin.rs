@@ -29,16 +29,27 @@ impl Connectivity {
     }
 }
 
+/// Which boxes are kept of a row of inside bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kept {
+    /// Skin voxels.
+    Skin(Connectivity),
+    /// Cells: box i lies between samples i - 1 and i along each axis, and is kept when its eight samples are not
+    /// all on one side.
+    Cells,
+}
+
 /// The 3 x 3 rows around a row of inside bits: `rows[dz][dy]`, each `words + 2` long with one word of
 /// neighbours before and after.
 pub(super) type Rows<'a> = [[&'a [u64]; 3]; 3];
 
-/// Writes the skin bits of the middle row.
+/// Writes the bits of the boxes that are kept of the middle row.
 #[inline(always)]
-pub(super) fn skin_row(rows: &Rows<'_>, connectivity: Connectivity, out: &mut [u64]) {
-    match connectivity {
-        Connectivity::Thin26 => thin(rows, out),
-        Connectivity::Thick6 => thick(rows, out),
+fn kept_row(rows: &Rows<'_>, kept: Kept, out: &mut [u64]) {
+    match kept {
+        Kept::Skin(Connectivity::Thin26) => thin(rows, out),
+        Kept::Skin(Connectivity::Thick6) => thick(rows, out),
+        Kept::Cells => cells(rows, out),
     }
 }
 
@@ -75,6 +86,28 @@ fn thick(rows: &Rows<'_>, out: &mut [u64]) {
     }
 }
 
+#[inline(always)]
+fn cells(rows: &Rows<'_>, out: &mut [u64]) {
+    let n = out.len() + 2;
+    let [[a, b, _], [c, d, _], _] = *rows;
+    let (a, b, c, d) = (&a[..n], &b[..n], &c[..n], &d[..n]);
+    let (any, all) = (|i: usize| a[i] | b[i] | c[i] | d[i], |i: usize| a[i] & b[i] & c[i] & d[i]);
+    for (i, out) in out.iter_mut().enumerate() {
+        let some = any(i + 1) | any(i + 1) << 1 | any(i) >> 63;
+        let every = all(i + 1) & (all(i + 1) << 1 | all(i) >> 63);
+        *out = some & !every;
+    }
+}
+
+/// Samples at the corners of 32 cells in a row, those numbered `32 * half ..`: for each of the four edges along
+/// x (y low and z low, y high, z high, both), bit i is the sample before cell i, bit i + 1 the one after.
+#[inline(always)]
+pub(super) fn corner_samples(rows: &Rows<'_>, half: usize) -> [u64; 4] {
+    let (i, shift) = (half / 2, half % 2 * 32);
+    let [[a, b, _], [c, d, _], _] = *rows;
+    [a, b, c, d].map(|row| west(row, i) >> shift | (row[i + 1] >> shift & 1 << 31) << 1)
+}
+
 /// Exposed faces of 32 voxels in a row: bit i of each mask set where that face neighbour is outside.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Exposed {
@@ -100,14 +133,8 @@ pub(super) const BIT_ROWS: usize = BRICK_ROWS + 2;
 
 /// Writes the skin bits of words `run` of `rows` rows of the tile to their rows of `skin`, and clears those words
 /// of the other rows.
-pub(super) fn find_skin(
-    bits: &BitRows<'_>,
-    run: Range<usize>,
-    rows: usize,
-    connectivity: Connectivity,
-    skin: &mut [u64],
-) {
-    dispatch(SkinKernel { bits, run, rows, connectivity, skin });
+pub(super) fn find_skin(bits: &BitRows<'_>, run: Range<usize>, rows: usize, kept: Kept, skin: &mut [u64]) {
+    dispatch(SkinKernel { bits, run, rows, kept, skin });
 }
 
 /// The 32 rows of one brick out of the tile's skin words.
@@ -158,7 +185,7 @@ struct SkinKernel<'a, 'b> {
     bits: &'a BitRows<'b>,
     run: Range<usize>,
     rows: usize,
-    connectivity: Connectivity,
+    kept: Kept,
     skin: &'a mut [u64],
 }
 
@@ -179,7 +206,7 @@ impl Kernel for SkinKernel<'_, '_> {
                     [north[1], here[1], south[1]],
                     [north[2], here[2], south[2]],
                 ];
-                skin_row(&rows, self.connectivity, out);
+                kept_row(&rows, self.kept, out);
                 (north, here) = (here, south);
             } else {
                 out.fill(0);

@@ -16,8 +16,8 @@ use std::time::Duration;
 
 use super::error::BuildError;
 use super::item::ItemForm;
-use super::skin::{BitRows, Exposed, exposed};
-use crate::format::{Channel, Channels, Metadata};
+use super::skin::{BitRows, Exposed, corner_samples, exposed};
+use crate::format::{Channel, Channels, Metadata, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::SourceError;
 
@@ -66,11 +66,13 @@ pub struct Found {
     pub extent: (f32, f32),
     /// Time spent waiting for input.
     pub reading: Duration,
+    /// Were there samples that are NaN? They are outside.
+    pub not_numbers: bool,
 }
 
 impl Default for Found {
     fn default() -> Self {
-        Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO }
+        Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO, not_numbers: false }
     }
 }
 
@@ -81,6 +83,7 @@ impl Found {
         Self {
             extent: (self.extent.0.min(other.extent.0), self.extent.1.max(other.extent.1)),
             reading: self.reading + other.reading,
+            not_numbers: self.not_numbers || other.not_numbers,
         }
     }
 }
@@ -95,8 +98,20 @@ pub trait Solid: Sync {
     where
         Self: 'a;
 
-    /// Size of the grid of voxels; what lies beyond is outside.
+    /// Size of the grid of voxels; what lies beyond is outside. Of cells, one more than the samples along each
+    /// axis: occupancy is then asked of samples that do not exist, which are outside.
     fn dims(&self) -> Dims;
+
+    /// What the boxes of the model are. Of cells, the items described are those of cells: box i of an axis lies
+    /// between samples i - 1 and i.
+    fn surface(&self) -> SurfaceKind {
+        SurfaceKind::Skin
+    }
+
+    /// Slices before a column whose occupancy its worker wants, too; at least [`LOOKAHEAD`].
+    fn lookbehind(&self) -> u32 {
+        LOOKAHEAD
+    }
 
     /// What the model says of its origin, once the skin has been described. The builder fills in the program
     /// and the connectivity, and clears what belongs to channels that are not stored.
@@ -122,6 +137,14 @@ pub trait Solid: Sync {
         self.metadata(&Found::default()).source.kind
     }
 
+    /// Is what the solid is made of still what it was? Asked before the model is given its name.
+    ///
+    /// # Errors
+    /// What was changed meanwhile.
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        Ok(())
+    }
+
     /// Why no voxel is inside, for the user.
     fn nothing_inside(&self) -> BuildError {
         BuildError::NothingInside { name: self.name() }
@@ -131,7 +154,7 @@ pub trait Solid: Sync {
 /// One thread's view of a [`Solid`]: owns its buffers and walks one column of voxels after the other.
 pub trait SolidWorker {
     /// Begins a column. Until the next call, [`SolidWorker::occupancy`] is asked for slices that rise from
-    /// [`LOOKAHEAD`] before the column to as many after it, as far as they exist.
+    /// [`Solid::lookbehind`] before the column to [`LOOKAHEAD`] after it, as far as they exist.
     ///
     /// # Errors
     /// The solid cannot be read.
@@ -157,7 +180,7 @@ pub trait SolidWorker {
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError>;
 
     /// The items of a channel that [`SolidWorker::describe`] has computed, in the order of
-    /// [`SkinSlice::voxels`].
+    /// [`SkinSlice::voxels`]; of a sparse channel those of the voxels that have one.
     fn items(&self, channel: Channel) -> &[u8];
 
     /// What was found since the worker was made.
@@ -280,6 +303,13 @@ impl SkinSlice<'_> {
                 (at < BRICK).then_some([x + at, y, z])
             })
         })
+    }
+
+    /// Samples at the corners of row `j`'s cells: for each of their edges along x (y and z low, y high, z high,
+    /// both high), bit i is the sample before cell i of the row, bit i + 1 the one after; 1 is inside.
+    #[inline]
+    pub fn corner_samples(&self, j: usize) -> [u64; 4] {
+        if self.rows[j] == 0 { [0; 4] } else { corner_samples(&self.bits.around(j), self.brick) }
     }
 
     /// Faces of row `j`'s voxels that look outside.

@@ -41,6 +41,8 @@ pub(super) struct BrickEntry {
     pub(super) skin: u32,
     /// Non-empty boxes with an edge of 2, 4, 8 and 16 voxels.
     pub(super) boxes: [u16; 4],
+    /// Cells with corners.
+    pub(super) corners: u16,
 }
 
 impl BrickEntry {
@@ -51,6 +53,7 @@ impl BrickEntry {
         for (i, n) in self.boxes.into_iter().enumerate() {
             b[12 + 2 * i..14 + 2 * i].copy_from_slice(&n.to_le_bytes());
         }
+        b[20..22].copy_from_slice(&self.corners.to_le_bytes());
         b
     }
 
@@ -59,6 +62,7 @@ impl BrickEntry {
             last_fragment: u64::from_le_bytes(std::array::from_fn(|i| b[i])),
             skin: u32::from_le_bytes(std::array::from_fn(|i| b[8 + i])),
             boxes: std::array::from_fn(|k| u16::from_le_bytes([b[12 + 2 * k], b[13 + 2 * k]])),
+            corners: u16::from_le_bytes([b[20], b[21]]),
         }
     }
 }
@@ -258,7 +262,8 @@ mod tests {
     fn entries_round_trip_and_holes_are_empty() {
         let folder = tempfile::tempdir().unwrap();
         let scratch = Scratch::create(folder.path(), [3, 2, 2]).unwrap();
-        let entry = BrickEntry { last_fragment: 1 << 40, skin: 32_768, boxes: [4096, 512, 64, 8] };
+        let entry =
+            BrickEntry { last_fragment: 1 << 40, skin: 32_768, boxes: [4096, 512, 64, 8], corners: 32_767 };
         scratch.put_entries([1, 1, 1], &[entry, BrickEntry::default()], &mut Vec::new()).unwrap();
         assert_eq!(scratch.entries([0, 1, 1]).unwrap()[1], entry);
         assert_eq!(scratch.entries([0, 0, 0]).unwrap(), [BrickEntry::default(); 4]);

@@ -106,7 +106,8 @@ mod tests {
                 for y in 0..bricks[1] {
                     for x in 0..bricks[0] {
                         let code = morton::encode(x as u32, y as u32, z as u32);
-                        let entry = BrickEntry { last_fragment: code + 1, skin: 1, boxes: [1; 4] };
+                        let entry =
+                            BrickEntry { last_fragment: code + 1, skin: 1, boxes: [1; 4], corners: 0 };
                         scratch.put_entries([x, y, z], &[entry], &mut Vec::new()).unwrap();
                         want.push(code);
                     }

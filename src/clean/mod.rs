@@ -1,4 +1,4 @@
-//! Cleaning before the build: what users do to a segmentation, under the memory cap.
+//! Cleaning before the build, under the memory cap.
 //!
 //! The volume itself may be cropped and downsampled; both are sources around the source. What follows works on
 //! the *occupancy*, one bit a voxel in a nameless scratch file, and ends in a volume whose samples agree with it:

@@ -3,8 +3,8 @@
 //! Written for clarity, from SPEC.md alone; tests compare faster code with it.
 
 use super::error::FormatError;
-use super::header::{Encoding, HEADER_BYTES, Header, VERSION_MINOR};
-use super::kind::{Channel, SectionKind};
+use super::header::{Encoding, HEADER_BYTES, Header};
+use super::kind::{Channel, SectionKind, SurfaceKind};
 use super::metadata::{Metadata, Selection, SelectionKind, SourceMeta};
 use super::section::{ENTRY_BYTES, SectionEntry, align_up, table_bytes};
 use super::{normal, rank};
@@ -76,8 +76,9 @@ pub fn join_sections(
     }
     let table = table_bytes(&entries);
     let header = Header {
-        minor: VERSION_MINOR,
+        minor: SurfaceKind::Skin.minor(),
         encoding,
+        surface: SurfaceKind::Skin,
         sections: u16::try_from(sections.len()).unwrap_or(u16::MAX),
         file_bytes: file.len() as u64,
         nodes,

@@ -6,6 +6,7 @@
 
 use std::fmt;
 
+use super::cell::CORNERS;
 use super::kind::Channel;
 use super::metadata::Metadata;
 use super::normal;
@@ -32,6 +33,8 @@ pub struct ChannelRow {
     pub is_stated: Option<fn(&Metadata) -> bool>,
     /// What an item must not be (SPEC I14).
     pub illegal: Option<fn(&[u8]) -> bool>,
+    /// Does only a part of the voxels have an item? The offset says which (SPEC 4.8).
+    pub is_sparse: bool,
 }
 
 /// The section of coarse means of a channel.
@@ -57,6 +60,7 @@ static TABLE: &[ChannelRow] = &[
         codec: CODEC_NORMALS,
         is_stated: Some(|m| !m.gradient.is_empty()),
         illegal: Some(|item| item.contains(&0x80)),
+        is_sparse: false,
     },
     ChannelRow {
         channel: Channel::Value,
@@ -68,6 +72,7 @@ static TABLE: &[ChannelRow] = &[
         codec: CODEC_PLANES,
         is_stated: Some(|m| m.value_scale != [0.0, 0.0]),
         illegal: None,
+        is_sparse: false,
     },
     ChannelRow {
         channel: Channel::Offset,
@@ -79,6 +84,7 @@ static TABLE: &[ChannelRow] = &[
         codec: CODEC_PLANES,
         is_stated: None,
         illegal: None,
+        is_sparse: false,
     },
     ChannelRow {
         channel: Channel::Color,
@@ -90,6 +96,7 @@ static TABLE: &[ChannelRow] = &[
         codec: CODEC_PLANES,
         is_stated: None,
         illegal: None,
+        is_sparse: false,
     },
     ChannelRow {
         channel: Channel::Material,
@@ -101,6 +108,22 @@ static TABLE: &[ChannelRow] = &[
         codec: CODEC_PLANES,
         is_stated: None,
         illegal: None,
+        is_sparse: false,
+    },
+    ChannelRow {
+        channel: Channel::Corners,
+        name: "corners",
+        items_name: "corners",
+        tag: *b"CORN",
+        item_bytes: &[CORNERS as u8],
+        means: None,
+        codec: CODEC_PLANES,
+        is_stated: None,
+        illegal: Some(|item| {
+            let outside = item.iter().filter(|c| **c >= 0x80).count();
+            outside == 0 || outside == item.len() || item.iter().any(|c| matches!(c, 0 | 0x80))
+        }),
+        is_sparse: true,
     },
     #[cfg(test)]
     ChannelRow {
@@ -113,6 +136,7 @@ static TABLE: &[ChannelRow] = &[
         codec: CODEC_PLANES,
         is_stated: None,
         illegal: Some(|item| item == [0xff; 4]),
+        is_sparse: false,
     },
 ];
 
@@ -472,7 +496,7 @@ mod tests {
         let report = build_solid(&Cube, &options, &at("m.oct"), &Silent).unwrap();
         assert_eq!(report.skin_voxels, 48 * 48 * 48 - 46 * 46 * 46);
 
-        let model = Model::open(&at("m.oct")).unwrap();
+        let model = Model::open(at("m.oct")).unwrap();
         verify(&model).unwrap();
         let mut voxels = Vec::new();
         voxels_below(&model, BoxIndex::ROOT, [0; 3], model.dims().depth(), &mut voxels);

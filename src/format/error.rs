@@ -9,7 +9,7 @@ use crate::geom::{Level, NodeIndex, VoxelIndex};
 
 /// A rule of SPEC.md that the bytes of a file, or what is to be written into one, break.
 ///
-/// The numbers I1 to I17 are those of SPEC 6. Sections are counted in the order of the table, from 0.
+/// The numbers I1 to I18 are those of SPEC 6. Sections are counted in the order of the table, from 0.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum FormatError {
@@ -108,6 +108,11 @@ pub enum FormatError {
     /// I4: coarse means without the voxels' own values.
     LoneMeans {
         /// The section of means.
+        kind: SectionKind,
+    },
+    /// I4: a model of skin voxels has a section that only cells have.
+    NotOfSkin {
+        /// The section.
         kind: SectionKind,
     },
     /// I4: a section has a codec that must not have one.
@@ -323,6 +328,20 @@ pub enum FormatError {
         voxel: VoxelIndex,
         /// The item found, as a little-endian number.
         item: u64,
+    },
+    /// I18: the corners are not as many as the offsets announce.
+    CornerCount {
+        /// Cells whose offset announces corners.
+        due: u64,
+        /// Items of corners.
+        found: u64,
+    },
+    /// I18: the directory of corners is not that of the offsets.
+    CornerRank {
+        /// Block of the directory.
+        block: u64,
+        /// Cells with corners before it.
+        due: u64,
     },
     /// I15: a mean direction is not that of its voxels.
     MeanNormal {

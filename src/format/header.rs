@@ -1,14 +1,15 @@
 //! The fixed header (SPEC 4.1).
 
 use super::error::FormatError;
+use super::kind::SurfaceKind;
 use crate::geom::Dims;
 
 /// First eight bytes of every file (SPEC 4.1).
 pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
 /// Major version written and read.
 pub const VERSION_MAJOR: u16 = 1;
-/// Minor version written.
-pub const VERSION_MINOR: u16 = 0;
+/// Highest minor version written; a file is given the lowest that has all it needs ([`SurfaceKind::minor`]).
+pub const VERSION_MINOR: u16 = 1;
 /// Size of the header.
 pub const HEADER_BYTES: usize = 64;
 
@@ -25,6 +26,10 @@ const AT_RESERVED: usize = AT_DIMS + 12;
 const AT_TABLE_CRC: usize = AT_RESERVED + 4;
 const AT_HEADER_CRC: usize = AT_TABLE_CRC + 4;
 const _: () = assert!(AT_HEADER_CRC + 4 == HEADER_BYTES);
+
+/// Bits of the encoding byte: packed, and cells instead of skin voxels.
+const PACKED: u8 = 1;
+const CELLS: u8 = 2;
 
 /// How sections are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,15 +57,17 @@ pub struct Header {
     pub minor: u16,
     /// How sections are stored.
     pub encoding: Encoding,
+    /// What the boxes of the finest level are.
+    pub surface: SurfaceKind,
     /// Number of sections.
     pub sections: u16,
     /// Length of the whole file.
     pub file_bytes: u64,
     /// Nodes N (infobytes).
     pub nodes: u64,
-    /// Skin voxels V.
+    /// Skin voxels V, or cells.
     pub voxels: u64,
-    /// Size of the volume; the depth follows from it.
+    /// Size of the volume in voxels, or in cells: one more along each axis. The depth follows from it.
     pub dims: Dims,
     /// CRC of the section table.
     pub table_crc: u32,
@@ -86,7 +93,8 @@ impl Header {
         put(0, &MAGIC);
         put(AT_MAJOR, &VERSION_MAJOR.to_le_bytes());
         put(AT_MINOR, &self.minor.to_le_bytes());
-        put(AT_ENCODING, &[u8::from(self.encoding == Encoding::Packed)]);
+        let packed = if self.encoding == Encoding::Packed { PACKED } else { 0 };
+        put(AT_ENCODING, &[packed | if self.surface == SurfaceKind::Cells { CELLS } else { 0 }]);
         #[expect(clippy::cast_possible_truncation, reason = "depth is at most 16")]
         put(AT_DEPTH, &[self.dims.depth() as u8]);
         put(AT_SECTIONS, &self.sections.to_le_bytes());
@@ -122,11 +130,12 @@ impl Header {
         if major != VERSION_MAJOR {
             return Err(FormatError::UnsupportedVersion { major });
         }
-        let encoding = match b[AT_ENCODING] {
-            0 => Encoding::Mapped,
-            1 => Encoding::Packed,
-            code => return Err(FormatError::UnknownEncoding { code }),
-        };
+        let code = b[AT_ENCODING];
+        if code & !(PACKED | CELLS) != 0 {
+            return Err(FormatError::UnknownEncoding { code });
+        }
+        let encoding = if code & PACKED == 0 { Encoding::Mapped } else { Encoding::Packed };
+        let surface = if code & CELLS == 0 { SurfaceKind::Skin } else { SurfaceKind::Cells };
         let sides = [0, 4, 8].map(|at| u32_at(b, AT_DIMS + at));
         let [nx, ny, nz] = sides;
         let dims = Dims::new(nx, ny, nz).ok_or(FormatError::DimsRange { dims: sides })?;
@@ -136,6 +145,7 @@ impl Header {
         let header = Self {
             minor: u16_at(b, AT_MINOR),
             encoding,
+            surface,
             sections: u16_at(b, AT_SECTIONS),
             file_bytes: u64_at(b, AT_FILE_BYTES),
             nodes: u64_at(b, AT_NODES),

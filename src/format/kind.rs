@@ -1,4 +1,40 @@
-//! Names of what a file holds: its channels and its sections.
+//! Names of what a file holds: its surface, its channels and its sections.
+
+/// What the boxes of the finest level of a model are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum SurfaceKind {
+    /// Skin voxels: the boxes themselves are the surface.
+    #[default]
+    Skin,
+    /// Cells between eight samples, with the surface within them (SPEC 4.8).
+    Cells,
+}
+
+impl SurfaceKind {
+    /// Lowest minor version of the format that has it.
+    pub const fn minor(self) -> u16 {
+        match self {
+            Self::Skin => 0,
+            Self::Cells => 1,
+        }
+    }
+
+    /// By how much a volume's sides grow to those of its boxes.
+    pub const fn grown(self) -> u32 {
+        match self {
+            Self::Skin => 0,
+            Self::Cells => 1,
+        }
+    }
+
+    /// Its name on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Skin => "skin",
+            Self::Cells => "cells",
+        }
+    }
+}
 
 /// One attribute of skin voxels, in the order in which sections stand in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -7,12 +43,14 @@ pub enum Channel {
     Normal,
     /// What the volume holds at the voxel (SPEC 4.7).
     Value,
-    /// Distance to the true surface.
+    /// Where the surface lies: of cells that of the plane, or that there are corners instead (SPEC 4.8).
     Offset,
     /// RGB8.
     Color,
     /// Material number.
     Material,
+    /// The eight samples of cells that no plane can separate (SPEC 4.8).
+    Corners,
     /// A row for the test below.
     #[cfg(test)]
     Dummy,
@@ -31,6 +69,8 @@ pub enum SectionKind {
     Rank,
     /// Means of a channel over coarse nodes.
     Means(Channel),
-    /// One item of a channel per voxel.
+    /// One item of a channel per voxel; of a sparse channel per voxel that has one.
     Voxels(Channel),
+    /// How many cells before each block have corners.
+    CornerRank,
 }

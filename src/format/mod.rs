@@ -4,6 +4,7 @@
 //! This module turns those bytes into values and back; it opens no file.
 
 pub mod assemble;
+pub mod cell;
 mod channel;
 mod error;
 mod header;
@@ -18,7 +19,7 @@ pub(crate) use channel::number;
 pub use channel::{ChannelRow, Channels, MeanBytes, MeanRule, Means, Sum};
 pub use error::FormatError;
 pub use header::{Encoding, HEADER_BYTES, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
-pub use kind::{Channel, SectionKind};
+pub use kind::{Channel, SectionKind, SurfaceKind};
 pub use metadata::{METADATA_LIMIT, Metadata, Selection, SelectionKind, SourceMeta};
 pub use section::{
     ENTRY_BYTES, MAX_SECTIONS, SECTION_ALIGN, SectionEntry, align_up, parse_table, table_bytes,

@@ -4,7 +4,7 @@ use super::error::FormatError;
 use super::header::{HEADER_BYTES, Header};
 use super::kind::Channel;
 use super::kind::SectionKind;
-use super::packed::{CODEC_DERIVED, CODEC_NONE, CODEC_STRUCTURE};
+use super::packed::{CODEC_DERIVED, CODEC_NONE, CODEC_PLANES, CODEC_STRUCTURE};
 
 /// Sections start at multiples of this: a cache line.
 pub const SECTION_ALIGN: u64 = 64;
@@ -26,14 +26,15 @@ impl SectionKind {
     pub fn all() -> impl Iterator<Item = Self> {
         let means = Channel::all().filter(|c| c.row().means.is_some()).map(Self::Means);
         let voxels = Channel::all().map(Self::Voxels);
-        [Self::Meta, Self::Levels, Self::Nodes, Self::Rank].into_iter().chain(means).chain(voxels)
+        let fixed = [Self::Meta, Self::Levels, Self::Nodes, Self::Rank];
+        fixed.into_iter().chain(means).chain(voxels).chain([Self::CornerRank])
     }
 
     /// The channel whose items or means the section holds.
     pub fn channel(self) -> Option<Channel> {
         match self {
             Self::Means(channel) | Self::Voxels(channel) => Some(channel),
-            Self::Meta | Self::Levels | Self::Nodes | Self::Rank => None,
+            Self::Meta | Self::Levels | Self::Nodes | Self::Rank | Self::CornerRank => None,
         }
     }
 
@@ -46,6 +47,7 @@ impl SectionKind {
             Self::Rank => *b"RANK",
             Self::Means(channel) => channel.row().means.as_ref().map_or([0; 4], |means| means.tag),
             Self::Voxels(channel) => channel.row().tag,
+            Self::CornerRank => *b"CRNK",
         }
     }
 
@@ -58,6 +60,7 @@ impl SectionKind {
             Self::Rank => "rank",
             Self::Means(channel) => channel.row().means.as_ref().map_or("", |means| means.name),
             Self::Voxels(channel) => channel.row().name,
+            Self::CornerRank => "corner_rank",
         }
     }
 
@@ -68,6 +71,7 @@ impl SectionKind {
             Self::Nodes => CODEC_STRUCTURE,
             Self::Means(_) => CODEC_DERIVED,
             Self::Voxels(channel) => channel.row().codec,
+            Self::CornerRank => CODEC_PLANES,
         }
     }
 

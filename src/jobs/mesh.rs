@@ -51,6 +51,7 @@ pub fn convert(
         info: read_info(output)?,
         cleaning: None,
         warnings: vec![report.facts.to_string()],
+        hints: Vec::new(),
         wall_s,
     })
 }

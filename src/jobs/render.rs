@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
+use crate::progress::{Progress, Silent};
 use crate::render::picture::{self, Canvas};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
@@ -25,7 +26,7 @@ pub struct RenderRequest {
     pub projection: Projection,
     /// Angle in degrees between the bottom and the top of the picture.
     pub fov_deg: f64,
-    /// Threads, at least 1; the picture does not depend on them.
+    /// Threads; 0 counts as 1. The picture does not depend on them.
     pub threads: usize,
     /// Stop at nodes about as small as a pixel instead of at voxels.
     pub lod: bool,
@@ -43,7 +44,7 @@ impl RenderRequest {
 }
 
 impl Default for RenderRequest {
-    /// 1024 x 1024, parallel from the front, exact voxels, one thread.
+    /// 1024 x 1024, parallel from the front, exact voxels, one thread per core.
     fn default() -> Self {
         Self {
             width: 1024,
@@ -51,7 +52,7 @@ impl Default for RenderRequest {
             point: ViewPoint::Named(NamedView::Front),
             projection: Projection::Parallel,
             fov_deg: Self::FOV_DEG,
-            threads: 1,
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
             lod: false,
             smooth_edges: false,
             depth: false,
@@ -111,6 +112,20 @@ pub fn render_view<V: NodeView>(
     affine: &Affine,
     request: &RenderRequest,
 ) -> Result<(Image, RenderReport), RenderError> {
+    render_view_watched(view, dims, affine, request, &Silent)
+}
+
+/// As [`render_view`]; `progress` is told of the rows that are done.
+///
+/// # Errors
+/// As [`render_view`].
+pub fn render_view_watched<V: NodeView>(
+    view: &V,
+    dims: Dims,
+    affine: &Affine,
+    request: &RenderRequest,
+    progress: &dyn Progress,
+) -> Result<(Image, RenderReport), RenderError> {
     let start = Instant::now();
     picture::check_size(request.width, request.height)?;
     let space = GridSpace::new(dims, affine)?;
@@ -129,7 +144,9 @@ pub fn render_view<V: NodeView>(
         depth_range_mm: request.depth.then_some((near, far)),
         normals: request.normals,
     };
-    let (image, counts) = picture::paint(view, &space, &camera, canvas)?;
+    progress.stage("render", request.height.into());
+    let rows_done = |rows: u32| progress.advance(rows.into());
+    let (image, counts) = picture::paint_watched(view, &space, &camera, canvas, &rows_done)?;
     let wall = start.elapsed();
     let trace_s = counts.trace.as_secs_f64();
     let report = RenderReport {

@@ -2,9 +2,9 @@
 
 use crate::format::{
     Channel, Encoding, FormatError, HEADER_BYTES, Header, MAX_SECTIONS, METADATA_LIMIT, Metadata,
-    SectionEntry, SectionKind, parse_table, rank,
+    SectionEntry, SectionKind, SurfaceKind, cell, parse_table, rank,
 };
-use crate::geom::{Dims, Level};
+use crate::geom::{Affine, Dims, Level};
 
 use super::stream::{Fault, ReadAt};
 
@@ -49,7 +49,7 @@ impl Frame {
 
         let metadata_bytes = read_small(source, &sections, SectionKind::Meta)?;
         let metadata = Metadata::parse(&metadata_bytes)?;
-        if metadata.dims != header.dims.to_array() {
+        if metadata.dims.map(|n| n.saturating_add(header.surface.grown())) != header.dims.to_array() {
             let (metadata, header) = (metadata.dims, header.dims.to_array());
             return Err(FormatError::MetadataDims { metadata, header }.into());
         }
@@ -78,9 +78,32 @@ impl Frame {
         })
     }
 
-    /// Size of the volume.
+    /// What the boxes of the finest level are.
+    pub fn surface(&self) -> SurfaceKind {
+        self.header.surface
+    }
+
+    /// Size of the grid's occupied part in boxes of the finest level: that of the volume in voxels, or in cells,
+    /// which are one more along each axis.
     pub fn dims(&self) -> Dims {
         self.header.dims
+    }
+
+    /// Index of a box of the finest level (its middle at integers) to LPS mm: the volume's affine, moved by half
+    /// a voxel where the boxes are cells.
+    pub fn affine(&self) -> Affine {
+        let volume = Affine { rows: self.metadata.affine };
+        match self.surface() {
+            SurfaceKind::Skin => volume,
+            SurfaceKind::Cells => {
+                let corner = volume.apply([-0.5; 3]);
+                let mut cells = volume;
+                for (row, at) in cells.rows.iter_mut().zip(corner) {
+                    row[3] = at;
+                }
+                cells
+            }
+        }
     }
 
     /// First node of depth L-1: the number of coarse nodes, those with an edge of 4 cells and more.
@@ -113,7 +136,12 @@ impl Frame {
                     let illegal = due.is_some_and(|due| !channel.row().item_bytes.contains(&due));
                     (Some(entry.item_bytes) == due || illegal, self.coarse_nodes())
                 }
-                SectionKind::Voxels(channel) => (channel.row().item_bytes.contains(&entry.item_bytes), v),
+                SectionKind::Voxels(channel) => {
+                    // How many have an item of a sparse channel is known when all offsets are (SPEC I18).
+                    let items = if channel.row().is_sparse { entry.items.min(v) } else { v };
+                    (channel.row().item_bytes.contains(&entry.item_bytes), items)
+                }
+                SectionKind::CornerRank => (entry.item_bytes == 8, cell::corner_blocks(v)),
             };
             if !item_ok || entry.items != items {
                 let SectionEntry { item_bytes, items: stated, .. } = *entry;
@@ -146,6 +174,20 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
         let kind = SectionKind::Means(channel);
         if has(kind) && !has(SectionKind::Voxels(channel)) {
             return Err(FormatError::LoneMeans { kind });
+        }
+    }
+    let cells = header.surface == SurfaceKind::Cells;
+    for kind in [
+        SectionKind::Voxels(Channel::Normal),
+        SectionKind::Voxels(Channel::Offset),
+        SectionKind::Voxels(Channel::Corners),
+        SectionKind::CornerRank,
+    ] {
+        let of_cells = matches!(kind, SectionKind::CornerRank | SectionKind::Voxels(Channel::Corners));
+        match (cells, has(kind)) {
+            (true, false) => return Err(FormatError::MissingSection(kind)),
+            (false, true) if of_cells => return Err(FormatError::NotOfSkin { kind }),
+            _ => {}
         }
     }
     for entry in sections {

@@ -5,10 +5,12 @@
 //! | [`Frame`] | header, table, metadata and levels: what opening reads and checks |
 //! | [`Model`] | a mapped-encoding file, used in place |
 //! | [`ModelView`] | its structure and normals as slices: the [`NodeView`] for loops |
+//! | [`CellItems`], [`CellShape`] | the surface within cells |
 //! | [`Items`] | what one section says of every voxel or coarse node |
 //! | [`verify()`] | the full check of every invariant, in small memory |
 //! | [`ReadAt`], [`Cursor`] | reading by position, and in sequence |
 
+mod cells;
 mod error;
 mod frame;
 mod map;
@@ -18,6 +20,7 @@ mod stream;
 mod verify;
 mod view;
 
+pub use cells::{CellItems, CellShape};
 pub use error::{LoadError, NotRegular};
 pub use frame::Frame;
 pub use map::Mapping;

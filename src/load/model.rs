@@ -5,15 +5,17 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 
-use crate::format::{Channel, Encoding, FormatError, Header, Metadata, SectionEntry, SectionKind, rank};
+use crate::format::{
+    Channel, Encoding, FormatError, Header, Metadata, SectionEntry, SectionKind, SurfaceKind, rank,
+};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 
 use super::frame::Frame;
-use super::map::Mapping;
+use super::map::{Mapping, Stamp};
 use super::stream::{Fault, ReadAt};
-use super::{LoadError, NodeView, NotRegular};
+use super::{CellItems, LoadError, NodeView, NotRegular};
 
-/// A mapped-encoding file over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
+/// An `.oct` that is not packed, over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
 /// Opening reads the header, the section table, the metadata and the level table (SPEC I1 to I7) and
 /// nothing else, so its cost does not depend on the size of the model. The contents of the large
@@ -33,15 +35,31 @@ impl Model<Mapping> {
     ///
     /// # Errors
     /// [`LoadError`] with the path: unreadable, foreign, damaged, newer, or packed.
-    pub fn open(path: &Path) -> Result<Self, LoadError> {
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, LoadError> {
+        let path = path.as_ref();
         let open = || -> Result<Self, Fault> {
             let file = open_regular(path)?;
+            let then = Stamp::of(&file)?;
             // Through ordinary reads, so that a file that is no model is never mapped.
             let frame = Frame::read(&file)?;
             refuse_packed(&frame)?;
-            Self::assemble(Mapping::of(&file)?, frame).map_err(Fault::from)
+            Self::assemble(Mapping::since(file, then)?, frame).map_err(Fault::from)
         };
         open().map_err(|fault| fault.at(path))
+    }
+
+    /// Is the file still what it was when it was opened? To be asked before what was made of the model is kept:
+    /// a file that was overwritten in place meanwhile was neither the one model nor the other. `path` is what the
+    /// error names.
+    ///
+    /// # Errors
+    /// [`LoadError::Changed`], or the operating system refused.
+    pub fn check_unchanged(&self, path: &Path) -> Result<(), LoadError> {
+        match self.data.is_unchanged() {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(LoadError::Changed { path: path.to_path_buf() }),
+            Err(cause) => Err(LoadError::Unreadable { path: path.to_path_buf(), cause }),
+        }
     }
 }
 
@@ -114,14 +132,14 @@ impl<D: AsRef<[u8]>> Model<D> {
         &self.frame.metadata
     }
 
-    /// Size of the volume in voxels.
+    /// Size in boxes of the finest level, as [`Frame::dims`].
     pub fn dims(&self) -> Dims {
-        self.frame.header.dims
+        self.frame.dims()
     }
 
-    /// Voxel index to LPS mm.
+    /// Index of a box of the finest level to LPS mm, as [`Frame::affine`].
     pub fn affine(&self) -> Affine {
-        Affine { rows: self.frame.metadata.affine }
+        self.frame.affine()
     }
 
     /// The section table.
@@ -182,6 +200,16 @@ impl<D: AsRef<[u8]>> Model<D> {
             nodes: bytes.get(self.nodes.clone()).unwrap_or(&[]),
             rank: bytes.get(self.rank.clone()).unwrap_or(&[]),
             normals: codes(&self.normals),
+            cells: (self.frame.surface() == SurfaceKind::Cells).then(|| {
+                let items = |kind| self.section_bytes(kind).unwrap_or_default();
+                let of = |channel| items(SectionKind::Voxels(channel));
+                CellItems::new(
+                    of(Channel::Normal),
+                    of(Channel::Offset),
+                    of(Channel::Corners),
+                    items(SectionKind::CornerRank),
+                )
+            }),
             node_normals: codes(&self.node_normals),
         }
     }
@@ -222,6 +250,7 @@ pub struct ModelView<'a> {
     rank: &'a [u8],
     normals: Option<&'a [[u8; 2]]>,
     node_normals: Option<&'a [[u8; 2]]>,
+    cells: Option<CellItems<'a>>,
 }
 
 #[inline]
@@ -272,6 +301,11 @@ impl NodeView for ModelView<'_> {
     fn node_normal(&self, node: NodeIndex) -> Option<u16> {
         code(self.node_normals, node.index())
     }
+
+    #[inline]
+    fn cells(&self) -> Option<CellItems<'_>> {
+        self.cells
+    }
 }
 
 impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
@@ -310,6 +344,11 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     #[inline]
     fn node_normal(&self, node: NodeIndex) -> Option<u16> {
         self.view().node_normal(node)
+    }
+
+    #[inline]
+    fn cells(&self) -> Option<CellItems<'_>> {
+        self.view().cells
     }
 }
 

@@ -1,5 +1,6 @@
 //! The node view: all that a traversal may know of an octree.
 
+use super::CellItems;
 use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
 
 /// Read-only octree in breadth-first numbers (SPEC 2). A [`BoxIndex`] below `node_count()` is a node, any
@@ -43,4 +44,10 @@ pub trait NodeView: Sync {
 
     /// Mean normal code of a node with an edge of 4 cells or more, if the model has them.
     fn node_normal(&self, node: NodeIndex) -> Option<u16>;
+
+    /// The surface within the boxes of the finest level, if those are cells; then normals are of index space.
+    #[inline]
+    fn cells(&self) -> Option<CellItems<'_>> {
+        None
+    }
 }

@@ -1,7 +1,10 @@
 //! One ray after another, from the world and back to it.
 
-use super::ray::BadRay;
-use super::traverse::first_hit_sealed;
+use super::cells::Cells;
+use super::form::Form;
+use super::picture::cell_coordinates;
+use super::single;
+use super::surface::Skin;
 use super::{GridSpace, RenderError};
 use crate::format::normal;
 use crate::geom::VoxelIndex;
@@ -34,11 +37,11 @@ pub struct RayCaster<'a> {
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
-    /// The point on the voxel's face, in LPS mm.
+    /// The point on the voxel's face, or on the surface within the cell, in LPS mm.
     pub position_mm: [f64; 3],
     /// Distance along the ray, as a multiple of the direction's length.
     pub t: f64,
-    /// Index of the skin voxel (x, y, z).
+    /// Index of the skin voxel (x, y, z), or of the cell: cell i lies between samples i - 1 and i.
     pub voxel: [u32; 3],
     /// Unit vector out of the surface, where the model has normals.
     pub normal: Option<[f64; 3]>,
@@ -57,21 +60,30 @@ impl<'a> RayCaster<'a> {
     /// starts in a skin voxel meets that one.
     ///
     /// # Errors
-    /// [`BadRay`] for a ray that is not finite or has no direction.
+    /// [`RenderError::Ray`] for a ray that is not finite or has no direction.
     pub fn first_hit(
         &self,
         origin_mm: [f64; 3],
         direction: [f64; 3],
-    ) -> Result<Option<SurfacePoint>, BadRay> {
+    ) -> Result<Option<SurfacePoint>, RenderError> {
         let Some(ray) = self.space.ray(origin_mm, direction)? else { return Ok(None) };
-        let Some(hit) = first_hit_sealed(&self.view, &ray, 0).hit else { return Ok(None) };
-        let voxel = hit.voxel(&self.view).map(VoxelIndex::new);
-        let code = voxel.and_then(|voxel| self.view.voxel_normal(voxel));
-        Ok(Some(SurfacePoint {
-            position_mm: std::array::from_fn(|i| origin_mm[i] + hit.t * direction[i]),
-            t: hit.t,
-            voxel: hit.cell,
-            normal: code.map(|code| self.space.normal_to_world(normal::decode(code).map(f64::from))),
-        }))
+        let cells = self.view.cells().map(Cells::new);
+        let trace = match &cells {
+            Some(cells) => single::trace(Form::best(), &self.view, cells, &ray, 0),
+            None => single::trace(Form::best(), &self.view, &Skin, &ray, 0),
+        };
+        let Some(hit) = trace.hit else { return Ok(None) };
+        let position_mm = std::array::from_fn(|i| origin_mm[i] + hit.t * direction[i]);
+        let voxel = hit.voxel(&self.view);
+        let normal = match (&cells, voxel) {
+            (Some(cells), Some(cell)) => {
+                let u = cell_coordinates(&self.space, hit.cell, position_mm);
+                Some(self.space.index_normal_to_world(cells.normal(cell, u)))
+            }
+            _ => voxel
+                .and_then(|voxel| self.view.voxel_normal(VoxelIndex::new(voxel)))
+                .map(|code| self.space.normal_to_world(normal::decode(code).map(f64::from))),
+        };
+        Ok(Some(SurfacePoint { position_mm, t: hit.t, voxel: hit.cell, normal }))
     }
 }

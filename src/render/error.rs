@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::ray::BadRay;
 use crate::exit::ExitKind;
 
 /// A picture that cannot be made or written.
@@ -13,6 +14,8 @@ use crate::exit::ExitKind;
 pub enum RenderError {
     /// The camera makes no sense.
     Camera(CameraFault),
+    /// A ray makes no sense.
+    Ray(BadRay),
     /// A picture without pixels, or with too many.
     Size {
         /// Pixels in a row.
@@ -70,6 +73,8 @@ pub enum CameraFault {
     NotFinite,
     /// The eye is in the point that it looks at.
     EyeInTarget,
+    /// The eye and the point that it looks at are farther apart than numbers go.
+    TooFar,
     /// The up direction has no length.
     UpWithoutLength,
     /// The up direction is along the line of sight.
@@ -79,6 +84,12 @@ pub enum CameraFault {
 impl From<CameraFault> for RenderError {
     fn from(fault: CameraFault) -> Self {
         Self::Camera(fault)
+    }
+}
+
+impl From<BadRay> for RenderError {
+    fn from(fault: BadRay) -> Self {
+        Self::Ray(fault)
     }
 }
 
@@ -96,6 +107,7 @@ impl RenderError {
     pub fn kind(&self) -> ExitKind {
         match self {
             Self::Camera(_)
+            | Self::Ray(_)
             | Self::Size { .. }
             | Self::NoLayer(_)
             | Self::Threads { .. }

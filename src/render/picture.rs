@@ -11,6 +11,8 @@ use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
+use super::cells::Cells;
+use super::facing;
 use super::form::Form;
 use super::image::Image;
 use super::ray::Face;
@@ -18,9 +20,9 @@ use super::shade::Shader;
 use super::sight::Sight;
 use super::single;
 use super::space::GridSpace;
-use super::surface::Skin;
+use super::surface::{Skin, Surface};
 use super::tile::{RAYS as TILE_PIXELS, TILE, Tile, Tracer};
-use super::traverse::Trace;
+use super::traverse::{Hit, Trace};
 use super::{Camera, RenderError};
 
 /// Pixels traced between two shading passes; bounds the memory for hits to 4 MiB, or a row of tiles.
@@ -97,12 +99,24 @@ struct Seen {
     depth: f32,
     /// Axis and side of the face, or [`Seen::NO_FACE`].
     face: u8,
-    is_voxel: bool,
+    kind: SeenKind,
+    /// The normal's code, where it is not that of the box.
+    code: u16,
+}
+
+/// Where the normal of a hit comes from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum SeenKind {
+    Voxel,
+    Node,
+    /// The hit itself: of a cell with corners, whose normal is not the same everywhere.
+    Own,
 }
 
 impl Seen {
     const NO_FACE: u8 = u8::MAX;
-    const NOTHING: Self = Self { box_number: 0, depth: f32::NAN, face: Self::NO_FACE, is_voxel: false };
+    const NOTHING: Self =
+        Self { box_number: 0, depth: f32::NAN, face: Self::NO_FACE, kind: SeenKind::Node, code: 0 };
 
     #[expect(clippy::cast_possible_truncation, reason = "a depth image has 16 bits")]
     fn new(trace: &Trace) -> Self {
@@ -110,7 +124,8 @@ impl Seen {
             box_number: hit.box_number,
             depth: (hit.t as f32).min(f32::MAX),
             face: hit.face.map_or(Self::NO_FACE, |f| 2 * f.axis + u8::from(f.high)),
-            is_voxel: hit.edge_log2 == 0,
+            kind: if hit.edge_log2 == 0 { SeenKind::Voxel } else { SeenKind::Node },
+            code: 0,
         })
     }
 
@@ -147,6 +162,12 @@ pub fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
         .map_err(|cause| RenderError::Threads { threads, cause: std::io::Error::other(cause) })
 }
 
+/// A world point in the coordinates of a cell, -1..=1.
+pub(super) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3]) -> [f64; 3] {
+    let at = space.to_grid(world);
+    std::array::from_fn(|a| (2.0 * (at[a] - f64::from(cell[a])) - 1.0).clamp(-1.0, 1.0))
+}
+
 /// Row `y` of a band whose hits stand tile after tile.
 fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
     let first = y / TILE * width.div_ceil(TILE) * TILE_PIXELS + y % TILE * TILE;
@@ -155,8 +176,11 @@ fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
 }
 
 /// Everything that a pixel's worker reads.
-struct Painter<'a, V> {
+struct Painter<'a, V, S> {
     view: &'a V,
+    surface: S,
+    /// The cells, if the model has them: normals are of index space then.
+    cells: Option<Cells<'a>>,
     sight: Sight<'a>,
     form: Form,
     canvas: Canvas,
@@ -183,14 +207,40 @@ pub fn paint<V: NodeView>(
     camera: &Camera,
     canvas: Canvas,
 ) -> Result<(Image, Counts), RenderError> {
-    check_size(canvas.width, canvas.height)?;
-    let sight = Sight::new(space, camera, canvas.width, canvas.height);
-    let painter = Painter { view, sight, form: Form::best(), canvas, shader: Shader::new() };
-    Ok(pool(canvas.threads)?.install(|| painter.paint()))
+    paint_watched(view, space, camera, canvas, &|_| {})
 }
 
-impl<V: NodeView> Painter<'_, V> {
-    fn paint(&self) -> (Image, Counts) {
+/// As [`paint`]; `rows_done` is told each time how many more rows are painted.
+///
+/// # Errors
+/// As [`paint`].
+pub fn paint_watched<V: NodeView>(
+    view: &V,
+    space: &GridSpace,
+    camera: &Camera,
+    canvas: Canvas,
+    rows_done: &(dyn Fn(u32) + Sync),
+) -> Result<(Image, Counts), RenderError> {
+    check_size(canvas.width, canvas.height)?;
+    let sight = Sight::new(space, camera, canvas.width, canvas.height);
+    let cells = view.cells().map(Cells::new);
+    let (form, shader) = (Form::best(), Shader::new());
+    let pool = pool(canvas.threads)?;
+    Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
+        Some(surface) => {
+            let painter = Painter { view, surface, cells, sight, form, canvas, shader };
+            pool.install(|| painter.paint(rows_done))
+        }
+        // Coarse boxes are solid, whatever the finest are.
+        None => {
+            let painter = Painter { view, surface: Skin, cells, sight, form, canvas, shader };
+            pool.install(|| painter.paint(rows_done))
+        }
+    })
+}
+
+impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
+    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Counts) {
         let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
         let mut image = Image {
             width: self.canvas.width,
@@ -211,6 +261,8 @@ impl<V: NodeView> Painter<'_, V> {
             counts = counts.plus(self.trace_band(band, top, rows));
             counts.shade += self.shade_band(band, &mut image, top, rows);
             top += rows;
+            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+            rows_done(rows as u32);
         }
         if self.canvas.smooth_edges {
             counts = counts.plus(self.smooth_edges(&mut image));
@@ -248,13 +300,14 @@ impl<V: NodeView> Painter<'_, V> {
         limits: (usize, usize),
     ) -> Counts {
         let tile = Tile { corner, limits, lod_edge_log2: self.canvas.lod_edge_log2 };
-        let hits = tracer.trace(self.view, &Skin, &self.sight, tile);
+        let hits = tracer.trace(self.view, &self.surface, &self.sight, tile);
         let mut counts = Counts::default();
         for (ray, pixel) in seen.iter_mut().enumerate() {
             if ray % TILE < limits.0 && ray / TILE < limits.1 {
                 let trace = Trace { hit: hits.hit(ray), steps: hits.steps(ray) };
                 counts = counts.add(&trace);
-                *pixel = Seen::new(&trace);
+                let (x, y) = ((corner.0 + ray % TILE) as f64 + 0.5, (corner.1 + ray / TILE) as f64 + 0.5);
+                *pixel = self.seen(&trace, x, y);
             }
         }
         counts
@@ -266,10 +319,12 @@ impl<V: NodeView> Painter<'_, V> {
         let width = self.canvas.width as usize;
         image.rgba.par_chunks_mut(width * 4).skip(top).take(rows).enumerate().for_each(|(y, row)| {
             let (out, _) = row.as_chunks_mut::<4>();
+            let mut last = None;
             for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                 if pixel.is_hit() {
-                    let sight = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
-                    let [r, g, b] = self.light(pixel, sight).map(|c| self.shader.encode(c));
+                    let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
+                    let light = self.shader.light(self.normal_after(&mut last, pixel, line), line.1);
+                    let [r, g, b] = light.map(|c| self.shader.encode(c));
                     *out = [r, g, b, 255];
                 }
             }
@@ -289,10 +344,11 @@ impl<V: NodeView> Painter<'_, V> {
             let code = |c: f64| (128.5 + c * 127.0).clamp(1.0, 255.0) as u8;
             normals.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
                 let (out, _) = row.as_chunks_mut::<3>();
+                let mut last = None;
                 for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                     if pixel.is_hit() {
-                        let sight = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
-                        *out = self.normal(pixel, sight).map(code);
+                        let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
+                        *out = self.normal_after(&mut last, pixel, line).map(code);
                     }
                 }
             });
@@ -332,10 +388,10 @@ impl<V: NodeView> Painter<'_, V> {
                 for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
                     let trace = self.trace(x + dx, y + dy);
                     counts = counts.add(&trace);
-                    let seen = Seen::new(&trace);
+                    let seen = self.seen(&trace, x + dx, y + dy);
                     if seen.is_hit() {
                         hits += 1;
-                        let light = self.light(seen, self.sight.line(x + dx, y + dy).1);
+                        let light = self.light(seen, self.sight.line(x + dx, y + dy));
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -359,33 +415,110 @@ impl<V: NodeView> Painter<'_, V> {
     /// Traces the ray through a point of the picture alone.
     fn trace(&self, x: f64, y: f64) -> Trace {
         let ray = self.sight.ray(x, y);
-        let alone = |ray| single::trace(self.form, self.view, &Skin, &ray, self.canvas.lod_edge_log2);
+        let alone = |ray| single::trace(self.form, self.view, &self.surface, &ray, self.canvas.lod_edge_log2);
         ray.map_or(Trace { hit: None, steps: 0 }, alone)
     }
 
-    fn light(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
-        self.shader.light(self.normal(seen, sight), sight)
+    /// What was seen through a point of the picture.
+    #[inline]
+    fn seen(&self, trace: &Trace, x: f64, y: f64) -> Seen {
+        let mut seen = Seen::new(trace);
+        if let (Some(cells), Some(hit)) = (&self.cells, &trace.hit)
+            && seen.kind == SeenKind::Voxel
+            && cells.has_corners(hit.box_number.wrapping_sub(self.view.node_count()))
+        {
+            (seen.kind, seen.code) = (SeenKind::Own, self.corner_normal(cells, hit, x, y));
+        }
+        seen
     }
 
-    /// World normal: the stored one, else that of the face, else towards the eye.
-    fn normal(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
-        let code = if seen.is_voxel {
-            self.view.voxel_normal(BoxIndex::new(seen.box_number).voxel(self.view.node_count()))
-        } else {
-            self.view.node_normal(NodeIndex::new(seen.box_number))
-        };
-        let box_frame = match (code, seen.face()) {
-            (Some(code), _) => normal::decode_l1(code).map(f64::from),
+    /// Code of the normal where a cell with corners was hit.
+    #[cold]
+    #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+    fn corner_normal(&self, cells: &Cells<'_>, hit: &Hit, x: f64, y: f64) -> u16 {
+        let (origin, direction) = self.sight.line(x, y);
+        let at = std::array::from_fn(|i| origin[i] + hit.t * direction[i]);
+        let number = hit.box_number.wrapping_sub(self.view.node_count());
+        let u = cell_coordinates(self.sight.space(), hit.cell, at);
+        normal::encode(cells.normal(number, u).map(|c| c as f32))
+    }
+
+    fn light(&self, seen: Seen, line: Line) -> [f64; 3] {
+        self.shader.light(self.normal(seen, line), line.1)
+    }
+
+    /// As [`Painter::normal`], for pixels of one row from left to right: those of one face have one normal.
+    #[inline]
+    fn normal_after(&self, last: &mut Option<(u64, u8, [f64; 3])>, seen: Seen, line: Line) -> [f64; 3] {
+        match last {
+            Some((number, face, normal)) if (*number, *face) == (seen.box_number, seen.face) => *normal,
+            _ => {
+                let normal = self.normal(seen, line);
+                // Without a face it may depend on the line of sight.
+                *last = (seen.face != Seen::NO_FACE).then_some((seen.box_number, seen.face, normal));
+                normal
+            }
+        }
+    }
+
+    /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
+    /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
+    fn normal(&self, seen: Seen, line: Line) -> [f64; 3] {
+        let box_frame = match (self.stored(seen, 0), seen.face()) {
+            (Some(stored), _) if self.cells.is_some() => {
+                return self.sight.space().index_normal_to_world(stored.map(f64::from));
+            }
+            (Some(stored), Some(face)) => {
+                self.facing(seen, face, line, stored).unwrap_or(stored.map(f64::from))
+            }
+            (Some(stored), None) => stored.map(f64::from),
             (None, Some(face)) => {
                 let mut n = [0.0; 3];
                 n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
                 n
             }
             (None, None) => {
+                let sight = line.1;
                 let length = super::space::dot(sight, sight).sqrt();
                 return sight.map(|c| -c / length);
             }
         };
         self.sight.space().normal_to_world(box_frame)
     }
+
+    /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
+    /// the box, its parts' sizes adding up to 127.
+    #[inline]
+    fn stored(&self, seen: Seen, distance: i64) -> Option<[i32; 3]> {
+        let number = seen.box_number.wrapping_add_signed(distance);
+        let code = match seen.kind {
+            SeenKind::Voxel => self.view.voxel_normal(BoxIndex::new(number).voxel(self.view.node_count())),
+            SeenKind::Node => self.view.node_normal(NodeIndex::new(number)),
+            SeenKind::Own => Some(seen.code),
+        };
+        code.map(normal::decode_l1)
+    }
+
+    /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
+    #[inline]
+    fn facing(&self, seen: Seen, face: Face, (origin, sight): Line, stored: [i32; 3]) -> Option<[f64; 3]> {
+        let space = self.sight.space();
+        // In voxels instead of millimetres: a normal's components grow with the spacing.
+        let spacing = space.spacing_mm();
+        let scale = |n: [i32; 3]| -> [f64; 3] { std::array::from_fn(|a| f64::from(n[a]) * spacing[a]) };
+        let in_voxels = scale(stored);
+        let edge_log2 = if seen.kind == SeenKind::Voxel { 0 } else { self.canvas.lod_edge_log2 };
+        let struck = || {
+            let world = super::space::add_scaled(origin, f64::from(seen.depth), sight);
+            let edge = f64::from(1_u32 << edge_log2.min(31));
+            let at = space.world_to_grid().apply(world).map(|c| c / edge);
+            facing::Struck { number: seen.box_number, at, edge_log2, face }
+        };
+        let company = facing::company(in_voxels, |distance| self.stored(seen, distance).map(scale));
+        let shown = facing::shown(self.view, face, struck, in_voxels, company)?;
+        Some(std::array::from_fn(|a| shown[a] / spacing[a]))
+    }
 }
+
+/// Line of sight in the world: origin and direction.
+type Line = ([f64; 3], [f64; 3]);

@@ -3,6 +3,7 @@
 use crate::geom::{Affine, BoxIndex, Dims, Octant};
 use crate::load::NodeView;
 
+use super::cells::Cells;
 use super::form::Form;
 use super::ray::{MAX_DEPTH, Ray};
 use super::reference::{self, BitVolume};
@@ -83,6 +84,12 @@ impl Mismatches {
         for form in Form::available() {
             self.forms += u64::from(single::trace(form, view, &Skin, ray, 0).hit != sealed.hit);
         }
+        if let Some(cells) = view.cells().map(Cells::new) {
+            let want = single::trace(Form::Portable, view, &cells, ray, 0).hit;
+            for form in Form::available() {
+                self.forms += u64::from(single::trace(form, view, &cells, ray, 0).hit != want);
+            }
+        }
         self.over_limit += u64::from(sealed.steps > step_limit(ray.depth()));
         self.over_limit += u64::from(trace.steps > step_limit(ray.depth()));
         match (trace.hit, want) {
@@ -117,7 +124,31 @@ impl Mismatches {
                 self.forms += u64::from(hits.hit(ray) != *want);
             }
         }
+        if let Some(cells) = view.cells().map(Cells::new) {
+            self.compare_cells(view, &cells, sight, tile);
+        }
         self.tile_rays += RAYS as u64;
+    }
+}
+
+impl Mismatches {
+    /// Compares a tile of cells, in every form, with its rays alone.
+    fn compare_cells<V: NodeView>(&mut self, view: &V, cells: &Cells<'_>, sight: &Sight<'_>, tile: Tile) {
+        let want: [Option<_>; RAYS] = std::array::from_fn(|ray| {
+            let (x, y) = (ray % TILE, ray / TILE);
+            if x >= tile.limits.0 || y >= tile.limits.1 {
+                return None;
+            }
+            let ray = sight.ray((tile.corner.0 + x) as f64 + 0.5, (tile.corner.1 + y) as f64 + 0.5)?;
+            single::trace(Form::Portable, view, cells, &ray, tile.lod_edge_log2).hit
+        });
+        for form in Form::available() {
+            let mut tracer = Tracer::new(form);
+            let hits = tracer.trace(view, cells, sight, tile);
+            for (ray, want) in want.iter().enumerate() {
+                self.forms += u64::from(hits.hit(ray) != *want);
+            }
+        }
     }
 }
 

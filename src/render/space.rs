@@ -62,6 +62,11 @@ impl GridSpace {
         self.spacing_mm.iter().fold(0.0, |m: f64, s| m.max(*s))
     }
 
+    /// Distance of neighbouring voxels along each axis in mm.
+    pub(super) fn spacing_mm(&self) -> [f64; 3] {
+        self.spacing_mm
+    }
+
     /// The quantised form of a world ray; its parameter t is that of the world ray.
     ///
     /// # Errors
@@ -78,6 +83,19 @@ impl GridSpace {
         let world = self.normal_rows.map(|r| r[0] * n[0] + r[1] * n[1] + r[2] * n[2]);
         let length = dot(world, world).sqrt();
         if length > 0.0 { world.map(|c| c / length) } else { world }
+    }
+
+    /// Unit world normal of a vector of index space that is not null: a gradient along the index axes, not
+    /// divided by spacings.
+    #[inline]
+    pub fn index_normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
+        self.normal_to_world(std::array::from_fn(|a| n[a] / self.spacing_mm[a]))
+    }
+
+    /// A world point in grid space: cell (i, j, k) is `[i, i + 1) x [j, j + 1) x [k, k + 1)`.
+    #[inline]
+    pub(super) fn to_grid(&self, world: [f64; 3]) -> [f64; 3] {
+        self.world_to_grid.apply(world)
     }
 
     /// Greatest value of `direction . p` over the skin's points p, to within 1/2048 of the grid and never

@@ -53,12 +53,55 @@ impl Passage {
     }
 }
 
+/// A ray's way through a box, estimated: what [`Surface::look`] is told. Coordinates are mirrored so that the ray
+/// runs forwards along every axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Glance {
+    /// Breadth-first number of the box.
+    pub box_number: u64,
+    /// Axes that are mirrored, as bits.
+    pub mirror: u32,
+    /// From the middle of the box to the ray's origin: whole numbers, as [`Ray::origin`].
+    pub from_middle: [f64; 3],
+    /// Whole numbers, as [`Ray::direction`].
+    pub direction: [f64; 3],
+    /// Times of entry and exit, distance by component: to within 2^-40.
+    pub enter: f64,
+    /// See [`Glance::enter`].
+    pub leave: f64,
+}
+
+/// What can be said of a box at a glance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Looked {
+    /// The ray surely goes on.
+    Past,
+    /// It surely meets the surface as it enters.
+    Entry,
+    /// It surely meets it within, after `distance / component`: whole numbers.
+    Within {
+        /// From the origin, along the direction of travel.
+        distance: f64,
+        /// Above 0.
+        component: f64,
+    },
+    /// That is for [`Surface::meet`] to say.
+    Unsure,
+}
+
 /// What the boxes of an octree hold.
 pub trait Surface<V: NodeView>: Sync {
     /// Is every box that a ray enters a hit, at its point of entry?
     ///
     /// Then [`Surface::meet`] must be [`Passage::entry_hit`]; kernels need not call it.
     const SOLID: bool;
+
+    /// What [`Surface::meet`] would answer for a box of the finest level, if that is certain at a glance.
+    #[inline(always)]
+    fn look(&self, view: &V, glance: &Glance) -> Looked {
+        let _ = (view, glance);
+        Looked::Unsure
+    }
 
     /// Where the ray, on its way through a box, meets the surface; `None` when it does not, and goes on.
     fn meet(&self, view: &V, ray: &Ray, passage: &Passage) -> Option<Hit>;

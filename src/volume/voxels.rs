@@ -7,8 +7,8 @@ use crate::geom::{Affine, Dims};
 
 /// Samples in memory, x fastest, then y, then z.
 ///
-/// For volumes of one's own that fit into memory. What does not is better told by an own [`VolumeSource`], or by
-/// a [`Solid`](crate::builder::Solid) where there are no samples at all.
+/// For volumes that fit into memory. For larger ones implement [`VolumeSource`], and for shapes without samples
+/// [`Solid`](crate::builder::Solid).
 ///
 /// ```
 /// use infobyte::{Dims, VolumeSource, Voxels};

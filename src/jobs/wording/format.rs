@@ -60,6 +60,9 @@ impl fmt::Display for Damage<'_> {
             }
             E::MissingSection(kind) => return write!(f, "the {} section is missing (SPEC I4)", kind.name()),
             E::LoneMeans { .. } => "coarse means are there without the voxels' own (SPEC I4)",
+            E::NotOfSkin { kind } => {
+                return write!(f, "a model of skin voxels has the {} section (SPEC I4)", kind.name());
+            }
             E::ForbiddenCodec { .. } => "a section is coded that must not be (SPEC I4)",
             E::SectionTooLong { kind, .. } => {
                 return write!(f, "the {} section is too long (SPEC I4)", kind.name());
@@ -122,6 +125,10 @@ impl fmt::Display for Damage<'_> {
             E::IllegalItem { channel, voxel, .. } => {
                 return write!(f, "the {channel} of voxel {} is illegal (SPEC I14)", voxel.get());
             }
+            E::CornerCount { due, found } => {
+                return write!(f, "{found} cells have corners where the offsets announce {due} (SPEC I18)");
+            }
+            E::CornerRank { .. } => "the directory of corners does not match the offsets (SPEC I18)",
             E::MeanNormal { channel, level, .. } => {
                 return write!(
                     f,

@@ -2,12 +2,26 @@
 
 use std::fmt;
 
+use super::foreign::shown;
+use super::system::writing;
+use crate::render::ray::BadRay;
 use crate::render::{CameraFault, Layer, RenderError};
+
+impl fmt::Display for BadRay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "the ray has a coordinate that is not a finite number",
+            Self::NoDirection => "the ray has no direction",
+            Self::TooDeep => "the grid is deeper than 16 levels",
+        })
+    }
+}
 
 impl fmt::Display for RenderError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Camera(fault) => fault.fmt(f),
+            Self::Ray(fault) => fault.fmt(f),
             Self::Size { width, height, most_side, most_pixels } => write!(
                 f,
                 "a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels"
@@ -31,8 +45,9 @@ impl fmt::Display for RenderError {
             ),
             Self::Write { path, cause } => write!(
                 f,
-                "{}: cannot be written ({cause}); check the folder and the free space",
-                path.display()
+                "{}: cannot be written ({cause}); {}",
+                shown(path),
+                writing(cause)
             ),
         }
     }
@@ -47,6 +62,9 @@ impl fmt::Display for CameraFault {
             Self::NotFinite => "a camera coordinate is not a finite number",
             Self::EyeInTarget => {
                 "the eye is in the point that it looks at; move one of them (--eye, --look-at)"
+            }
+            Self::TooFar => {
+                "the eye is too far from the point that it looks at for any picture; give both in mm, near the model (--eye, --look-at)"
             }
             Self::UpWithoutLength => "the up direction has no length; give another (--up)",
             Self::UpAlongSight => "the up direction is along the line of sight; give another (--up)",

@@ -30,7 +30,7 @@ const ROW: [f32; SINGLES] = [0., 0., 0., 0., 0., 0., 0., 0., 1., 1., 1., 1., 1.,
 /// What does not depend on the box that a beam is compared with. Mirrored coordinates, in edges of the
 /// finest boxes; directions are scaled to at most 1.
 pub(super) struct Beam<L: Lanes> {
-    lanes: L,
+    pub(super) lanes: L,
     /// Axes that are mirrored.
     pub(super) mirror: u32,
     /// Origin and its change with x and y; the same of the direction.

@@ -19,7 +19,9 @@
 //! 4. **Estimates are wide, the decision is exact.** Nodes are estimated for the whole beam with singles that
 //!    start from doubles in the node; a slack of 2^-12 box (more where a pixel covers many boxes) covers their
 //!    rounding and that of the rays. What is left is decided once a ray in integers.
-//! 5. **Alone** go the rays of a tile in which an axis changes its sign, of one that has looked at more than
+//! 5. **Surfaces within boxes** are looked at box by box with the ray's integers as doubles (`exact`): nearly
+//!    always that is certain, and what is not is decided in integers.
+//! 6. **Alone** go the rays of a tile in which an axis changes its sign, of one that has looked at more than
 //!    1024 bricks, and those whose candidate was not entered after all.
 //!
 //! The volume's box needs no test: a beam descends into occupied boxes only, so air beside a flat volume
@@ -44,6 +46,7 @@
 //! candidates 10 %, setting up a tile 5 %.
 
 mod beam;
+mod exact;
 mod prove;
 mod walk;
 
@@ -144,6 +147,21 @@ impl TileHits {
         }
     }
 
+    /// The hit of a ray in the coordinates that [`TileHits::mirrored`] told; `axis` is that of the face.
+    #[inline(always)]
+    fn set_mirrored(&mut self, ray: usize, number: u64, low: [u32; 3], axis: Option<usize>, t: f64) {
+        let ray = ray % RAYS;
+        (self.number[ray], self.t[ray]) = (number, t);
+        for a in 0..3 {
+            self.low[a][ray] = f64::from(low[a]);
+        }
+        self.hits |= 1 << ray;
+        if let Some(axis) = axis {
+            self.by_axis[axis % 3] |= 1 << ray;
+            self.by_high |= u64::from(self.mirror >> axis & 1) << ray;
+        }
+    }
+
     /// The hits of a row that begins with ray `first`; numbers and cells are written already.
     #[inline(always)]
     fn set_row(&mut self, first: usize, hits: u32, entries: &prove::Entries) {
@@ -187,10 +205,11 @@ impl TileHits {
     }
 }
 
-/// Traces tiles, one after the other. Memory: 7 KiB.
+/// Traces tiles, one after the other. Memory: 13 KiB.
 pub struct Tracer {
     form: Form,
     rays: beam::Rays,
+    exact: exact::ExactRays,
     hits: TileHits,
 }
 
@@ -209,7 +228,7 @@ impl Default for Tracer {
 impl Tracer {
     /// A tracer of this form.
     pub const fn new(form: Form) -> Self {
-        Self { form, rays: beam::Rays::new(), hits: TileHits::new() }
+        Self { form, rays: beam::Rays::new(), exact: exact::ExactRays::new(), hits: TileHits::new() }
     }
 
     /// First hits of a tile's rays: those of [`super::traverse::first_hit_sealed`], for every form.
@@ -223,8 +242,9 @@ impl Tracer {
         sight: &Sight<'_>,
         tile: Tile,
     ) -> &TileHits {
-        let Self { form, rays, hits } = self;
-        form.run(walk::Walk { view, surface, sight, tile, rays, hits });
+        let Self { form, rays, exact, hits } = self;
+        exact.clear();
+        form.run(walk::Walk { view, surface, sight, tile, rays, exact, hits });
         hits
     }
 }

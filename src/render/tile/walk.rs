@@ -8,9 +8,10 @@ use crate::render::pierce::MirroredRay;
 use crate::render::ray::{MAX_DEPTH, Ray};
 use crate::render::sight::Sight;
 use crate::render::single::{self, BRICK_LEVELS, Open, top_edge};
-use crate::render::surface::Surface;
+use crate::render::surface::{Looked, Surface};
 
 use super::beam::{Beam, RAYS, Rays, TILE};
+use super::exact::{ExactRays, Way};
 use super::prove::entries;
 use super::{Tile, TileHits};
 
@@ -26,6 +27,7 @@ pub(super) struct Walk<'a, 'b, V, S> {
     pub(super) sight: &'a Sight<'b>,
     pub(super) tile: Tile,
     pub(super) rays: &'a mut Rays,
+    pub(super) exact: &'a mut ExactRays,
     pub(super) hits: &'a mut TileHits,
 }
 
@@ -156,7 +158,7 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
                     break;
                 }
                 let cell = std::array::from_fn(|a| (low[a] | at[a]).wrapping_shl(unit));
-                if self.meet(ray, number, cell, unit) {
+                if self.look(beam, ray, number, cell, unit) {
                     met |= 1 << ray;
                     break;
                 }
@@ -167,7 +169,37 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
         met
     }
 
+    /// Looks at a box that a ray may pass through: at a glance, and exactly where that does not do.
+    #[inline(always)]
+    fn look<L: Lanes>(&mut self, beam: &Beam<L>, ray: usize, number: u64, low: [u32; 3], unit: u32) -> bool {
+        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
+        self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
+        let pierced = match self.exact.way(ray, number, low, unit, beam.mirror) {
+            Way::Past => return false,
+            Way::Unsure => return self.meet(ray, number, low, unit),
+            Way::Through(pierced) => pierced,
+        };
+        // Boxes above the finest level are not the surface's to be looked at.
+        let looked = if unit == 0 { self.surface.look(self.view, &pierced.glance) } else { Looked::Unsure };
+        match looked {
+            Looked::Past => false,
+            Looked::Unsure => self.meet(ray, number, low, unit),
+            Looked::Entry => {
+                let (distance, component) = self.exact.entry(ray, pierced.axis, low);
+                let t = self.exact.t_after(ray, distance, component);
+                self.hits.set_mirrored(ray, number, low, Some(pierced.axis), t);
+                true
+            }
+            Looked::Within { distance, component } => {
+                let t = self.exact.t_after(ray, distance, component);
+                self.hits.set_mirrored(ray, number, low, None, t);
+                true
+            }
+        }
+    }
+
     /// Asks the surface about a box that a ray may pass through.
+    #[cold]
     fn meet(&mut self, ray: usize, number: u64, low: [u32; 3], unit: u32) -> bool {
         let Some(exact) = self.exact(ray) else { return false };
         let hit = MirroredRay::new(&exact)

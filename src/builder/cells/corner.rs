@@ -1,0 +1,41 @@
+//! Corners and edges of a cell, and what a plane may be off them.
+
+use crate::format::normal;
+
+/// How far a plane may cover an outside corner, in voxels of the index space.
+pub(super) const TOLERANCE: f32 = 0.1;
+
+/// How far the plane of the smooth gradient may be from the crossings and from corners on the wrong side. The
+/// smaller, the sharper are edges, and the more does noise turn normals.
+pub(super) const NEAR_CROSSINGS: f32 = 0.15;
+
+/// The twelve edges as pairs of corners.
+pub(super) const EDGES: [(usize, usize); 12] =
+    [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
+
+/// Least and greatest size of a depth: 1 / 0 does not come up, nor does infinity less infinity.
+pub(super) const LEAST_DEPTH: f32 = 1e-20;
+pub(super) const MOST_DEPTH: f32 = 1e30;
+
+/// A depth with the sign of its side, and neither zero nor infinite.
+#[inline(always)]
+pub(super) fn signed_depth(depth: f32, inside: bool) -> f32 {
+    let size = if inside { depth } else { -depth };
+    // What is not a number becomes the least.
+    let size = if size > LEAST_DEPTH { size } else { LEAST_DEPTH };
+    let size = if size < MOST_DEPTH { size } else { MOST_DEPTH };
+    if inside { size } else { -size }
+}
+
+/// Code of the direction against a gradient, if it has one.
+pub(super) fn outward(gradient: [f64; 3]) -> Option<u16> {
+    encode(gradient.map(|c| -c))
+}
+
+/// Code of a direction of any length.
+#[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+pub(super) fn encode(direction: [f64; 3]) -> Option<u16> {
+    let longest = direction.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+    let is_direction = longest > 0.0 && longest < f64::INFINITY && direction.iter().all(|c| c.is_finite());
+    is_direction.then(|| normal::encode(direction.map(|c| (c / longest) as f32)))
+}

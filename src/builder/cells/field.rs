@@ -1,0 +1,56 @@
+//! The samples around one cell, for what is not done in batches.
+
+use super::jet::{Jet, jet_of};
+use crate::format::cell::CORNERS;
+
+/// Samples of a cell's widest neighbourhood along an axis; the cell lies between the third and the fourth.
+pub(super) const EDGE: usize = 6;
+const LOW: usize = EDGE / 2 - 1;
+
+/// Depths and sides of the samples around a cell, `[z][y][x]`.
+pub(super) struct Field {
+    depth: [[[f32; EDGE]; EDGE]; EDGE],
+    inside: [[[bool; EDGE]; EDGE]; EDGE],
+}
+
+impl Field {
+    pub(super) const EMPTY: Self =
+        Self { depth: [[[0.0; EDGE]; EDGE]; EDGE], inside: [[[false; EDGE]; EDGE]; EDGE] };
+
+    pub(super) fn set(&mut self, [x, y, z]: [usize; 3], depth: f32, inside: bool) {
+        self.depth[z][y][x] = depth;
+        self.inside[z][y][x] = inside;
+    }
+
+    /// Says of the cell's corners which are inside: what has no number lies at the surface, but outside.
+    pub(super) fn set_corners(&mut self, mask: u8) {
+        for c in 0..CORNERS {
+            self.inside[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)] = mask >> c & 1 == 1;
+        }
+    }
+
+    /// Depths at the corners of the cell.
+    pub(super) fn corners(&self) -> [f32; CORNERS] {
+        std::array::from_fn(|c| self.depth[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)])
+    }
+
+    /// What the smooth kernel says of the middle of the cell.
+    pub(super) fn jet(&self) -> Jet {
+        jet_of(|[x, y, z]| self.depth[z + 1][y + 1][x + 1])
+    }
+
+    /// Is there one depth inside, and one outside?
+    pub(super) fn has_two_values(&self) -> bool {
+        let (mut of_inside, mut of_outside) = (None, None);
+        let depths = self.depth.as_flattened().as_flattened();
+        let sides = self.inside.as_flattened().as_flattened();
+        depths.iter().zip(sides).all(|(depth, inside)| {
+            let of = if *inside { &mut of_inside } else { &mut of_outside };
+            *of.get_or_insert(*depth) == *depth
+        })
+    }
+
+    pub(super) fn is_inside(&self, [x, y, z]: [usize; 3]) -> bool {
+        self.inside[z][y][x]
+    }
+}

@@ -1,0 +1,234 @@
+//! Planes of cells in batches, without a branch: the loop over a batch becomes vectors.
+
+use super::corner::{EDGES, NEAR_CROSSINGS, TOLERANCE, signed_depth};
+use super::jet::{Jet, Seen};
+use crate::builder::simd::{Isa, Kernel, dispatch};
+use crate::format::cell::CORNERS;
+use crate::format::normal;
+
+/// Most cells of a batch.
+pub(super) const BATCH: usize = 128;
+
+/// Cells that wait to be fitted, one value of each in every array.
+pub(super) struct Batch {
+    len: usize,
+    cells: [[u32; 3]; BATCH],
+    /// Corners inside, as bits.
+    mask: [u32; BATCH],
+    /// Depths inside the range at the corners.
+    depth: [[f32; BATCH]; CORNERS],
+    /// Direction in which depths rise, in the middle of the cell and then at the mean of its crossings; NaN for
+    /// cells at the border.
+    gradient: [[f32; BATCH]; 3],
+    second: [[f32; BATCH]; 6],
+    /// Where edges are crossed, from their first corner; NaN where they are not.
+    crossing: [[f32; BATCH]; 12],
+    /// Mean of the crossings, in voxels from the middle of the cell.
+    mean: [[f32; BATCH]; 3],
+    code: [u16; BATCH],
+    offset: [f32; BATCH],
+    fitted: [u32; BATCH],
+}
+
+impl Batch {
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self {
+            len: 0,
+            cells: [[0; 3]; BATCH],
+            mask: [0; BATCH],
+            depth: [[0.0; BATCH]; CORNERS],
+            gradient: [[0.0; BATCH]; 3],
+            second: [[0.0; BATCH]; 6],
+            crossing: [[0.0; BATCH]; 12],
+            mean: [[0.0; BATCH]; 3],
+            code: [0; BATCH],
+            offset: [0.0; BATCH],
+            fitted: [0; BATCH],
+        })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    /// Appends the cells of a row, whose first one would be at `corner`; `samples` are those of
+    /// `SkinSlice::corner_samples`. Returns the slot of the first; the depths of the inner ones are put later.
+    pub(super) fn push_row(&mut self, corner: [u32; 3], row: u32, samples: [u64; 4], inner: u32) -> usize {
+        let first = self.len;
+        let mut left = row;
+        while left != 0 {
+            let bit = left.trailing_zeros();
+            left &= left - 1;
+            let slot = self.len % BATCH;
+            self.cells[slot] = [corner[0] + bit, corner[1], corner[2]];
+            let pair = |edge: usize| (samples[edge] >> bit & 3) as u32;
+            self.mask[slot] = pair(0) | pair(1) << 2 | pair(2) << 4 | pair(3) << 6;
+            if inner >> bit & 1 == 0 {
+                self.put(slot, &Seen { corners: [0.0; CORNERS], jet: Jet::UNKNOWN });
+            }
+            self.len += 1;
+        }
+        first
+    }
+
+    #[inline(always)]
+    pub(super) fn put(&mut self, slot: usize, seen: &Seen) {
+        let slot = slot % BATCH;
+        for (all, depth) in self.depth.iter_mut().zip(seen.corners) {
+            all[slot] = depth;
+        }
+        for (all, gradient) in self.gradient.iter_mut().zip(seen.jet.gradient) {
+            all[slot] = gradient;
+        }
+        for (all, second) in self.second.iter_mut().zip(seen.jet.second) {
+            all[slot] = second;
+        }
+    }
+
+    pub(super) fn cell(&self, at: usize) -> [u32; 3] {
+        self.cells[at]
+    }
+
+    pub(super) fn mask(&self, at: usize) -> u8 {
+        self.mask[at].to_le_bytes()[0]
+    }
+
+    /// Depths at the corners and, of a batch that was fitted, the gradient at the mean of the crossings, unless the cell lies at the border.
+    pub(super) fn inner(&self, at: usize) -> Option<([f32; CORNERS], [f32; 3])> {
+        let gradient: [f32; 3] = std::array::from_fn(|a| self.gradient[a][at]);
+        (!gradient[0].is_nan()).then(|| (std::array::from_fn(|c| self.depth[c][at]), gradient))
+    }
+
+    pub(super) fn is_fitted(&self, at: usize) -> bool {
+        self.fitted[at] != 0
+    }
+
+    /// Normal code and offset of a cell that is fitted.
+    #[expect(clippy::cast_possible_truncation, reason = "-127..=127")]
+    pub(super) fn plane(&self, at: usize) -> (u16, i8) {
+        (self.code[at], self.offset[at] as i8)
+    }
+
+    /// Fits all cells of the batch; those for which the smooth gradient will not do stay unfitted.
+    pub(super) fn fit(&mut self) {
+        dispatch(FitKernel(self));
+    }
+}
+
+struct FitKernel<'a>(&'a mut Batch);
+
+impl Kernel for FitKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let b = self.0;
+        // Whole groups of 8 become vectors; slots past the end hold old cells and are not used.
+        let len = b.len.next_multiple_of(8).min(BATCH);
+        for i in 0..len {
+            let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
+            let (crossing, mean) = crossings(b.mask[i], depth);
+            for (all, t) in b.crossing.iter_mut().zip(crossing) {
+                all[i] = t;
+            }
+            let jet = Jet {
+                gradient: [b.gradient[0][i], b.gradient[1][i], b.gradient[2][i]],
+                second: std::array::from_fn(|k| b.second[k][i]),
+            };
+            let gradient = jet.at(mean);
+            for a in 0..3 {
+                (b.mean[a][i], b.gradient[a][i]) = (mean[a], gradient[a]);
+            }
+        }
+        for i in 0..len {
+            b.code[i] = normal::encode([-b.gradient[0][i], -b.gradient[1][i], -b.gradient[2][i]]);
+        }
+        for i in 0..len {
+            let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
+            let crossing: [f32; 12] = std::array::from_fn(|e| b.crossing[e][i]);
+            let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
+            let (offset, fitted) = plane(b.code[i], b.mask[i], depth, crossing, mean);
+            b.offset[i] = offset;
+            b.fitted[i] = fitted & u32::from(b.gradient[0][i] == b.gradient[0][i]);
+        }
+    }
+}
+
+/// Where the edges of a cell are crossed, from their first corner (0..=1, NaN where they are not), and the mean in
+/// voxels from the middle of the cell.
+#[inline(always)]
+fn crossings(mask: u32, depth: [f32; CORNERS]) -> ([f32; 12], [f32; 3]) {
+    let inside: [bool; CORNERS] = std::array::from_fn(|c| mask >> c & 1 == 1);
+    let depth: [f32; CORNERS] = std::array::from_fn(|c| signed_depth(depth[c], inside[c]));
+    let mut at = [0.0_f32; 12];
+    let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
+    for (at, (p, q)) in at.iter_mut().zip(EDGES) {
+        let crosses = inside[p] != inside[q];
+        let t = depth[p] / (depth[p] - depth[q]);
+        *at = if crosses { t } else { f32::NAN };
+        for (a, sum) in sum.iter_mut().enumerate() {
+            let along = if p >> a & 1 == 1 {
+                0.5
+            } else if q >> a & 1 == 1 {
+                t - 0.5
+            } else {
+                -0.5
+            };
+            *sum += if crosses { along } else { 0.0 };
+        }
+        count += if crosses { 1.0 } else { 0.0 };
+    }
+    (at, [sum[0] / count, sum[1] / count, sum[2] / count])
+}
+
+/// Offset of the plane with this normal through the mean of the crossings, behind which every inside corner
+/// lies; and whether plane and cell agree.
+#[inline(always)]
+#[expect(clippy::cast_precision_loss, reason = "small integers")]
+fn plane(code: u16, mask: u32, depth: [f32; CORNERS], crossing: [f32; 12], mean: [f32; 3]) -> (f32, u32) {
+    let n = normal::decode_l1(code).map(|c| c as f32);
+    let inside: [bool; CORNERS] = std::array::from_fn(|c| mask >> c & 1 == 1);
+
+    // Values of n . u.
+    let corner: [f32; CORNERS] = std::array::from_fn(|c| {
+        let part = |a: usize| if c >> a & 1 == 1 { n[a] } else { -n[a] };
+        part(0) + part(1) + part(2)
+    });
+    let mean = 2.0 * (n[0] * mean[0] + n[1] * mean[1] + n[2] * mean[2]);
+    let square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+    let limit = 4.0 * NEAR_CROSSINGS * NEAR_CROSSINGS * square;
+    let covers = 4.0 * TOLERANCE * TOLERANCE * square;
+    let mut worst = 0.0_f32;
+    for (t, (p, q)) in crossing.into_iter().zip(EDGES) {
+        let off = corner[p] + t * (corner[q] - corner[p]) - mean;
+        worst = if off * off > worst { off * off } else { worst };
+    }
+    let (mut highest_in, mut lowest_out) = (-f32::MAX, f32::MAX);
+    let (mut in_low, mut in_high) = (f32::MAX, -f32::MAX);
+    let (mut out_low, mut out_high) = (f32::MAX, -f32::MAX);
+    for c in 0..CORNERS {
+        let (d, v, is_in) = (depth[c], corner[c], inside[c]);
+        highest_in = if is_in & (v > highest_in) { v } else { highest_in };
+        lowest_out = if !is_in & (v < lowest_out) { v } else { lowest_out };
+        in_low = if is_in & (d < in_low) { d } else { in_low };
+        in_high = if is_in & (d > in_high) { d } else { in_high };
+        out_low = if !is_in & (d < out_low) { d } else { out_low };
+        out_high = if !is_in & (d > out_high) { d } else { out_high };
+    }
+    let positive = |v: f32| if v > 0.0 { v } else { 0.0 };
+    let (in_front, behind) = (positive(highest_in - mean), positive(mean - lowest_out));
+    let rounded = (mean + 0.5).floor();
+    let offset = if rounded > highest_in { rounded } else { highest_in };
+    let covered = positive(offset - lowest_out);
+    let agrees = (worst <= limit)
+        & (in_front * in_front <= limit)
+        & (behind * behind <= limit)
+        & (covered * covered <= covers)
+        // Two values alone say where they are, not where the surface lies between them.
+        & !((in_low == in_high) & (out_low == out_high));
+    (offset, u32::from(agrees))
+}

@@ -1,0 +1,92 @@
+//! A field around the middle of a cell: its gradient and second derivatives, over 4 x 4 x 4 samples.
+
+use crate::format::cell::CORNERS;
+
+/// Samples of a cell's neighbourhood along an axis.
+pub(super) const TAPS: usize = 4;
+/// Weight of the two samples next to the cell.
+pub(super) const NEAR: i8 = 3;
+
+/// Depths at the corners, then what is known of the field in the middle of a cell.
+pub(super) struct Seen {
+    pub(super) corners: [f32; CORNERS],
+    pub(super) jet: Jet,
+}
+
+/// A gradient and the second derivatives xx, yy, zz, xy, xz, yz, in units of [`UNIT`] per voxel and square voxel.
+#[derive(Clone, Copy)]
+pub(super) struct Jet {
+    pub(super) gradient: [f32; 3],
+    pub(super) second: [f32; 6],
+}
+
+/// Sums of taps: a gradient of 1 gives 3 x 8 x 8, a pure second derivative 2 x 8 x 8, a mixed one 3 x 3 x 8.
+const UNIT: f32 = 192.0;
+pub(super) const PURE: f32 = UNIT / 128.0;
+pub(super) const MIXED: f32 = UNIT / 72.0;
+
+impl Jet {
+    /// What stands for cells at the border until their samples are looked at.
+    pub(super) const UNKNOWN: Self = Self { gradient: [f32::NAN; 3], second: [0.0; 6] };
+
+    /// The gradient at a point, in voxels from the middle of the cell.
+    #[inline(always)]
+    pub(super) fn at(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let ([gx, gy, gz], [xx, yy, zz, xy, xz, yz]) = (self.gradient, self.second);
+        [gx + (x * xx + y * xy + z * xz), gy + (x * xy + y * yy + z * yz), gz + (x * xz + y * yz + z * zz)]
+    }
+}
+
+/// How a sum treats an axis.
+#[derive(Clone, Copy)]
+enum Along {
+    Smooth,
+    Derive,
+    Bend,
+}
+
+impl Along {
+    fn tap(self, i: usize) -> f32 {
+        let near = i == 1 || i == 2;
+        match (self, near) {
+            (Self::Smooth, true) => f32::from(NEAR),
+            (Self::Smooth, false) | (Self::Bend, false) => 1.0,
+            (Self::Derive, true) => 0.0,
+            (Self::Derive, false) => {
+                if i == 0 {
+                    -1.0
+                } else {
+                    1.0
+                }
+            }
+            (Self::Bend, true) => -1.0,
+        }
+    }
+}
+
+/// The same of 4 x 4 x 4 depths, asked for by x, y, z, for cells at the border of the volume.
+pub(super) fn jet_of(depth: impl Fn([usize; 3]) -> f32) -> Jet {
+    let sum = |along: [Along; 3]| {
+        let mut sum = 0.0;
+        for z in 0..TAPS {
+            for y in 0..TAPS {
+                for x in 0..TAPS {
+                    let weight = along[0].tap(x) * along[1].tap(y) * along[2].tap(z);
+                    sum += weight * depth([x, y, z]);
+                }
+            }
+        }
+        sum
+    };
+    let with = |axes: &[(usize, Along)]| {
+        let mut along = [Along::Smooth; 3];
+        axes.iter().for_each(|(axis, how)| along[*axis] = *how);
+        sum(along)
+    };
+    let mixed = |a: usize, b: usize| with(&[(a, Along::Derive), (b, Along::Derive)]) * MIXED;
+    let pure = |a: usize| with(&[(a, Along::Bend)]) * PURE;
+    Jet {
+        gradient: [0, 1, 2].map(|a| with(&[(a, Along::Derive)])),
+        second: [pure(0), pure(1), pure(2), mixed(0, 1), mixed(0, 2), mixed(1, 2)],
+    }
+}

@@ -1,0 +1,275 @@
+//! A volume with a threshold as a solid of cells: boxes between eight samples, with a plane in each (SPEC 4.8).
+//!
+//! ```text
+//!   slice z+2  --read-->  ring of 6 slices  --classify-->  bits  --OR, AND of eight-->  cells
+//!   cells of z            gradient over 4^3 samples, crossings of 12 edges --> plane, or corners
+//! ```
+//!
+//! Most cells are fitted in batches without a branch ([`fit`]): the normal is that of the smooth gradient, the
+//! plane goes through the mean of the crossings, and is moved outwards where a corner inside would lie in front
+//! of it. Cells that such a plane does not describe are fitted one by one ([`mod@pick`]): sharp edges, noise, thin
+//! walls, label maps, and whatever touches the border of the volume.
+//!
+//! Every operation is an IEEE operation in a fixed order, and the last decisions are of integers: models are the
+//! same on every machine.
+#![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
+
+mod corner;
+mod field;
+mod fit;
+mod jet;
+mod label;
+mod pick;
+mod window;
+
+use super::error::BuildError;
+use super::gradient::SLICE_VOXELS;
+use super::item::ItemForm;
+use super::ring::{RingForm, border_unit};
+use super::slices::{Reach, RingShape, Slices};
+use super::solid::{BRICK, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+use super::volume::VolumeSolid;
+use crate::format::cell::{CORNERS, HAS_CORNERS};
+use crate::format::{Channel, Metadata, SurfaceKind};
+use crate::geom::Dims;
+use crate::volume::SourceError;
+
+use field::{EDGE, Field};
+use fit::{BATCH, Batch};
+use pick::{Cell, Picked};
+
+/// Name recorded in the metadata.
+const ESTIMATOR: &str = "cell planes";
+
+/// A cell's neighbourhood: cell i lies between samples i - 1 and i, and looks two further on either side.
+pub(super) const AROUND_CELL: Reach = Reach { low: 3, high: 2 };
+const _: () = assert!(AROUND_CELL.high == LOOKAHEAD);
+
+/// What a worker holds beside its slices: a batch, and the items of one brick in one slice.
+pub(super) const WORKER_BYTES: u64 = (size_of::<Batch>() + SLICE_VOXELS * (3 + CORNERS)) as u64;
+
+/// Size of the grid of cells of a volume, if there is one.
+pub(super) fn cell_dims(volume: Dims) -> Option<Dims> {
+    let grown = SurfaceKind::Cells.grown();
+    Dims::new(volume.nx() + grown, volume.ny() + grown, volume.nz() + grown)
+}
+
+/// The form of a channel's items, of those that cells have.
+pub(super) fn cell_form(channel: Channel) -> Option<ItemForm> {
+    match channel {
+        Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
+        Channel::Offset => Some(ItemForm::AsIs { bytes: 1 }),
+        Channel::Corners => Some(ItemForm::AsIs { bytes: CORNERS }),
+        _ => None,
+    }
+}
+
+/// The cells of a volume whose samples lie in a range.
+pub(super) struct CellSolid<'a, F> {
+    volume: VolumeSolid<'a, F>,
+    dims: Dims,
+}
+
+impl<'a, F: RingForm> CellSolid<'a, F> {
+    /// `dims` are those of [`cell_dims`].
+    pub(super) fn new(volume: VolumeSolid<'a, F>, dims: Dims) -> Self {
+        Self { volume, dims }
+    }
+}
+
+impl<F: RingForm> Solid for CellSolid<'_, F> {
+    type Worker<'w>
+        = CellWorker<'w, F>
+    where
+        Self: 'w;
+
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    fn surface(&self) -> SurfaceKind {
+        SurfaceKind::Cells
+    }
+
+    fn lookbehind(&self) -> u32 {
+        AROUND_CELL.low
+    }
+
+    fn metadata(&self, found: &Found) -> Metadata {
+        Metadata { gradient: ESTIMATOR.into(), ..self.volume.metadata(found) }
+    }
+
+    fn name(&self) -> String {
+        self.volume.name()
+    }
+
+    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+        cell_form(channel)
+    }
+
+    fn worker_bytes(&self, tile: &Tile) -> u64 {
+        RingShape::of::<F>(self.volume.source.info(), AROUND_CELL).bytes(tile) + WORKER_BYTES
+    }
+
+    fn input_bytes(&self) -> u64 {
+        self.volume.input_bytes()
+    }
+
+    fn worker(&self, tile: &Tile) -> CellWorker<'_, F> {
+        let range = self.volume.form.range();
+        CellWorker {
+            slices: Slices::new(self.volume.source, self.volume.form, AROUND_CELL, tile),
+            level: self.volume.form.level(self.volume.bound()),
+            is_label: range.lo == range.hi,
+            batch: Batch::new(),
+            codes: Vec::with_capacity(2 * SLICE_VOXELS),
+            offsets: Vec::with_capacity(SLICE_VOXELS),
+            corners: Vec::with_capacity(CORNERS * SLICE_VOXELS),
+        }
+    }
+
+    fn nothing_inside(&self) -> BuildError {
+        self.volume.nothing_inside()
+    }
+}
+
+/// One thread's ring of slices, and the cells described last.
+pub(super) struct CellWorker<'a, F: RingForm> {
+    slices: Slices<'a, F>,
+    /// Ring samples at the surface.
+    level: f32,
+    /// Is a single value inside, as in a map of labels?
+    is_label: bool,
+    batch: Box<Batch>,
+    codes: Vec<u8>,
+    offsets: Vec<u8>,
+    corners: Vec<u8>,
+}
+
+impl<F: RingForm> CellWorker<'_, F> {
+    /// Depths inside the range of the samples around a cell with these corners inside; beyond the volume as far
+    /// outside as inside before.
+    fn field(&self, cell: [u32; 3], mask: u8) -> Field {
+        let (f, form, dims) = (&self.slices.frame, self.slices.form, self.slices.dims);
+        let (unit, low) = (border_unit::<F>(), i64::from(AROUND_CELL.low));
+        let mut field = Field::EMPTY;
+        for k in 0..EDGE as i64 {
+            let pz = i64::from(cell[2]) + k - low;
+            let qz = pz.clamp(0, i64::from(dims[2]) - 1);
+            let plane = self.slices.plane(qz as u32);
+            for j in 0..EDGE as i64 {
+                let py = i64::from(cell[1]) + j - low;
+                let qy = py.clamp(0, i64::from(dims[1]) - 1);
+                let row = (qy as usize - f.rows.start as usize) * f.stride;
+                for i in 0..EDGE as i64 {
+                    let px = i64::from(cell[0]) + i - low;
+                    let qx = px.clamp(0, i64::from(dims[0]) - 1);
+                    let sample = plane[row + (qx as usize - f.cols.start as usize)];
+                    let exists = (px, py, pz) == (qx, qy, qz);
+                    let depth = form.depth_from(sample, self.level);
+                    let inside = exists && form.is_inside(sample);
+                    let depth = if exists { depth } else { -depth.abs() - unit };
+                    field.set([i as usize, j as usize, k as usize], depth, inside);
+                }
+            }
+        }
+        field.set_corners(mask);
+        field
+    }
+
+    /// Fits the cells of the batch and appends their items.
+    fn flush(&mut self) {
+        self.batch.fit();
+        for at in 0..self.batch.len() {
+            if self.batch.is_fitted(at) {
+                let (code, offset) = self.batch.plane(at);
+                self.codes.extend(code.to_le_bytes());
+                self.offsets.push(offset.cast_unsigned());
+                continue;
+            }
+            let (place, mask, is_label) = (self.batch.cell(at), self.batch.mask(at), self.is_label);
+            let cell = match self.batch.inner(at) {
+                Some((depth, gradient)) => Cell { mask, depth, gradient, is_label },
+                None => {
+                    let field = self.field(place, mask);
+                    let depth = field.corners();
+                    let gradient = field.jet().at(pick::mean_crossing(mask, &depth));
+                    Cell { mask, depth, gradient, is_label }
+                }
+            };
+            let (code, offset) = match pick::pick(&cell, || self.field(place, mask)) {
+                Picked::Plane(code, offset) => (code, offset),
+                Picked::Corners(code, corners) => {
+                    self.corners.extend(corners.map(i8::cast_unsigned));
+                    (code, HAS_CORNERS)
+                }
+            };
+            self.codes.extend(code.to_le_bytes());
+            self.offsets.push(offset.cast_unsigned());
+        }
+        self.batch.clear();
+    }
+}
+
+impl<F: RingForm> SolidWorker for CellWorker<'_, F> {
+    fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError> {
+        self.slices.start(column);
+        Ok(())
+    }
+
+    fn occupancy(&mut self, wanted: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
+        self.slices.load(wanted)
+    }
+
+    fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
+        self.codes.clear();
+        self.offsets.clear();
+        self.corners.clear();
+        let [x0, y0, z] = skin.corner();
+        let dims = self.slices.dims;
+        // Cells whose 4^3 samples are all in the volume.
+        let interior = |p: u32, n: u32| p >= 2 && p + 2 <= n;
+        let columns = (0..BRICK).filter(|i| interior(x0 + i, dims[0])).fold(0_u32, |m, i| m | 1 << i);
+        for (j, row) in (0..).zip(skin.rows()) {
+            if *row == 0 {
+                continue;
+            }
+            let y = y0 + j;
+            let samples = skin.corner_samples(j as usize);
+            let inner = if interior(y, dims[1]) && interior(z, dims[2]) { row & columns } else { 0 };
+            if self.batch.len() + row.count_ones() as usize > BATCH {
+                self.flush();
+            }
+            let first = self.batch.push_row([x0, y, z], *row, samples, inner);
+            if inner != 0 {
+                let f = &self.slices.frame;
+                // The sample two before the first cell's own, along x and y.
+                let start = (y - f.rows.start) as usize * f.stride + x0 as usize;
+                let window = window::RowWindow {
+                    planes: std::array::from_fn(|k| self.slices.plane(z + k as u32 - 2)),
+                    stride: f.stride,
+                    origin: start.wrapping_sub(f.cols.start as usize),
+                    cells: *row,
+                    inner,
+                    level: self.level,
+                };
+                window::gather(&window, &mut self.batch, first);
+            }
+        }
+        self.flush();
+        Ok(())
+    }
+
+    fn items(&self, channel: Channel) -> &[u8] {
+        match channel {
+            Channel::Normal => &self.codes,
+            Channel::Offset => &self.offsets,
+            Channel::Corners => &self.corners,
+            _ => &[],
+        }
+    }
+
+    fn found(&self) -> Found {
+        Found { reading: self.slices.reading, ..Found::default() }
+    }
+}

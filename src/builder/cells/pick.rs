@@ -1,0 +1,373 @@
+//! Planes of cells one by one: several normals are tried, and the one that describes the cell best is taken.
+//!
+//! Tried are the smooth gradient; and the plane that fits the crossings of the cell's edges best, near the
+//! gradient of the trilinear interpolation at their mean, and near the direction from the corners inside to those
+//! outside. Where no plane separates the corners, or where the best plane would still cover an outside corner by more than [`TOLERANCE`], there are two surfaces in
+//! the cell: it keeps its corners.
+
+use super::corner::{EDGES, NEAR_CROSSINGS, TOLERANCE, encode, outward, signed_depth};
+use super::field::Field;
+use super::label;
+use crate::format::cell::{CORNERS, at_corner};
+use crate::format::normal;
+
+/// How far the plane of a cell between two values may cover an outside corner: the surface may lie anywhere
+/// between the samples.
+const LABEL_TOLERANCE: f32 = 0.5;
+
+/// Pulls a fitted plane towards the direction that it is sought near, in square voxels.
+const TOWARDS_GUESS: f64 = 0.05;
+
+/// Mean of the crossings of a cell's edges, in voxels from its middle.
+#[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
+pub(super) fn mean_crossing(mask: u8, depth: &[f32; CORNERS]) -> [f32; 3] {
+    let depth = std::array::from_fn(|c| signed_depth(depth[c], mask >> c & 1 == 1));
+    Crossings::new(mask, &depth).mean.map(|c| 0.5 * c as f32)
+}
+
+/// What a cell becomes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Picked {
+    /// Normal code and offset.
+    Plane(u16, i8),
+    /// Normal code and corners.
+    Corners(u16, [i8; CORNERS]),
+}
+
+/// A cell to be described.
+pub(super) struct Cell {
+    /// Corners inside, as bits.
+    pub(super) mask: u8,
+    /// Depths at the corners.
+    pub(super) depth: [f32; CORNERS],
+    /// Direction in which depths rise.
+    pub(super) gradient: [f32; 3],
+    /// Is a single value inside, as in a map of labels?
+    pub(super) is_label: bool,
+}
+
+/// Describes a cell; `field` is asked where there may be only two values around it.
+pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
+    let inside = |c: usize| cell.mask >> c & 1 == 1;
+    let depth: [f32; CORNERS] = std::array::from_fn(|c| signed_depth(cell.depth[c], inside(c)));
+    if cell.is_label || has_two_values(cell.mask, &depth) {
+        let field = field();
+        if (cell.is_label || field.has_two_values())
+            && let Some((code, value)) = label::plane(&field)
+        {
+            let tried = Tried::at(code, cell.mask, value);
+            return tried.picked(cell.mask, &depth, LABEL_TOLERANCE);
+        }
+    }
+    if !SEPARABLE[usize::from(cell.mask)] {
+        let code = outward(cell.gradient.map(f64::from)).unwrap_or(ANY);
+        return Picked::Corners(code, quantised(cell.mask, &depth));
+    }
+    let crossings = Crossings::new(cell.mask, &depth);
+    let smooth = outward(cell.gradient.map(f64::from)).map(|code| Tried::new(code, cell.mask, &crossings));
+    if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(NEAR_CROSSINGS)) {
+        return smooth.picked(cell.mask, &depth, TOLERANCE);
+    }
+    let near = |guess: [f64; 3]| {
+        let fitted = crossings.fitted_near(guess)?;
+        Some(Tried::new(encode(fitted)?, cell.mask, &crossings))
+    };
+    let better = |a: Option<Tried>, b: Option<Tried>| match (a, b) {
+        (Some(a), Some(b)) => Some(if b.badness < a.badness { b } else { a }),
+        (a, b) => a.or(b),
+    };
+    let mut best = better(smooth, near(crossings.gradient(&depth)));
+    if best.is_none_or(|best| best.badness > f64::from(NEAR_CROSSINGS)) {
+        best = better(best, near(crossings.across(cell.mask)));
+    }
+    // A cell without any direction: its corners say all.
+    best.unwrap_or_else(|| Tried::new(ANY, cell.mask, &crossings)).picked(cell.mask, &depth, TOLERANCE)
+}
+
+/// Patterns of corners that some plane separates: 104 of 256, the empty and the full one among them.
+const SEPARABLE: [bool; 256] = {
+    // Whole weights of -2 to 2 do for every such pattern of three variables.
+    let mut table = [false; 256];
+    let mut weights = 0;
+    while weights < 125 {
+        let w = [weights % 5 - 2, weights / 5 % 5 - 2, weights / 25 - 2];
+        // Twice the greatest value, odd: never the value of a corner.
+        let mut limit = -13;
+        while limit <= 13 {
+            let (mut mask, mut c) = (0, 0);
+            while c < CORNERS {
+                let value = w[0] * (2 * (c & 1) as i32 - 1)
+                    + w[1] * (2 * (c >> 1 & 1) as i32 - 1)
+                    + w[2] * (2 * (c >> 2) as i32 - 1);
+                if 2 * value < limit {
+                    mask |= 1 << c;
+                }
+                c += 1;
+            }
+            table[mask] = true;
+            limit += 2;
+        }
+        weights += 1;
+    }
+    table
+};
+
+/// The code of +z.
+const ANY: u16 = 0;
+
+fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
+    let same = |side: bool| {
+        let mut of = (0..CORNERS).filter(|c| (mask >> c & 1 == 1) == side).map(|c| depth[c]);
+        let first = of.next();
+        of.all(|d| Some(d) == first)
+    };
+    same(true) && same(false)
+}
+
+/// Crossings of a cell's edges, in the cell's coordinates (-1..=1).
+struct Crossings {
+    points: [[f64; 3]; 12],
+    count: usize,
+    mean: [f64; 3],
+}
+
+impl Crossings {
+    fn new(mask: u8, depth: &[f32; CORNERS]) -> Self {
+        let mut crossings = Self { points: [[0.0; 3]; 12], count: 0, mean: [0.0; 3] };
+        for (p, q) in EDGES {
+            if (mask >> p ^ mask >> q) & 1 == 0 {
+                continue;
+            }
+            let (a, b) = (f64::from(depth[p]), f64::from(depth[q]));
+            let t = a / (a - b);
+            let point = std::array::from_fn(|axis| {
+                let coordinate = |c: usize| if c >> axis & 1 == 1 { 1.0 } else { -1.0 };
+                coordinate(p) + t * (coordinate(q) - coordinate(p))
+            });
+            crossings.points[crossings.count % 12] = point;
+            crossings.count += 1;
+            crossings.mean = std::array::from_fn(|a| crossings.mean[a] + point[a]);
+        }
+        #[expect(clippy::cast_precision_loss, reason = "at most 12")]
+        let count = crossings.count.max(1) as f64;
+        crossings.mean = crossings.mean.map(|c| c / count);
+        crossings
+    }
+
+    fn points(&self) -> &[[f64; 3]] {
+        &self.points[..self.count.min(12)]
+    }
+
+    /// Against the gradient of the trilinear interpolation at the mean.
+    fn gradient(&self, depth: &[f32; CORNERS]) -> [f64; 3] {
+        let mut out = [0.0; 3];
+        for (c, depth) in depth.iter().enumerate() {
+            let part: [f64; 3] =
+                std::array::from_fn(
+                    |a| {
+                        if c >> a & 1 == 1 { 1.0 + self.mean[a] } else { 1.0 - self.mean[a] }
+                    },
+                );
+            for (a, out) in out.iter_mut().enumerate() {
+                let (b, d) = ((a + 1) % 3, (a + 2) % 3);
+                let step = part[b] * part[d] * f64::from(*depth);
+                *out += if c >> a & 1 == 1 { -step } else { step };
+            }
+        }
+        out
+    }
+
+    /// From the middle of the corners inside to that of those outside.
+    fn across(&self, mask: u8) -> [f64; 3] {
+        let count = f64::from(mask.count_ones());
+        std::array::from_fn(|a| {
+            (0..CORNERS).fold(0.0, |sum, c| {
+                let at = if c >> a & 1 == 1 { 1.0 } else { -1.0 };
+                let inside = mask >> c & 1 == 1;
+                sum + if inside { -at / count } else { at / (8.0 - count) }
+            })
+        })
+    }
+
+    /// Normal of the plane that fits the crossings best, near a direction: that of least squares among the
+    /// guess of length 1 plus something at right angles to it, which is held small.
+    fn fitted_near(&self, guess: [f64; 3]) -> Option<[f64; 3]> {
+        let length = dot(guess, guess).sqrt();
+        if !(length > 0.0 && length < f64::INFINITY) {
+            return None;
+        }
+        let g = guess.map(|c| c / length);
+        // Two directions at right angles to it: the axis that it runs along least, and the other one.
+        let least = (0..3).fold(0, |best, a| if g[a].abs() < g[best].abs() { a } else { best });
+        let mut axis = [0.0; 3];
+        axis[least] = 1.0;
+        let e1 = unit(cross(g, axis))?;
+        let e2 = cross(g, e1);
+        // Coordinates are half voxels.
+        let spread = |a: [f64; 3], b: [f64; 3]| {
+            self.points().iter().fold(0.0, |sum, p| {
+                let off = std::array::from_fn(|i| 0.5 * (p[i] - self.mean[i]));
+                sum + dot(off, a) * dot(off, b)
+            })
+        };
+        let (s11, s12, s22) =
+            (spread(e1, e1) + TOWARDS_GUESS, spread(e1, e2), spread(e2, e2) + TOWARDS_GUESS);
+        let (r1, r2) = (-spread(e1, g), -spread(e2, g));
+        let determinant = s11 * s22 - s12 * s12;
+        let (a, b) = ((r1 * s22 - r2 * s12) / determinant, (r2 * s11 - r1 * s12) / determinant);
+        Some(std::array::from_fn(|i| g[i] + a * e1[i] + b * e2[i]))
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
+    let length = dot(v, v).sqrt();
+    (length > 0.0).then(|| v.map(|c| c / length))
+}
+
+/// A plane that was tried.
+#[derive(Clone, Copy)]
+struct Tried {
+    code: u16,
+    offset: i32,
+    /// How far an outside corner lies behind the plane, times twice the normal's length; its square.
+    covered: i32,
+    square: i32,
+    /// Greatest distance of a crossing, or of a corner on the wrong side, in voxels.
+    badness: f64,
+}
+
+impl Tried {
+    fn new(code: u16, mask: u8, crossings: &Crossings) -> Self {
+        let n = normal::decode_l1(code);
+        let of = |p: [f64; 3]| dot(n.map(f64::from), p);
+        let mean = of(crossings.mean);
+        let mut tried = Self::at(code, mask, mean);
+        let off = crossings.points().iter().fold(0.0_f64, |worst, p| worst.max((of(*p) - mean).abs()));
+        let wrong = (0..CORNERS).fold(0.0_f64, |worst, c| {
+            let beyond = f64::from(at_corner(n, c)) - mean;
+            worst.max(if mask >> c & 1 == 1 { beyond } else { -beyond })
+        });
+        tried.badness = off.max(wrong) / (2.0 * f64::from(tried.square).sqrt());
+        tried
+    }
+
+    /// The plane through points of this value, moved so that every inside corner lies behind it.
+    #[expect(clippy::cast_possible_truncation, reason = "held to -127..=127")]
+    fn at(code: u16, mask: u8, value: f64) -> Self {
+        let n = normal::decode_l1(code);
+        let corners = |side: bool| {
+            (0..CORNERS).filter(move |c| (mask >> c & 1 == 1) == side).map(move |c| at_corner(n, c))
+        };
+        let highest_in = corners(true).max().unwrap_or(-normal::SCALE);
+        let lowest_out = corners(false).min().unwrap_or(normal::SCALE);
+        let rounded = (value + 0.5).floor().clamp(-127.0, 127.0) as i32;
+        let offset = rounded.max(highest_in);
+        let square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+        Self { code, offset, covered: offset - lowest_out, square, badness: 0.0 }
+    }
+
+    /// The plane, unless it covers an outside corner too far.
+    fn picked(&self, mask: u8, depth: &[f32; CORNERS], tolerance: f32) -> Picked {
+        let covered = f64::from(self.covered.max(0));
+        let limit = 4.0 * f64::from(tolerance) * f64::from(tolerance) * f64::from(self.square);
+        if covered * covered <= limit {
+            #[expect(clippy::cast_possible_truncation, reason = "-127..=127")]
+            return Picked::Plane(self.code, self.offset as i8);
+        }
+        Picked::Corners(self.code, quantised(mask, depth))
+    }
+}
+
+/// Depths at the corners in eight bits, the largest 127; never 0, so that sides stay what they are.
+#[expect(clippy::cast_possible_truncation, reason = "1..=127")]
+fn quantised(mask: u8, depth: &[f32; CORNERS]) -> [i8; CORNERS] {
+    let most = depth.iter().fold(0.0_f64, |m, d| m.max(f64::from(d.abs())));
+    std::array::from_fn(|c| {
+        let size = (f64::from(depth[c].abs()) / most * 127.0 + 0.5).floor().clamp(1.0, 127.0) as i8;
+        if mask >> c & 1 == 1 { size } else { -size }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::cell::Plane;
+
+    /// Depths of a plane through a point, in the cell's coordinates.
+    fn sampled(n: [f64; 3], at: [f64; 3]) -> (u8, [f32; CORNERS]) {
+        #[expect(clippy::cast_possible_truncation, reason = "a test")]
+        let depth: [f32; CORNERS] = std::array::from_fn(|c| {
+            let u: [f64; 3] = std::array::from_fn(|a| if c >> a & 1 == 1 { 1.0 } else { -1.0 });
+            -(0..3).map(|a| n[a] * (u[a] - at[a])).sum::<f64>() as f32
+        });
+        let mask = (0..CORNERS).filter(|c| depth[*c] >= 0.0).fold(0, |m, c| m | 1 << c);
+        (mask, depth)
+    }
+
+    #[test]
+    fn planes_are_found_again_and_every_inside_corner_lies_behind() {
+        let mut checked = 0;
+        for i in 0..2000_u32 {
+            let of = |k: u32| f64::from((i * 7919 + k * 104_729) % 2003) / 1001.5 - 1.0;
+            let (n, at) = ([of(1), of(2), of(3)], [of(4), of(5), of(6)]);
+            let (mask, depth) = sampled(n, at);
+            if mask == 0 || mask == 255 {
+                continue;
+            }
+            let cell = Cell { mask, depth, gradient: [0.0; 3], is_label: false };
+            let Picked::Plane(code, offset) = pick(&cell, || Field::EMPTY) else { panic!("{n:?} {at:?}") };
+            let plane = Plane::new(code, offset);
+            assert_eq!(plane.inside() & mask, mask);
+            let got = unit(plane.normal.map(f64::from)).unwrap();
+            assert!(dot(got, unit(n).unwrap()) > 0.999, "{n:?} {got:?}");
+            checked += 1;
+        }
+        assert!(checked > 1500);
+    }
+
+    #[test]
+    fn patterns_that_a_plane_separates_are_counted_as_in_the_literature() {
+        assert_eq!(SEPARABLE.iter().filter(|s| **s).count(), 104);
+        assert!(SEPARABLE[0b1111_0000] && !SEPARABLE[0b1000_0001] && !SEPARABLE[0b0110_1001]);
+    }
+
+    #[test]
+    fn all_patterns_of_signs_keep_their_inside_corners_behind_a_plane_or_as_corners() {
+        let (mut planes, mut with_corners) = (0, 0);
+        for mask in 1..=254_u8 {
+            for round in 0..40_u32 {
+                let depth = std::array::from_fn(|c| {
+                    let size = f32::from(
+                        1 + u8::try_from((round * 37 + u32::try_from(c).unwrap() * 59) % 97).unwrap(),
+                    );
+                    if mask >> c & 1 == 1 { size } else { -size }
+                });
+                let gradient = [f32::from(u8::try_from(round).unwrap()) - 20.0, 3.0, -7.0];
+                let cell = Cell { mask, depth, gradient, is_label: false };
+                match pick(&cell, || Field::EMPTY) {
+                    Picked::Plane(code, offset) => {
+                        assert_eq!(Plane::new(code, offset).inside() & mask, mask, "{mask:08b}");
+                        planes += 1;
+                    }
+                    Picked::Corners(_, corners) => {
+                        for (c, corner) in corners.iter().enumerate() {
+                            assert!(
+                                *corner != 0 && *corner != i8::MIN && (*corner > 0) == (mask >> c & 1 == 1)
+                            );
+                        }
+                        with_corners += 1;
+                    }
+                }
+            }
+        }
+        assert!(planes > 0 && with_corners > 0);
+    }
+}

@@ -1,0 +1,145 @@
+//! Depths and smooth gradients of the cells of a row: 8 columns of 4 x 4 samples at once.
+//!
+//! The kernel is separable and centred on the cell: along the differentiated axis the taps -1, 0, 0, 1, along the
+//! other two 1, 3, 3, 1. With these the gradient of a blurred plane errs least over all directions among kernels
+//! of four samples: to second order derivative and smoothing fall off alike. The second derivatives, with the taps
+//! 1, -1, -1, 1, carry the gradient from the middle of the cell to where the surface passes through it: without
+//! them normals of thick slices err by 2.4 degrees instead of 1.
+
+use super::fit::Batch;
+use super::jet::{Jet, MIXED, NEAR, PURE, Seen, TAPS};
+use crate::builder::lanes::{LANES, Lanes, RingSample, fast_proof};
+use crate::builder::simd::{Isa, Kernel, dispatch, rows_of};
+use crate::format::cell::CORNERS;
+
+/// Cells of a window: those whose samples all lie in it.
+const CELLS: u32 = (LANES - TAPS + 1) as u32;
+
+/// A row of cells of one brick, and the samples around them.
+pub(super) struct RowWindow<'a, R> {
+    /// Slices z - 2 ..= z + 1 of the cells' z.
+    pub(super) planes: [&'a [R]; TAPS],
+    /// Samples from one row to the next.
+    pub(super) stride: usize,
+    /// Place in a plane of the sample with the number of the brick's first cell; cells whose samples do not exist
+    /// are not inner, so that it may lie before the plane.
+    pub(super) origin: usize,
+    /// Cells of the row, and those of them whose neighbourhood lies in the volume.
+    pub(super) cells: u32,
+    pub(super) inner: u32,
+    /// Sample at the surface.
+    pub(super) level: f32,
+}
+
+/// Fills the slots of the inner cells, from `first` on in the order of all cells of the row.
+pub(super) fn gather<R: RingSample>(window: &RowWindow<'_, R>, batch: &mut Batch, first: usize) {
+    dispatch(GatherKernel { window, batch, first });
+}
+
+struct GatherKernel<'a, 'b, R> {
+    window: &'a RowWindow<'b, R>,
+    batch: &'a mut Batch,
+    first: usize,
+}
+
+impl<R: RingSample> Kernel for GatherKernel<'_, '_, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, isa: impl Isa) {
+        let w = self.window;
+        let mut todo = w.inner;
+        while todo != 0 {
+            let bit = todo.trailing_zeros();
+            let at = w.origin.wrapping_add(bit as usize).wrapping_sub(2 + 2 * w.stride);
+            let found = if let Some(avx2) = isa.avx2() {
+                look::<R, R::Fast>(w, at, fast_proof(avx2), |eight| R::widen_fast(avx2, eight))
+            } else {
+                look::<R, R::Portable>(w, at, (), R::widen)
+            };
+            let last = bit + CELLS;
+            let here = if last >= u32::BITS { todo } else { todo & ((1 << last) - 1) };
+            let mut left = here;
+            while left != 0 {
+                let cell = left.trailing_zeros();
+                left &= left - 1;
+                let slot = self.first + (w.cells & ((1_u32 << cell) - 1)).count_ones() as usize;
+                found.store(self.batch, slot, (cell - bit) as usize, w.level);
+            }
+            todo &= !here;
+        }
+    }
+}
+
+/// What a window of eight columns holds.
+struct Looked {
+    gradient: [[f32; LANES]; 3],
+    second: [[f32; LANES]; 6],
+    /// Samples of the rows next to the cells: y low and z low, y high, z high, both.
+    samples: [[f32; LANES]; 4],
+}
+
+impl Looked {
+    #[inline(always)]
+    fn store(&self, batch: &mut Batch, slot: usize, lane: usize, level: f32) {
+        let lane = lane % (LANES - 2);
+        let corners: [f32; CORNERS] =
+            std::array::from_fn(|c| self.samples[c >> 1][lane + 1 + (c & 1)] - level);
+        let gradient = std::array::from_fn(|a| self.gradient[a][lane]);
+        let second = std::array::from_fn(|i| self.second[i][lane] * if i < 3 { PURE } else { MIXED });
+        batch.put(slot, &Seen { corners, jet: Jet { gradient, second } });
+    }
+}
+
+#[inline(always)]
+fn smooth<L: Lanes>(v: [L; TAPS]) -> L {
+    v[1].plus(v[2]).times(NEAR).plus(v[0].plus(v[3]))
+}
+
+#[inline(always)]
+fn derive<L: Lanes>(v: [L; TAPS]) -> L {
+    v[3].minus(v[0])
+}
+
+#[inline(always)]
+fn bend<L: Lanes>(v: [L; TAPS]) -> L {
+    v[0].plus(v[3]).minus(v[1].plus(v[2]))
+}
+
+/// Looks at the window whose first sample is `at`; the last lanes of the gradient are void.
+#[inline(always)]
+fn look<R: RingSample, L: Lanes>(
+    w: &RowWindow<'_, R>,
+    at: usize,
+    proof: L::Proof,
+    widen: impl Fn(&[R; LANES]) -> L,
+) -> Looked {
+    let mut smoothed = [L::zero(proof); TAPS];
+    let mut derived = [L::zero(proof); TAPS];
+    let mut bent = [L::zero(proof); TAPS];
+    let mut samples = [[0.0; LANES]; 4];
+    for (k, plane) in w.planes.iter().enumerate() {
+        let rows = rows_of::<R, LANES, TAPS>(plane, at, w.stride).map(|row| widen(&row));
+        (smoothed[k], derived[k], bent[k]) = (smooth(rows), derive(rows), bend(rows));
+        if k == 1 || k == 2 {
+            (samples[2 * k - 2], samples[2 * k - 1]) = (rows[1].to_f32(), rows[2].to_f32());
+        }
+    }
+    // Of y and z: smoothed, derived by y, by z, by both, twice by y, twice by z.
+    let columns =
+        [smooth(smoothed), smooth(derived), derive(smoothed), derive(derived), smooth(bent), bend(smoothed)];
+    // Room behind the last lane, for the shifted reads of the void ones.
+    let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); 2 * LANES]; 6];
+    for (sums, column) in sums.iter_mut().zip(columns) {
+        sums[..LANES].copy_from_slice(&column.store());
+    }
+    let shifted = |axis: usize| -> [L; TAPS] {
+        std::array::from_fn(|i| L::load(proof, &std::array::from_fn(|lane| sums[axis][i + lane])))
+    };
+    let (flat, by_y, by_z) = (shifted(0), shifted(1), shifted(2));
+    let gradient = [derive(flat), smooth(by_y), smooth(by_z)].map(Lanes::to_f32);
+    let pure = [bend(flat), smooth(shifted(4)), smooth(shifted(5))].map(Lanes::to_f32);
+    let mixed = [derive(by_y), derive(by_z), smooth(shifted(3))].map(Lanes::to_f32);
+    let second = [pure[0], pure[1], pure[2], mixed[0], mixed[1], mixed[2]];
+    Looked { gradient, second, samples }
+}

@@ -1,0 +1,279 @@
+//! Slices of a volume on their way through a column: read into a ring, and classified.
+//!
+//! A column reads some rows and columns beyond its tile on every side ([`Reach`]). Memory is that of
+//! [`RingShape::bytes`], whatever the volume holds.
+#![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
+
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use super::classify::classify;
+use super::gradient::{OVERREAD, SLICE_VOXELS};
+use super::item::value_bytes;
+use super::range::{Ordered, SampleRange};
+use super::ring::{RingForm, convert};
+use super::solid::{BRICK, OccupancyRows, Tile, VoxelBox};
+use crate::format::Channel;
+use crate::geom::Dims;
+use crate::volume::{ScalarType, SourceError, VolumeInfo, VolumeSource};
+
+/// Bytes of a cache line, on every machine of interest.
+const CACHE_LINE: usize = 64;
+
+/// Samples around a box of the model that are wanted with it, along each axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Reach {
+    /// Before the sample of the same number.
+    pub(super) low: u32,
+    /// After it.
+    pub(super) high: u32,
+}
+
+impl Reach {
+    /// Slices in the ring.
+    pub(super) const fn ring(self) -> usize {
+        (self.low + 1 + self.high) as usize
+    }
+}
+
+/// Sizes of the buffers through which a volume is read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RingShape {
+    /// Size of the volume.
+    pub(super) dims: Dims,
+    pub(super) reach: Reach,
+    /// Bytes of a sample in the file and in the ring.
+    pub(super) file_bytes: usize,
+    pub(super) ring_bytes: usize,
+    /// Are slices read straight into the ring?
+    pub(super) in_place: bool,
+    /// Bytes of a value while it is scanned.
+    pub(super) value_bytes: usize,
+}
+
+impl RingShape {
+    /// The shape for the kindest range of a sample type.
+    pub(super) fn kindest(dims: Dims, scalar: ScalarType, reach: Reach) -> Self {
+        let in_place = scalar.bytes() <= 2 || scalar == ScalarType::F32;
+        let ring_bytes = if in_place { scalar.bytes() } else { size_of::<f32>() };
+        Self {
+            dims,
+            reach,
+            file_bytes: scalar.bytes(),
+            ring_bytes,
+            in_place,
+            value_bytes: value_bytes(scalar),
+        }
+    }
+
+    pub(super) fn of<F: RingForm>(info: &VolumeInfo, reach: Reach) -> Self {
+        Self {
+            dims: info.dims,
+            reach,
+            file_bytes: info.scalar.bytes(),
+            ring_bytes: size_of::<F::Ring>(),
+            in_place: F::IN_PLACE,
+            value_bytes: value_bytes(info.scalar),
+        }
+    }
+
+    /// Bytes of one worker.
+    pub(super) fn bytes(&self, tile: &Tile) -> u64 {
+        let values = if tile.channels.contains(Channel::Value) { self.value_bytes } else { 0 };
+        let bytes = (self.reach.ring() * self.plane_samples(tile) + OVERREAD) * self.ring_bytes
+            + self.staging_slices(tile) * self.block_samples(tile) * self.file_bytes
+            + SLICE_VOXELS * (14 + values);
+        bytes as u64
+    }
+
+    /// Columns and rows of a tile with its halo.
+    fn block(&self, tile: &Tile) -> (usize, usize) {
+        let cols = (tile.columns + self.reach.low + self.reach.high).min(self.dims.nx());
+        let rows = (BRICK + self.reach.low + self.reach.high).min(self.dims.ny());
+        (cols as usize, rows as usize)
+    }
+
+    /// Samples of one slice of a tile with its halo.
+    pub(super) fn block_samples(&self, tile: &Tile) -> usize {
+        let (cols, rows) = self.block(tile);
+        cols * rows
+    }
+
+    /// Samples from one row of the ring to the next: an odd number of cache lines, so that the 25 rows of a
+    /// 5x5x5 window fall on different sets of the cache even when a row is 2^n bytes long.
+    pub(super) fn stride(&self, tile: &Tile) -> usize {
+        let line = CACHE_LINE / self.ring_bytes;
+        let lines = self.block(tile).0.div_ceil(line);
+        (lines | 1) * line
+    }
+
+    /// Samples of one slice in the ring.
+    pub(super) fn plane_samples(&self, tile: &Tile) -> usize {
+        self.stride(tile) * self.block(tile).1
+    }
+
+    /// Slices of file samples held beside the ring: enough that slice z is still there when its values
+    /// are gathered.
+    pub(super) fn staging_slices(&self, tile: &Tile) -> usize {
+        match (self.in_place, tile.channels.contains(Channel::Value)) {
+            (true, _) => 0,
+            (false, false) => 1,
+            (false, true) => self.reach.high as usize + 1,
+        }
+    }
+}
+
+/// The column at hand: its place in the volume and the layout of its buffers.
+#[derive(Clone, Debug)]
+pub(super) struct Frame {
+    pub(super) column: VoxelBox,
+    /// Rows and columns read: the tile and its halo, within the volume.
+    pub(super) rows: Range<u32>,
+    pub(super) cols: Range<u32>,
+    /// Samples of a row, from one row of the ring to the next, and of a slice in the ring.
+    pub(super) width: usize,
+    pub(super) stride: usize,
+    pub(super) samples: usize,
+}
+
+/// One thread's ring of slices.
+pub(super) struct Slices<'a, F: RingForm> {
+    source: &'a dyn VolumeSource,
+    pub(super) form: F,
+    /// Size of the volume.
+    pub(super) dims: [u32; 3],
+    reach: Reach,
+    stride: usize,
+    pub(super) frame: Frame,
+    ring: Vec<F::Ring>,
+    plane_len: usize,
+    staging: Vec<F::File>,
+    staging_slices: usize,
+    /// Time spent waiting for input.
+    pub(super) reading: Duration,
+    /// Were there samples that are NaN?
+    pub(super) not_numbers: bool,
+}
+
+impl<'a, F: RingForm> Slices<'a, F> {
+    pub(super) fn new(source: &'a dyn VolumeSource, form: F, reach: Reach, tile: &Tile) -> Self {
+        let info = source.info();
+        let shape = RingShape::of::<F>(info, reach);
+        let (plane_len, staging_slices) = (shape.plane_samples(tile), shape.staging_slices(tile));
+        let nothing = VoxelBox { x: 0..0, y: 0..0, z: 0..0 };
+        Self {
+            source,
+            form,
+            dims: info.dims.to_array(),
+            reach,
+            stride: shape.stride(tile),
+            frame: Frame { column: nothing, rows: 0..0, cols: 0..0, width: 0, stride: 0, samples: 0 },
+            ring: vec![bytemuck::Zeroable::zeroed(); reach.ring() * plane_len + OVERREAD],
+            plane_len,
+            staging: vec![bytemuck::Zeroable::zeroed(); staging_slices * shape.block_samples(tile)],
+            staging_slices,
+            reading: Duration::ZERO,
+            not_numbers: false,
+        }
+    }
+
+    /// Begins a column; of boxes that are one more than the volume's voxels, the last ones have no samples.
+    pub(super) fn start(&mut self, column: &VoxelBox) {
+        let widen =
+            |r: &Range<u32>, n: u32| r.start.saturating_sub(self.reach.low)..(r.end + self.reach.high).min(n);
+        let (rows, cols) = (widen(&column.y, self.dims[1]), widen(&column.x, self.dims[0]));
+        self.frame = Frame {
+            column: column.clone(),
+            samples: self.stride * (rows.len() - 1) + cols.len(),
+            width: cols.len(),
+            stride: self.stride,
+            rows,
+            cols,
+        };
+    }
+
+    /// Reads a slice of the column into its slot of the ring and classifies it.
+    pub(super) fn load(&mut self, wanted: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
+        let (f, z, range) = (&self.frame, wanted.z(), self.form.range());
+        if z >= self.dims[2] {
+            wanted.y().for_each(|y| wanted.row_mut(y).fill(0));
+            return Ok(());
+        }
+        let ring = self.reach.ring();
+        let plane = &mut self.ring[z as usize % ring * self.plane_len..][..f.samples];
+        let (rows, cols) = (f.rows.clone(), f.cols.clone());
+        let started = Instant::now();
+        if F::IN_PLACE {
+            let pitch = f.stride * size_of::<F::Ring>();
+            self.source.read_pitched(z, rows, cols, pitch, bytemuck::cast_slice_mut(plane))?;
+            self.reading += started.elapsed();
+            self.not_numbers = self.not_numbers || holds_nan::<F::File>(bytemuck::cast_slice(plane));
+            classify_rows(f, self.dims, bytemuck::cast_slice(plane), f.stride, range, wanted);
+        } else {
+            let len = self.staging.len() / self.staging_slices;
+            let staged =
+                &mut self.staging[z as usize % self.staging_slices * len..][..f.width * f.rows.len()];
+            self.source.read_rows(z, rows, cols, bytemuck::cast_slice_mut(staged))?;
+            self.reading += started.elapsed();
+            self.not_numbers = self.not_numbers || holds_nan(staged);
+            classify_rows(f, self.dims, staged, f.width, range, wanted);
+            for (from, to) in staged.chunks_exact(f.width).zip(plane.chunks_mut(f.stride)) {
+                convert(&self.form, from, &mut to[..f.width]);
+            }
+        }
+        Ok(())
+    }
+
+    /// The samples of slice `z` in the ring, with [`OVERREAD`] more behind them. Any number is safe; those that
+    /// are not in the ring have another slice's samples.
+    #[inline(always)]
+    pub(super) fn plane(&self, z: u32) -> &[F::Ring] {
+        &self.ring[z as usize % self.reach.ring() * self.plane_len..][..self.plane_len + OVERREAD]
+    }
+
+    /// The samples of slice `z` as they are in the file, and from one row to the next.
+    pub(super) fn file_samples(&self, z: u32) -> (&[F::File], usize) {
+        if F::IN_PLACE {
+            let plane = &self.ring[z as usize % self.reach.ring() * self.plane_len..][..self.plane_len];
+            (bytemuck::cast_slice(plane), self.frame.stride)
+        } else {
+            let len = self.staging.len() / self.staging_slices;
+            (&self.staging[z as usize % self.staging_slices * len..][..len], self.frame.width)
+        }
+    }
+}
+
+/// Is one of some samples NaN? Asked in parts without a branch, at the speed of memory.
+fn holds_nan<T: Ordered>(samples: &[T]) -> bool {
+    const PART: usize = 256;
+    let in_part = |part: &[T]| part.iter().fold(false, |found, v| found | v.partial_cmp(v).is_none());
+    T::NO_NUMBER.is_some() && samples.chunks(PART).any(in_part)
+}
+
+/// Inside bits of the rows wanted, from samples whose rows are `stride` apart; a word of each row stands before
+/// the column and one after it.
+fn classify_rows<T: Ordered>(
+    f: &Frame,
+    dims: [u32; 3],
+    plane: &[T],
+    stride: usize,
+    range: SampleRange<T>,
+    wanted: &mut OccupancyRows<'_>,
+) {
+    let x0 = (f.column.x.start - f.cols.start) as usize;
+    // Of the columns those that exist.
+    let within = f.column.x.len().min((dims[0] - f.column.x.start.min(dims[0])) as usize);
+    for y in wanted.y() {
+        if y >= dims[1] {
+            wanted.row_mut(y).fill(0);
+            continue;
+        }
+        let samples = &plane[(y - f.rows.start) as usize * stride..][..f.width];
+        let [before, words @ .., after] = wanted.row_mut(y) else { continue };
+        let (full, rest) = words.split_at_mut(within.div_ceil(64));
+        classify(&samples[x0..x0 + within], range, full);
+        rest.fill(0);
+        *before = if x0 > 0 { u64::from(range.contains(samples[x0 - 1])) << 63 } else { 0 };
+        *after = samples.get(x0 + within).map_or(0, |v| u64::from(range.contains(*v)));
+    }
+}

@@ -1,0 +1,132 @@
+//! What is stored of a cell (SPEC 4.8): a plane, or eight corners found by rank.
+//!
+//! A cell's own coordinates `u` run from -1 to 1 along each axis, 0 in its middle.
+
+use super::normal;
+
+/// Samples at the corners of a cell; corner i is the high one along x, y, z by the bits of i.
+pub const CORNERS: usize = 8;
+
+/// The offset of a cell that has corners instead of a plane.
+pub const HAS_CORNERS: i8 = i8::MIN;
+
+/// Cells of a block of the directory of corners.
+pub const CORNER_BLOCK: u64 = 512;
+
+/// The same as an index into memory.
+const BLOCK: usize = 512;
+const _: () = assert!(BLOCK as u64 == CORNER_BLOCK);
+
+/// Blocks of the directory for so many cells.
+pub const fn corner_blocks(cells: u64) -> u64 {
+    cells.div_ceil(CORNER_BLOCK)
+}
+
+/// Value of `normal . u` at a corner, for an L1-127 vector: -127..=127.
+#[inline(always)]
+pub fn at_corner(normal: [i32; 3], corner: usize) -> i32 {
+    let signed = |a: usize| if corner >> a & 1 == 1 { normal[a] } else { -normal[a] };
+    signed(0) + signed(1) + signed(2)
+}
+
+/// The plane of a cell: what lies behind `normal . u <= offset` is inside. The normal is of index space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plane {
+    /// Outward, of L1 length 127.
+    pub normal: [i32; 3],
+    /// -127..=127; at 127 the whole cell is inside.
+    pub offset: i32,
+}
+
+impl Plane {
+    /// The plane of a normal code and an offset that is not [`HAS_CORNERS`].
+    #[inline(always)]
+    pub fn new(code: u16, offset: i8) -> Self {
+        Self { normal: normal::decode_l1(code), offset: i32::from(offset) }
+    }
+
+    /// Corners behind the plane, as bits.
+    pub fn inside(&self) -> u8 {
+        (0..CORNERS).filter(|c| at_corner(self.normal, *c) <= self.offset).fold(0, |bits, c| bits | 1 << c)
+    }
+}
+
+/// Builds the directory of corners from offsets fed in order.
+#[derive(Debug, Default)]
+pub struct CornerRankBuilder {
+    cells: u64,
+    with_corners: u64,
+}
+
+impl CornerRankBuilder {
+    /// Feeds the next offsets, and calls `on_block` with the cells that have corners before every block.
+    pub fn feed(&mut self, offsets: &[u8], mut on_block: impl FnMut(u64)) {
+        let mut rest = offsets;
+        while !rest.is_empty() {
+            if self.cells.is_multiple_of(CORNER_BLOCK) {
+                on_block(self.with_corners);
+            }
+            let room = BLOCK - usize::try_from(self.cells % CORNER_BLOCK).unwrap_or(0);
+            let (now, later) = rest.split_at(room.min(rest.len()));
+            self.with_corners += count(now);
+            self.cells += now.len() as u64;
+            rest = later;
+        }
+    }
+
+    /// Cells that have corners so far.
+    pub fn with_corners(&self) -> u64 {
+        self.with_corners
+    }
+}
+
+/// Cells among these that have corners.
+#[inline(always)]
+fn count(offsets: &[u8]) -> u64 {
+    offsets.iter().map(|o| u64::from(*o == HAS_CORNERS.cast_unsigned())).sum()
+}
+
+/// Number of a cell's corners, by the directory. Any bytes are safe: what lies outside counts 0.
+#[inline]
+pub fn corner_number(offsets: &[u8], directory: &[[u8; 8]], cell: usize) -> u64 {
+    let block = cell / BLOCK;
+    let base = directory.get(block).map_or(0, |b| u64::from_le_bytes(*b));
+    base.wrapping_add(offsets.get(block * BLOCK..cell).map_or(0, count))
+}
+
+#[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "numbers made up for the test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corners_are_found_by_rank_whatever_the_feed_sizes() {
+        let offsets: Vec<u8> =
+            (0..3000_u32).map(|i| if i % 7 < 2 || i > 2600 { 0x80 } else { i as u8 & 0x7f }).collect();
+        for feed in [1, 100, 512, 3000] {
+            let (mut directory, mut builder) = (Vec::new(), CornerRankBuilder::default());
+            for part in offsets.chunks(feed) {
+                builder.feed(part, |b| directory.push(b.to_le_bytes()));
+            }
+            assert_eq!(directory.len() as u64, corner_blocks(3000));
+            let mut before = 0;
+            for (cell, offset) in offsets.iter().enumerate() {
+                assert_eq!(corner_number(&offsets, &directory, cell), before);
+                before += u64::from(*offset == 0x80);
+            }
+            assert_eq!(builder.with_corners(), before);
+        }
+        assert_eq!(corner_number(&offsets, &[], usize::MAX), 0);
+    }
+
+    #[test]
+    fn a_plane_at_its_limits_holds_one_corner_or_all() {
+        for code in [0x0000_u16, 0x007f, 0x7f00, 0x2a2a, 0x81d5] {
+            let normal = normal::decode_l1(code);
+            let values: Vec<i32> = (0..CORNERS).map(|c| at_corner(normal, c)).collect();
+            assert_eq!((values.iter().min(), values.iter().max()), (Some(&-127), Some(&127)));
+            assert_eq!(Plane { normal, offset: 127 }.inside(), 0xff);
+            assert_ne!(Plane { normal, offset: -127 }.inside(), 0);
+        }
+    }
+}

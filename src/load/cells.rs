@@ -1,0 +1,62 @@
+//! What a model says of its cells, as slices.
+
+use crate::format::cell::{CORNERS, HAS_CORNERS, Plane, corner_number};
+
+/// The surface within a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CellShape {
+    /// What lies behind the plane is inside.
+    Plane(Plane),
+    /// Samples at the corners, above 0 inside; between them the surface is that of the trilinear interpolation.
+    Corners([i8; CORNERS]),
+}
+
+/// Normals, offsets and corners of a model of cells (SPEC 4.8), by the number of the cell.
+///
+/// Any bytes are safe: a cell of which nothing is known counts as inside altogether.
+#[derive(Clone, Copy, Debug)]
+pub struct CellItems<'a> {
+    normals: &'a [[u8; 2]],
+    offsets: &'a [u8],
+    corners: &'a [[u8; CORNERS]],
+    directory: &'a [[u8; 8]],
+}
+
+impl<'a> CellItems<'a> {
+    /// The contents of `NORM`, `OFFS`, `CORN` and `CRNK`.
+    pub fn new(normals: &'a [u8], offsets: &'a [u8], corners: &'a [u8], directory: &'a [u8]) -> Self {
+        Self {
+            normals: normals.as_chunks().0,
+            offsets,
+            corners: corners.as_chunks().0,
+            directory: directory.as_chunks().0,
+        }
+    }
+
+    /// The surface within a cell.
+    #[inline(always)]
+    pub fn shape(&self, cell: u64) -> CellShape {
+        match self.plane(cell) {
+            Some(plane) => CellShape::Plane(plane),
+            None => CellShape::Corners(self.corners(cell)),
+        }
+    }
+
+    /// The plane of a cell, unless it has corners.
+    #[inline(always)]
+    pub fn plane(&self, cell: u64) -> Option<Plane> {
+        let at = usize::try_from(cell).unwrap_or(usize::MAX);
+        let code = self.normals.get(at).map_or(0, |code| u16::from_le_bytes(*code));
+        let offset = self.offsets.get(at).map_or(i8::MAX, |offset| offset.cast_signed());
+        (offset != HAS_CORNERS).then(|| Plane::new(code, offset))
+    }
+
+    /// The corners of a cell that has them.
+    #[cold]
+    pub fn corners(&self, cell: u64) -> [i8; CORNERS] {
+        let at = usize::try_from(cell).unwrap_or(usize::MAX);
+        let number = corner_number(self.offsets, self.directory, at);
+        let corners = usize::try_from(number).ok().and_then(|number| self.corners.get(number));
+        corners.map_or([1; CORNERS], |corners| corners.map(u8::cast_signed))
+    }
+}

@@ -1,0 +1,321 @@
+//! A ray and the surface within a cell: a plane, or the trilinear interpolation of eight corners.
+//!
+//! Whether a ray hits is decided by its points of entry and exit. A cell is hit where the ray is inside as it
+//! enters, and else where it has come to be inside on its way. The plane's side of a point of entry or exit is
+//! a sign of integers: with `o`, `d` the ray's and `n / c` the time of the crossing, the sign of
+//! `sum N_a ((o_a - middle_a) c + d_a n) - offset 2^15 c`. Within the cell each bracket is at most `2^15 c`,
+//! so the sum stays below 2^53 and sums that wrap on the way do no harm.
+//!
+//! The time of a crossing within is one division of two integers that doubles hold exactly; it is off by less
+//! than 2^-36 cell along the ray in the largest grid.
+//!
+//! Corners are rare. Their interpolation along a ray is a cubic, followed in doubles by operations in a fixed
+//! order: every form and machine finds the same. On a face whose corners are all inside it is at least 1, so
+//! rounding opens no gap.
+
+use crate::format::cell::{CORNERS, Plane};
+use crate::load::{CellItems, CellShape, NodeView};
+
+use super::ray::{FRACTION_BITS, Ray};
+use super::surface::{Crossing, Glance, Looked, Passage, Surface};
+use super::traverse::Hit;
+
+/// Half the edge of a cell in units of a ray's origin.
+pub(super) const HALF_CELL: i64 = 1 << (FRACTION_BITS - 1);
+/// The same as a double.
+const HALF: f64 = HALF_CELL as f64;
+
+/// Cells between samples, each with the surface within it; boxes above them count as solid.
+#[derive(Clone, Copy, Debug)]
+pub struct Cells<'a> {
+    items: CellItems<'a>,
+}
+
+impl<'a> Cells<'a> {
+    /// The surface of a model of cells.
+    pub fn new(items: CellItems<'a>) -> Self {
+        Self { items }
+    }
+
+    /// Outward direction in index space, of any length, at a point of a cell in its own coordinates (-1..=1).
+    pub fn normal(&self, cell: u64, u: [f64; 3]) -> [f64; 3] {
+        match self.items.shape(cell) {
+            CellShape::Plane(plane) => plane.normal.map(f64::from),
+            CellShape::Corners(corners) => {
+                let inwards = Trilinear::new(corners).gradient(u);
+                if inwards == [0.0; 3] { [0.0, 0.0, 1.0] } else { inwards.map(|c| -c) }
+            }
+        }
+    }
+
+    /// Has the cell corners instead of a plane?
+    #[inline]
+    pub fn has_corners(&self, cell: u64) -> bool {
+        self.items.plane(cell).is_none()
+    }
+}
+
+impl<V: NodeView> Surface<V> for Cells<'_> {
+    const SOLID: bool = false;
+
+    #[inline(always)]
+    fn look(&self, view: &V, glance: &Glance) -> Looked {
+        let Some(plane) = self.items.plane(glance.box_number.wrapping_sub(view.node_count())) else {
+            return Looked::Unsure;
+        };
+        let n: [f64; 3] = std::array::from_fn(|a| {
+            f64::from(if glance.mirror >> a & 1 == 1 { -plane.normal[a] } else { plane.normal[a] })
+        });
+        let dot = |v: [f64; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
+        // Whole numbers below 2^42: exact. Times are at most 2^5 and off by 2^-40, so that what follows is off by
+        // less than a unit.
+        let (start, slope) =
+            (dot(glance.from_middle) - f64::from(plane.offset) * HALF, dot(glance.direction));
+        let (first, last) = (start + slope * glance.enter, start + slope * glance.leave);
+        if first < -1.0 {
+            Looked::Entry
+        } else if first > 1.0 && last > 1.0 {
+            Looked::Past
+        } else if first > 1.0 && last < -1.0 {
+            Looked::Within { distance: start, component: -slope }
+        } else {
+            Looked::Unsure
+        }
+    }
+
+    #[inline]
+    fn meet(&self, view: &V, ray: &Ray, passage: &Passage) -> Option<Hit> {
+        if passage.edge_log2 > 0 {
+            return Some(passage.entry_hit(ray));
+        }
+        let cell = passage.box_number.wrapping_sub(view.node_count());
+        match self.items.plane(cell) {
+            Some(plane) => meet_plane(&plane, ray, passage),
+            None => meet_corners(self.items.corners(cell), ray, passage),
+        }
+    }
+}
+
+/// The moment at which a ray starts.
+const START: Crossing = Crossing { axis: 0, distance: 0, component: 1 };
+
+/// From the middle of a cell to the ray's origin.
+#[inline(always)]
+fn from_middle(ray: &Ray, cell: [u32; 3]) -> [i64; 3] {
+    let origin = ray.origin();
+    std::array::from_fn(|a| origin[a] - (i64::from(cell[a]) << FRACTION_BITS) - HALF_CELL)
+}
+
+/// Where the ray meets what lies behind a plane.
+#[inline]
+pub(super) fn meet_plane(plane: &Plane, ray: &Ray, passage: &Passage) -> Option<Hit> {
+    let (from, d) = (from_middle(ray, passage.cell), ray.direction());
+    let (normal, offset) = (plane.normal.map(i64::from), i64::from(plane.offset) * HALF_CELL);
+    // Above 0 in front of the plane.
+    let side = |at: &Crossing| {
+        (0..3).fold(offset.wrapping_mul(at.component).wrapping_neg(), |sum, a| {
+            let within = from[a].wrapping_mul(at.component).wrapping_add(d[a].wrapping_mul(at.distance));
+            sum.wrapping_add(normal[a].wrapping_mul(within))
+        })
+    };
+    if side(passage.enter.as_ref().unwrap_or(&START)) <= 0 {
+        return Some(passage.entry_hit(ray));
+    }
+    if side(&passage.leave) > 0 {
+        return None;
+    }
+    let dot = |v: [i64; 3]| normal[0] * v[0] + normal[1] * v[1] + normal[2] * v[2];
+    let Passage { box_number, cell, edge_log2, .. } = *passage;
+    Some(Hit { box_number, cell, edge_log2, face: None, t: ray.t_after(dot(from) - offset, -dot(d)) })
+}
+
+/// Where the ray meets the inside of a trilinear interpolation.
+#[cold]
+fn meet_corners(corners: [i8; CORNERS], ray: &Ray, passage: &Passage) -> Option<Hit> {
+    let (from, d) = (from_middle(ray, passage.cell), ray.direction());
+    #[expect(clippy::cast_precision_loss, reason = "below 2^53 within the cell")]
+    let point = |at: &Crossing| -> [f64; 3] {
+        std::array::from_fn(|a| {
+            let within = from[a].wrapping_mul(at.component).wrapping_add(d[a].wrapping_mul(at.distance));
+            within as f64 / (HALF_CELL.wrapping_mul(at.component)) as f64
+        })
+    };
+    let field = Trilinear::new(corners);
+    let enter = passage.enter.as_ref().unwrap_or(&START);
+    let (first, last) = (point(enter), point(&passage.leave));
+    if field.at(first) >= 0.0 {
+        return Some(passage.entry_hit(ray));
+    }
+    let along = field.first_inside(first, last)?;
+    let (t_enter, t_leave) = (
+        ray.t_after(enter.distance, enter.component),
+        ray.t_after(passage.leave.distance, passage.leave.component),
+    );
+    let Passage { box_number, cell, edge_log2, .. } = *passage;
+    Some(Hit { box_number, cell, edge_log2, face: None, t: t_enter + along * (t_leave - t_enter) })
+}
+
+/// Interpolation between eight corners: sums of products of coordinates, the factors by the bits of the index.
+struct Trilinear([f64; CORNERS]);
+
+/// Steps of the search for a root, each at least halving an interval or far better.
+const ROOT_STEPS: u32 = 40;
+/// Where the search may end, in parts of the way through the cell.
+const ROOT_CLOSE: f64 = 1.0 / (1_u64 << 32) as f64;
+
+impl Trilinear {
+    fn new(corners: [i8; CORNERS]) -> Self {
+        // Of corners at -1 and 1: the coefficient of a product is the mean of the corners with its signs.
+        Self(std::array::from_fn(|term| {
+            let sum: i32 = (0..CORNERS)
+                .map(|c| {
+                    let minus = (term & !c).count_ones() % 2 == 1;
+                    if minus { -i32::from(corners[c]) } else { i32::from(corners[c]) }
+                })
+                .sum();
+            f64::from(sum) / 8.0
+        }))
+    }
+
+    fn at(&self, [x, y, z]: [f64; 3]) -> f64 {
+        let c = &self.0;
+        let low = c[0] + x * c[1] + y * (c[2] + x * c[3]);
+        let high = c[4] + x * c[5] + y * (c[6] + x * c[7]);
+        low + z * high
+    }
+
+    /// Direction of rising values.
+    fn gradient(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let c = &self.0;
+        [
+            c[1] + y * c[3] + z * (c[5] + y * c[7]),
+            c[2] + x * c[3] + z * (c[6] + x * c[7]),
+            c[4] + x * c[5] + y * (c[6] + x * c[7]),
+        ]
+    }
+
+    /// The first place from `first` (0), where the value is below 0, to `last` (1) where it is not.
+    fn first_inside(&self, first: [f64; 3], last: [f64; 3]) -> Option<f64> {
+        let step: [f64; 3] = std::array::from_fn(|a| last[a] - first[a]);
+        let place = |s: f64| -> [f64; 3] {
+            if s == 1.0 { last } else { std::array::from_fn(|a| first[a] + s * step[a]) }
+        };
+        let value = |s: f64| self.at(place(s));
+        // The derivative along the way is a quadratic: where it vanishes the value turns.
+        let slope = |s: f64| {
+            let g = self.gradient(place(s));
+            g[0] * step[0] + g[1] * step[1] + g[2] * step[2]
+        };
+        let (at_first, at_middle, at_last) = (slope(0.0), slope(0.5), slope(1.0));
+        let mut stops = [1.0; 3];
+        for (stop, turn) in stops.iter_mut().zip(turns(at_first, at_middle, at_last)) {
+            *stop = turn;
+        }
+        let mut low = 0.0;
+        for high in stops {
+            if value(high) >= 0.0 {
+                return Some(root(low, high, value, slope));
+            }
+            low = high;
+        }
+        None
+    }
+}
+
+/// Places between 0 and 1, rising, where a quadratic with these values at 0, 1/2 and 1 vanishes; 1 for none.
+fn turns(first: f64, middle: f64, last: f64) -> [f64; 2] {
+    let a = 2.0 * (first + last) - 4.0 * middle;
+    let b = last - first - a;
+    let within = |s: f64| if s > 0.0 && s < 1.0 { s } else { 1.0 };
+    let discriminant = b * b - 4.0 * a * first;
+    if discriminant < 0.0 {
+        return [1.0; 2];
+    }
+    // Without cancellation: one root by the sum of like signs, the other by their product.
+    let sum = -0.5 * (b + discriminant.sqrt().copysign(b));
+    let (one, other) = (within(sum / a), within(first / sum));
+    if one < other { [one, other] } else { [other, one] }
+}
+
+/// Where a function that rises from below 0 at `low` to 0 or more at `high` does so.
+fn root(low: f64, high: f64, value: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (low, high);
+    let mut at = 0.5 * (low + high);
+    for _ in 0..ROOT_STEPS {
+        let here = value(at);
+        if here >= 0.0 {
+            high = at;
+        } else {
+            low = at;
+        }
+        if high - low <= ROOT_CLOSE {
+            break;
+        }
+        let newton = at - here / slope(at);
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        if (next - at).abs() <= ROOT_CLOSE {
+            return next;
+        }
+        at = next;
+    }
+    high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interpolation_has_its_corners_and_its_slope() {
+        let corners = [5, -3, 100, -127, 1, 2, -1, 88];
+        let field = Trilinear::new(corners);
+        for (i, corner) in corners.iter().enumerate() {
+            let u = std::array::from_fn(|a| if i >> a & 1 == 1 { 1.0 } else { -1.0 });
+            assert_eq!(field.at(u), f64::from(*corner));
+        }
+        let (u, h) = ([0.3, -0.6, 0.1], 1e-5);
+        let g = field.gradient(u);
+        for a in 0..3 {
+            let moved = |s: f64| std::array::from_fn(|b| if a == b { u[b] + s * h } else { u[b] });
+            let want = (field.at(moved(1.0)) - field.at(moved(-1.0))) / (2.0 * h);
+            assert!((g[a] - want).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn the_first_root_is_found_as_by_small_steps() {
+        let mut state = 1_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state >> 33
+        };
+        let mut hits = 0;
+        for _ in 0..3000 {
+            let corners = std::array::from_fn(|_| {
+                let c = i8::try_from(random() % 127).unwrap() + 1;
+                if random() % 2 == 0 { c } else { -c }
+            });
+            let field = Trilinear::new(corners);
+            let mut point =
+                || std::array::from_fn(|_| f64::from(u32::try_from(random() % 2001).unwrap()) / 1000.0 - 1.0);
+            let (first, last): ([f64; 3], [f64; 3]) = (point(), point());
+            if field.at(first) >= 0.0 {
+                continue;
+            }
+            let at = |s: f64| field.at(std::array::from_fn(|a| first[a] + s * (last[a] - first[a])));
+            let steps = 4000;
+            let want = (1..=steps).map(|i| f64::from(i) / f64::from(steps)).find(|s| at(*s) >= 0.0);
+            match (field.first_inside(first, last), want) {
+                (Some(got), Some(want)) => {
+                    assert!(got <= want + 1e-9 && at(got).abs() < 1e-5, "{corners:?} {got} {want}");
+                    hits += 1;
+                }
+                // A touch between two steps.
+                (Some(got), None) => assert!(at(got).abs() < 1e-5),
+                (None, Some(want)) => panic!("{corners:?} {first:?} {last:?} {want}"),
+                (None, None) => {}
+            }
+        }
+        assert!(hits > 500);
+    }
+}

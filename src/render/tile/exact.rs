@@ -1,0 +1,161 @@
+//! The exact rays of a tile, made row by row when the first of a row is asked for.
+//!
+//! For surfaces that are not solid: each box that a ray may pass through is looked at once, with the ray's own
+//! integers as doubles. What is certain from that is taken; the rest is decided by integers, one ray alone.
+
+use crate::render::lanes::{DOUBLES, Lanes, Truths, each3};
+use crate::render::ray::FRACTION_BITS;
+use crate::render::sight::Sight;
+use crate::render::surface::Glance;
+
+use super::beam::{RAYS, TILE};
+
+/// Times that differ by less may be the same: they are below 2^5 and come by two roundings.
+const SAME_TIME: f64 = 1.0 / (1_u64 << 40) as f64;
+
+/// Rays in mirrored coordinates, whole numbers as doubles.
+pub(super) struct ExactRays {
+    origin: [[f64; RAYS]; 3],
+    direction: [[f64; RAYS]; 3],
+    inverse: [[f64; RAYS]; 3],
+    t_start: [f64; RAYS],
+    t_scale: [f64; RAYS],
+    /// Rows that are made, and rays that can be used.
+    rows: u32,
+    valid: u64,
+}
+
+/// A box that a ray surely passes through.
+pub(super) struct Pierced {
+    pub(super) glance: Glance,
+    /// Axis of the face that it enters by.
+    pub(super) axis: usize,
+}
+
+/// Does a ray pass through a box?
+pub(super) enum Way {
+    Through(Pierced),
+    Past,
+    Unsure,
+}
+
+impl ExactRays {
+    pub(super) const fn new() -> Self {
+        Self {
+            origin: [[0.0; RAYS]; 3],
+            direction: [[0.0; RAYS]; 3],
+            inverse: [[0.0; RAYS]; 3],
+            t_start: [0.0; RAYS],
+            t_scale: [0.0; RAYS],
+            rows: 0,
+            valid: 0,
+        }
+    }
+
+    /// Forgets the rays of the tile before.
+    pub(super) fn clear(&mut self) {
+        (self.rows, self.valid) = (0, 0);
+    }
+
+    /// Makes the row of a ray, if that was not done yet.
+    #[inline(always)]
+    pub(super) fn prepare<L: Lanes>(
+        &mut self,
+        l: L,
+        sight: &Sight<'_>,
+        corner: (usize, usize),
+        mirror: u32,
+        depth: u32,
+        ray: usize,
+    ) {
+        let row = ray / TILE % TILE;
+        if self.rows >> row & 1 == 1 {
+            return;
+        }
+        self.rows |= 1 << row;
+        let exact = sight.row(l, (corner.0, corner.1 + row));
+        let far = l.d(f64::from(1_u32.wrapping_shl(depth)) * f64::from(1_u32 << FRACTION_BITS));
+        let (zero, one) = (l.d(0.0), l.d(1.0));
+        let (mut origin, mut direction) = (exact.origin, exact.direction);
+        let mut valid = exact.valid;
+        for a in 0..3 {
+            if mirror >> a & 1 == 1 {
+                origin[a] = far - origin[a];
+                direction[a] = zero - direction[a];
+            }
+            // A direction against the mirror is none that was estimated.
+            valid = valid & l.d_le(zero, direction[a]);
+        }
+        let inverse = each3!(A => one / direction[A]);
+        for a in 0..3 {
+            l.d_store(origin[a], lanes_of(&mut self.origin[a], row));
+            l.d_store(direction[a], lanes_of(&mut self.direction[a], row));
+            l.d_store(inverse[a], lanes_of(&mut self.inverse[a], row));
+        }
+        l.d_store(exact.t_start, lanes_of(&mut self.t_start, row));
+        l.d_store(exact.t_scale, lanes_of(&mut self.t_scale, row));
+        self.valid |= u64::from(valid.bits() & 0xff) << (TILE * row);
+    }
+
+    /// The way of a ray through the box of edge `2^unit` at the mirrored cell `low`.
+    #[inline(always)]
+    pub(super) fn way(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Way {
+        let ray = ray % RAYS;
+        if self.valid >> ray & 1 == 0 {
+            return Way::Unsure;
+        }
+        let one_cell = f64::from(1_u32 << FRACTION_BITS);
+        let edge = f64::from(1_u32.wrapping_shl(unit)) * one_cell;
+        let (mut enter, mut before, mut axis) = (f64::MIN, f64::MIN, 3);
+        let mut leave = f64::MAX;
+        let mut from_middle = [0.0; 3];
+        let mut direction = [0.0; 3];
+        for a in 0..3 {
+            let (d, n) = (self.direction[a][ray], f64::from(low[a]) * one_cell - self.origin[a][ray]);
+            // Whole numbers: behind the ray, or beside one that does not move along the axis.
+            if n <= -edge || (d == 0.0 && n > 0.0) {
+                return Way::Past;
+            }
+            (from_middle[a], direction[a]) = (-n - 0.5 * edge, d);
+            if d > 0.0 {
+                let into = n * self.inverse[a][ray];
+                if into > enter {
+                    (before, enter, axis) = (enter, into, a);
+                } else if into > before {
+                    before = into;
+                }
+                let out = (n + edge) * self.inverse[a][ray];
+                leave = if out < leave { out } else { leave };
+            }
+        }
+        if enter > leave + SAME_TIME {
+            return Way::Past;
+        }
+        // Ties, and rays that start in the box, are for the integers.
+        if enter + SAME_TIME < leave && before + SAME_TIME < enter && enter > SAME_TIME {
+            let glance = Glance { box_number, mirror, from_middle, direction, enter, leave };
+            return Way::Through(Pierced { glance, axis });
+        }
+        Way::Unsure
+    }
+
+    /// Parameter of a ray after `distance / component`, as [`crate::render::ray::Ray::t_after`].
+    #[inline(always)]
+    pub(super) fn t_after(&self, ray: usize, distance: f64, component: f64) -> f64 {
+        self.t_start[ray % RAYS] + distance / component * self.t_scale[ray % RAYS]
+    }
+
+    /// From a ray to the low plane of a box along an axis, and its direction there.
+    #[inline(always)]
+    pub(super) fn entry(&self, ray: usize, axis: usize, low: [u32; 3]) -> (f64, f64) {
+        let (a, ray) = (axis % 3, ray % RAYS);
+        let plane = f64::from(low[a]) * f64::from(1_u32 << FRACTION_BITS);
+        (plane - self.origin[a][ray], self.direction[a][ray])
+    }
+}
+
+/// The lanes of a row.
+#[inline(always)]
+fn lanes_of(values: &mut [f64; RAYS], row: usize) -> &mut [f64; DOUBLES] {
+    &mut values.as_chunks_mut().0[row]
+}

@@ -1,0 +1,146 @@
+//! Cells are as true as a mesh: distance of hits from the surface of bodies that are known in closed form, wrong
+//! pixels and angles of normals, for the six rows of the table in the research notes and for two-valued volumes.
+//! If this fails, sub-voxel surfaces have become an ornament.
+//!
+//! The bounds are those of a marching-cubes mesh of the same samples at 192^3, cast by the same kind of rays.
+//! The test runs at a smaller size; `INFOBYTE_CELLS_SIDE=192 cargo test --release --test cells_accuracy --
+//! --nocapture` (`scripts/cells_accuracy.sh`) at that one.
+
+#[path = "support/random.rs"]
+mod random;
+
+#[path = "support/bodies.rs"]
+mod bodies;
+
+use bodies::{Body, Scan, dot, iso, scan};
+use infobyte::format::SurfaceKind;
+use infobyte::{BuildOptions, Model, RayCaster, Threshold};
+
+/// What rays found.
+#[derive(Debug, Default)]
+struct Found {
+    rms: f64,
+    p99: f64,
+    most: f64,
+    wrong_percent: f64,
+    angle: f64,
+    angle_p99: f64,
+    bytes: u64,
+}
+
+fn side() -> u32 {
+    std::env::var("INFOBYTE_CELLS_SIDE").ok().and_then(|n| n.parse().ok()).unwrap_or(96)
+}
+
+/// Builds a model and casts perspective rays from three sides.
+fn measure(body: &Body, n: u32, how: Scan, surface: SurfaceKind) -> Found {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.oct");
+    let options =
+        BuildOptions { threshold: Threshold::Iso(iso(how)), surface, lod: false, ..BuildOptions::default() };
+    let report = infobyte::build(&scan(body, n, how), &options, &path).unwrap();
+    let model = Model::open(&path).unwrap();
+    let caster = RayCaster::new(&model).unwrap();
+    let (mut off, mut angles) = (Vec::new(), Vec::new());
+    let (mut wrong, mut pixels) = (0, 0);
+    let span = f64::from(n);
+    let middle = [span / 2.0; 3];
+    let across = 180;
+    for side in [[0.3, -0.9, 0.25], [0.85, 0.4, -0.3], [-0.2, 0.3, 0.93]] {
+        let l = dot(side, side).sqrt();
+        let eye: [f64; 3] = std::array::from_fn(|a| middle[a] + side[a] / l * 2.2 * span);
+        let forward: [f64; 3] = std::array::from_fn(|a| -side[a] / l);
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let right = cross(forward, [0.1, 0.2, 0.97]);
+        let up = cross(right, forward);
+        for v in 0..across {
+            for u in 0..across {
+                let at = |i: u32| (f64::from(2 * i + 1) / f64::from(across) - 1.0) * 0.26;
+                let d: [f64; 3] = std::array::from_fn(|a| forward[a] + at(u) * right[a] + at(v) * up[a]);
+                let l = dot(d, d).sqrt();
+                let d = d.map(|c| c / l);
+                let want = body.first_hit(eye, d, 6.0 * span);
+                let got = caster.first_hit(eye, d).unwrap();
+                pixels += u32::from(want.is_some());
+                wrong += u32::from(want.is_some() != got.is_some());
+                if let Some(hit) = got {
+                    off.push(body.distance(hit.position_mm).abs());
+                    let cosine = dot(hit.normal.unwrap(), body.normal(hit.position_mm));
+                    angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
+                }
+            }
+        }
+    }
+    off.sort_by(f64::total_cmp);
+    angles.sort_by(f64::total_cmp);
+    let at_99 = |v: &[f64]| v[v.len() * 99 / 100];
+    Found {
+        rms: (off.iter().map(|d| d * d).sum::<f64>() / off.len() as f64).sqrt(),
+        p99: at_99(&off),
+        most: off[off.len() - 1],
+        wrong_percent: 100.0 * f64::from(wrong) / f64::from(pixels),
+        angle: angles.iter().sum::<f64>() / angles.len() as f64,
+        angle_p99: at_99(&angles),
+        bytes: report.file_bytes,
+    }
+}
+
+const CLEAN: Scan = Scan { spread: 0.8, thick: 1, noise: 0.0 };
+const THICK: Scan = Scan { thick: 6, ..CLEAN };
+const NOISY: Scan = Scan { noise: 0.025, ..CLEAN };
+const TWO_VALUES: Scan = Scan { spread: 0.0, ..CLEAN };
+
+/// Rows: body, scan; RMS and 99th percentile of the mesh, its wrong pixels in percent, most mean angle.
+const ROWS: [(&str, usize, Scan, f64, f64, f64, f64); 6] = [
+    ("ball", 0, CLEAN, 0.0083, 0.022, 0.115, 0.5),
+    ("torus", 1, CLEAN, 0.0091, 0.023, 0.058, 0.8),
+    ("box", 2, CLEAN, 0.0253, 0.127, 0.843, 1.5),
+    ("ball, slices 6 x", 0, THICK, 0.1905, 0.475, 0.436, 1.2),
+    ("torus, slices 6 x", 1, THICK, 0.2138, 0.474, 0.859, 2.2),
+    ("ball, 2.5 % noise", 0, NOISY, 0.0330, 0.088, 0.203, 1.0),
+];
+
+#[test]
+fn cells_are_as_true_as_a_mesh() {
+    let n = side();
+    let bodies = Body::all(f64::from(n));
+    // Errors of interpolation grow with curvature, those at edges with the share of edges.
+    let coarser = 192.0 / f64::from(n);
+    let mut failed = Vec::new();
+    for (name, at, how, rms, p99, wrong, angle) in ROWS {
+        let found = measure(&bodies[at].1, n, how, SurfaceKind::Cells);
+        println!("{name:20} {found:.4?}");
+        let ok = found.rms <= (rms * 1.05 + 0.002) * coarser
+            && found.p99 <= (p99 * 1.2 + 0.01) * coarser
+            && found.wrong_percent <= (wrong + 0.02) * coarser * coarser + 0.05
+            && found.angle <= angle * coarser;
+        if !ok {
+            failed.push(name);
+        }
+    }
+    assert!(failed.is_empty(), "{failed:?}");
+}
+
+#[test]
+fn surfaces_of_two_valued_volumes_are_smooth() {
+    let n = side();
+    for (at, bound) in [(0, 0.09), (1, 0.09), (2, 0.17)] {
+        let (name, body) = Body::all(f64::from(n))[at];
+        let found = measure(&body, n, TWO_VALUES, SurfaceKind::Cells);
+        println!("{name:20} two values {found:.4?}");
+        let coarser = (192.0 / f64::from(n)).sqrt();
+        assert!(found.rms <= bound * coarser, "{name} {found:?}");
+        assert!(at == 2 || found.angle_p99 <= 10.0 * coarser, "{name} {found:?}");
+    }
+}
+
+#[test]
+fn skin_voxels_are_as_far_off_as_before() {
+    let n = 64;
+    let (_, body) = Body::all(f64::from(n))[0];
+    let found = measure(&body, n, CLEAN, SurfaceKind::Skin);
+    println!("skin {found:.4?}");
+    assert!((0.25..0.32).contains(&found.rms), "{found:?}");
+}
