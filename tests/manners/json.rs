@@ -100,6 +100,11 @@ fn every_report_is_what_its_schema_says() {
         ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),
         ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json"]).json()),
         ("selfcheck", oct(&["selfcheck", &model, "--rays", "1000", "--json"]).json()),
+        (
+            "report",
+            oct(&["report", "--synthetic", "sphere@24", "--out", &at("report"), "--pixels", "20", "--json"])
+                .json(),
+        ),
         ("scan", oct(&["scan", &text(&studies), "--json"]).json()),
         ("batch", batch("out", &[])),
         (
