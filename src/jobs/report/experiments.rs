@@ -24,7 +24,7 @@ pub(super) struct Bench<'a> {
 }
 
 /// Builds of which the fastest counts.
-const BUILDS: u32 = 3;
+const BUILDS: u32 = 2;
 /// Caps that are tried, in MiB.
 const BUDGETS_MIB: [u64; 6] = [1, 2, 4, 8, 16, 64];
 /// Coarsest boxes that are shown: edges of 2^4 voxels.
