@@ -48,7 +48,7 @@ fn errors_are_the_same_on_every_run_and_as_they_should_be() {
     let of = |key: &str| skin[key].as_f64().unwrap();
     assert!((0.2..0.4).contains(&of("depth_rms_voxels")), "{skin}");
     assert!(
-        of("depth_max_voxels") < 1.2 && of("wrong_pixels_percent") < 25.0 && of("normal_mean_deg") < 4.0,
+        of("depth_max_voxels") < 1.2 && of("wrong_pixels_percent") < 25.0 && of("normal_mean_deg") < 6.0,
         "{skin}"
     );
     // Coarser boxes are less true; every budget gives the same bytes.

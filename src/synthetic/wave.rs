@@ -13,7 +13,9 @@ pub(super) enum Wave {
 }
 
 /// Rounds of the search for the nearest point; it converges by a factor of distance over radius each.
-const ROUNDS: u32 = 60;
+const ROUNDS: u32 = 80;
+/// The first of them go all the way.
+const WHOLE_ROUNDS: u32 = 8;
 
 impl Wave {
     /// The signal that is sampled as it is, within 0..1.
@@ -79,7 +81,9 @@ impl Wave {
     pub(super) fn surface(&self, p: Vector) -> TrueSurface {
         let mut foot = p;
         let mut normal = [1.0, 0.0, 0.0];
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
+            // Where the surface bends sharply, whole steps may go to and fro: halves meet in the middle.
+            let pull = if round < WHOLE_ROUNDS { 1.0 } else { 0.5 };
             let (value, slope) = self.value_and_slope(foot);
             let square = dot(slope, slope);
             if square == 0.0 {
@@ -89,10 +93,10 @@ impl Wave {
             normal = slope.map(|c| c / length);
             let onto = along(foot, -value / square, slope);
             let way = minus(p, onto);
-            let next = along(onto, 1.0, along(way, -dot(way, normal), normal));
+            let next = along(onto, pull, along(way, -dot(way, normal), normal));
             let moved = minus(next, foot);
             foot = next;
-            if dot(moved, moved) < 1e-26 {
+            if dot(moved, moved) < 1e-24 {
                 break;
             }
         }

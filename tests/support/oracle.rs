@@ -9,7 +9,7 @@ use std::cmp::Ordering;
 use std::ops::{Add, Mul, Neg, Sub};
 
 use infobyte::geom::{BoxIndex, Octant};
-use infobyte::load::NodeView;
+use infobyte::load::{CellItems, NodeView};
 use infobyte::render::ray::{FRACTION_BITS, Ray};
 use num_bigint::{BigInt, Sign};
 
@@ -287,6 +287,56 @@ impl ExactRay {
             .collect();
         pierced.sort_by(|a, b| a.0.compare(&b.0));
         pierced.into_iter().find_map(|(_, child, at)| self.descend(view, child, at, level - 1))
+    }
+
+    /// The first place of a model of cells that this ray meets: the entry of a cell that it enters behind the plane, or
+    /// the crossing of the plane within. `None` where it first comes to a cell that has corners, whose surface is no
+    /// plane; then nothing is said.
+    pub(crate) fn first_in_cells<V: NodeView>(
+        &self,
+        cells: &[([u32; 3], u64)],
+        view: &V,
+        items: &CellItems<'_>,
+    ) -> Option<Option<ExactHit>> {
+        let mut pierced: Vec<(Time, Option<usize>, Time, [u32; 3], u64)> = cells
+            .iter()
+            .filter_map(|(cell, number)| {
+                let (axis, enter, leave) = self.passage(cell.map(i64::from), 1, &Dyadic::zero())?;
+                Some((enter, axis, leave, *cell, *number))
+            })
+            .collect();
+        pierced.sort_by(|a, b| a.0.compare(&b.0));
+        assert!(view.voxel_count() >= pierced.len() as u64);
+        for (enter, axis, leave, cell, number) in pierced {
+            let plane = items.plane(number)?;
+            // Twice the place in the cell's own coordinates, -1..1, over the time's denominator; times the normal.
+            let height = |time: &Time| {
+                let normal = plane.normal.map(|n| Dyadic::of(n.into()));
+                let sum = (0..3).fold(Dyadic::zero(), |sum, a| {
+                    let middle = &Dyadic::of((2 * cell[a] + 1).into());
+                    let at = &(&self.origin[a] * &time.under) + &(&time.over * &self.direction[a]);
+                    let own = &at.times_power_of_two(1) - &(middle * &time.under);
+                    &sum + &(&normal[a] * &own)
+                });
+                &sum - &(&Dyadic::of(plane.offset.into()) * &time.under)
+            };
+            let (first, last) = (height(&enter), height(&leave));
+            if first.sign() != Ordering::Greater {
+                return Some(Some(ExactHit { cell, axis, time: enter }));
+            }
+            if last.sign() != Ordering::Greater {
+                // Linear in time: from `first` at the entry to 0.
+                let slope = (0..3).fold(Dyadic::zero(), |sum, a| {
+                    &sum + &(&Dyadic::of(plane.normal[a].into()) * &self.direction[a])
+                });
+                let slope = -slope.times_power_of_two(1);
+                // enter + first / (enter.under * slope), as one fraction.
+                let over = &(&enter.over * &slope) + &first;
+                let time = Time::new(over, &(&enter.under * &slope));
+                return Some(Some(ExactHit { cell, axis: None, time }));
+            }
+        }
+        Some(None)
     }
 
     /// How far another line lies from this ray, in cells: the greatest difference of a coordinate where both have the

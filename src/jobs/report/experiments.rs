@@ -9,7 +9,7 @@ use super::rows::{Costs, Errors, Experiment, Metric, Row};
 use crate::budget::{Bytes, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Gradient, Silent, Threshold, build_volume};
 use crate::error::Error;
-use crate::format::{Channel, Channels};
+use crate::format::{Channel, Channels, SurfaceKind};
 use crate::load::{Model, NodeView};
 use crate::render::GridSpace;
 use crate::synthetic::{self, AnalyticVolume, SyntheticHead};
@@ -24,7 +24,7 @@ pub(super) struct Bench<'a> {
 }
 
 /// Builds of which the fastest counts.
-const BUILDS: u32 = 3;
+const BUILDS: u32 = 2;
 /// Caps that are tried, in MiB.
 const BUDGETS_MIB: [u64; 6] = [1, 2, 4, 8, 16, 64];
 /// Coarsest boxes that are shown: edges of 2^4 voxels.
@@ -61,7 +61,7 @@ impl Bench<'_> {
         let mut found = Vec::new();
         match &body {
             Some(body) if body.body().is_smooth() => {
-                found.push(self.surface(subject, &usual, body)?);
+                found.push(self.surfaces(subject, &*source, &options, body)?);
                 found.push(self.gradients(subject, &*source, &options, body)?);
                 found.push(self.detail(subject, &usual.model, &Reference::Body(body))?);
             }
@@ -128,19 +128,31 @@ impl Bench<'_> {
         Row { subject: subject.into(), choice: choice.into(), usual, on_front: false, costs, errors }
     }
 
-    fn surface(&self, subject: &str, built: &Built, body: &AnalyticVolume) -> Result<Experiment, Error> {
-        let (space, lines) = self.lines(&built.model)?;
-        let met = rays::cast(&built.model, &lines, self.threads)?;
-        let (_, ns) = rays::cast_boxes(&space, &built.model, &lines, 0);
-        let costs = Costs { ns_per_ray: Some(ns), ..built.costs };
-        let errors = rays::against_body(&met, &lines, body, self.threads)?;
+    /// Every kind of surface.
+    fn surfaces(
+        &self,
+        subject: &str,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        body: &AnalyticVolume,
+    ) -> Result<Experiment, Error> {
+        let mut rows = Vec::new();
+        for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
+            let built = self.build(source, &BuildOptions { surface, ..options.clone() })?;
+            let (space, lines) = self.lines(&built.model)?;
+            let met = rays::cast(&built.model, &lines, self.threads)?;
+            let (_, ns) = rays::cast_boxes(&space, &built.model, &lines, 0);
+            let costs = Costs { ns_per_ray: Some(ns), ..built.costs };
+            let errors = rays::against_body(&met, &lines, body, self.threads)?;
+            rows.push(Self::row(subject, surface.name(), surface == options.surface, costs, errors));
+        }
         Ok(Experiment {
             id: "surface",
             title: "Where a hit lies",
-            about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures.",
+            about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures. Skin are voxels with their faces, cells lie between the samples and hold a plane each.",
             cost: 3,
             metric: Metric::DepthRms,
-            rows: vec![Self::row(subject, "skin", true, costs, errors)],
+            rows,
         })
     }
 

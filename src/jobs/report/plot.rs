@@ -216,7 +216,7 @@ mod tests {
         assert!(axis.log && axis.part(0.1) > 0.4 && axis.part(0.1) < 0.6);
         assert!(axis.ticks().len() <= 8 && axis.ticks().contains(&1.0));
         let plain = Axis::new(&[0.0, 10.0]);
-        assert!(!plain.log && plain.part(0.0) == 0.0 && plain.ticks().contains(&4.0));
+        assert!(!plain.log && plain.part(0.0) == 0.0 && plain.ticks().contains(&5.0));
         // Nothing but zeros, or a single value, is drawn, too.
         assert!(Axis::new(&[0.0, 0.0]).part(0.0).is_finite() && Axis::new(&[3.0, 3.0]).ticks().len() > 1);
         assert_eq!(

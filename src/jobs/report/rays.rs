@@ -9,6 +9,7 @@ use crate::error::Error;
 use crate::format::normal;
 use crate::geom::{BoxIndex, Dims, VoxelIndex};
 use crate::load::{Model, NodeView};
+use crate::render::cells::Cells;
 use crate::render::form::Form;
 use crate::render::picture::pool;
 use crate::render::surface::Skin;
@@ -99,7 +100,7 @@ pub(super) fn cast_boxes(
     k: u32,
 ) -> (Vec<Option<Met>>, f64) {
     let view = model.view();
-    let form = Form::best();
+    let (form, cells) = (Form::best(), view.cells().map(Cells::new));
     let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
     let mut hits = Vec::new();
     let mut best = f64::INFINITY;
@@ -107,7 +108,13 @@ pub(super) fn cast_boxes(
         let started = Instant::now();
         hits = rays
             .iter()
-            .map(|ray| ray.as_ref().and_then(|ray| single::trace(form, &view, &Skin, ray, k).hit))
+            .map(|ray| {
+                let ray = ray.as_ref()?;
+                match &cells {
+                    Some(cells) => single::trace(form, &view, cells, ray, k).hit,
+                    None => single::trace(form, &view, &Skin, ray, k).hit,
+                }
+            })
             .collect();
         best = best.min(started.elapsed().as_secs_f64());
     }
