@@ -24,6 +24,10 @@ pub(crate) enum Refusal {
     SkipAlone,
     NoDims,
     NoType,
+    /// This flag says something about a volume, and the input is a mesh.
+    ForVolumes(&'static str),
+    /// The other way round.
+    ForMeshes(&'static str),
     /// Standard input, or output, where it cannot be used.
     Dash(Dash),
     /// A name that says the file is of another kind than what is written.
@@ -96,6 +100,18 @@ impl fmt::Display for Refusal {
             }
             Self::NoDims => "a raw volume needs --dims NXxNYxNZ as well",
             Self::NoType => "a raw volume needs --dtype as well, for example --dtype u16",
+            Self::ForVolumes("--dims") => {
+                "--dims of a mesh needs --voxel and --origin as well; --grid N alone chooses all of them"
+            }
+            Self::ForVolumes(flag) => {
+                return write!(f, "{flag} is for volumes, and the input is a mesh; leave it out");
+            }
+            Self::ForMeshes(flag) => {
+                return write!(
+                    f,
+                    "{flag} is for meshes (STL, PLY, OBJ, OFF), and the input is a volume; leave it out"
+                );
+            }
             Self::Dash(dash) => match dash {
                 Dash::Volume => {
                     "standard input (-) is read as headerless voxels only; add --dims and --dtype, or name a file"

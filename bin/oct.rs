@@ -124,6 +124,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.output.as_path()], Dash::Model)?;
     check_suffixes([args.output.as_path()], Written::Model, args.force)?;
     if jobs::mesh::are_meshes(&args.input) {
+        if let Some(flag) = args.volume_flag() {
+            return Err(Refusal::ForVolumes(flag).into());
+        }
         let bars = Bars::new(args.quiet || args.json);
         let mesh = args.mesh.options(args.raw.dims);
         let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
@@ -131,6 +134,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         let summary = summary?;
         let text = || if args.quiet { String::new() } else { summary.text() };
         return Ok(print(args.json, || summary.json(), text)?);
+    }
+    if let Some(flag) = args.mesh.flag() {
+        return Err(Refusal::ForMeshes(flag).into());
     }
     let raw = raw_options(&args.raw)?;
     let spool = args.scratch.clone().unwrap_or_else(std::env::temp_dir);

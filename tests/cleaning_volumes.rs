@@ -189,6 +189,7 @@ fn an_oblique_volume_keeps_its_corners() {
 
 fn build_options(threshold: Threshold, threads: usize) -> BuildOptions {
     BuildOptions {
+        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),

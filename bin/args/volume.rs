@@ -330,6 +330,33 @@ impl CleanArgs {
     }
 }
 
+impl BuildArgs {
+    /// A flag that was given and says something about volumes only.
+    pub(crate) fn volume_flag(&self) -> Option<&'static str> {
+        let Self { selection, clean, raw, which, mesh, .. } = self;
+        let given = [
+            ("--iso", selection.iso.is_some()),
+            ("--range", selection.range.is_some()),
+            ("--otsu", selection.otsu),
+            ("--preset", clean.preset.is_some()),
+            ("--roi", clean.roi.is_some()),
+            ("--downsample", clean.downsample.is_some()),
+            ("--close", clean.close.is_some()),
+            ("--fill-cavities", clean.fill_cavities),
+            ("--keep-largest", clean.keep_largest.is_some()),
+            ("--drop-below", clean.drop_below.is_some()),
+            ("--dtype", raw.dtype.is_some()),
+            ("--spacing", raw.spacing.is_some()),
+            ("--skip", raw.skip.is_some()),
+            ("--orientation", raw.orientation.is_some()),
+            ("--volume", which.volume.is_some()),
+            // With both it is the size of the grid.
+            ("--dims", raw.dims.is_some() && (mesh.voxel.is_none() || mesh.origin.is_none())),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+    }
+}
+
 /// How a mesh becomes a solid.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Meshes only (STL, PLY, OBJ, OFF)")]
@@ -343,12 +370,12 @@ pub(crate) struct MeshArgs {
     /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims")]
     pub(crate) origin: Option<[f64; 3]>,
-    /// Voxels left free at every side of the mesh
-    #[arg(long, value_name = "N", default_value = "1")]
-    pub(crate) margin: u16,
-    /// Unit of the file's coordinates: um, mm, cm, m or in
-    #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = parse::unit_mm)]
-    pub(crate) unit: f64,
+    /// Voxels left free at every side of the mesh; 1 by default
+    #[arg(long, value_name = "N")]
+    pub(crate) margin: Option<u16>,
+    /// Unit of the file's coordinates: um, mm (the default), cm, m or in
+    #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
+    pub(crate) unit: Option<f64>,
     /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what fits
     /// the mesh
     #[arg(long, value_enum, value_name = "winding|parity")]
@@ -363,9 +390,21 @@ pub(crate) enum FillRule {
 }
 
 impl MeshArgs {
+    /// A flag that was given.
+    pub(crate) fn flag(&self) -> Option<&'static str> {
+        let given = [
+            ("--grid", self.grid.is_some()),
+            ("--voxel", self.voxel.is_some()),
+            ("--fill", self.fill.is_some()),
+            ("--margin", self.margin.is_some()),
+            ("--unit", self.unit.is_some()),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+    }
+
     /// The options of the library, if anything says how fine the grid is.
     pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
-        let margin = self.margin.into();
+        let margin = self.margin.unwrap_or(1).into();
         let grid = match (self.grid, self.voxel, self.origin, dims) {
             (_, Some(edge_mm), Some(origin_mm), Some(dims)) => GridChoice::Exact { edge_mm, origin_mm, dims },
             (_, Some(edge_mm), ..) => GridChoice::Voxel { edge_mm, margin },
@@ -376,7 +415,7 @@ impl MeshArgs {
             FillRule::Winding => Fill::Winding,
             FillRule::Parity => Fill::Parity,
         });
-        Some(MeshOptions { grid, unit_mm: self.unit, fill })
+        Some(MeshOptions { grid, unit_mm: self.unit.unwrap_or(1.0), fill })
     }
 }
 

@@ -299,6 +299,8 @@ pub enum Misuse {
         /// How many there are.
         found: usize,
     },
+    /// Nothing says how fine the grid of a mesh is to be.
+    NoGrid,
     /// There is no volume at all.
     NoneFound,
     /// The description of a synthetic volume is wrong.

@@ -60,8 +60,6 @@ pub enum MeshFault {
         /// Along the longest side.
         side: f64,
     },
-    /// Nothing says how fine the grid is to be.
-    NoGrid,
 }
 
 /// How a mesh bounds its solid.

@@ -8,7 +8,7 @@ use super::info::read_info;
 use super::wording::foreign::data;
 use crate::builder::{BuildOptions, Progress};
 use crate::error::Error;
-use crate::facts::{Fault, MeshFault, SourceError};
+use crate::facts::{Misuse, SourceError};
 use crate::mesh::{MeshOptions, build_mesh};
 use crate::resident::give_back;
 
@@ -40,7 +40,7 @@ pub fn convert(
     refuse_own_input(inputs, output)?;
     let Some(mesh) = mesh else {
         let path = inputs.first().cloned().unwrap_or_default();
-        return Err(SourceError::Unusable { path, fault: Fault::MeshFile(MeshFault::NoGrid) }.into());
+        return Err(SourceError::Usage { path, misuse: Misuse::NoGrid }.into());
     };
     let report = build_mesh(inputs, mesh, options, output, progress)?;
     let wall_s = started.elapsed().as_secs_f64();

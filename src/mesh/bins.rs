@@ -35,15 +35,16 @@ const SHORT: usize = 24;
 const HEAD: usize = 16;
 /// Bytes written at a time.
 const WRITE: usize = 128 << 10;
-/// Triangles that wait in memory.
-const SLOTS: usize = 28 << 10;
+/// Triangles of a chunk, which takes 256 bytes, and chunks of triangles that wait in memory.
+const CHUNK: usize = 7;
+const CHUNKS: usize = 4 << 10;
 /// Bins with fewer triangles than this are swapped out only if nothing else makes room.
 const WORTH: u32 = 16;
 const NONE: u32 = u32::MAX;
 
 /// Memory while triangles are binned, beside the bins themselves.
 pub(super) const BINNING_BYTES: u64 =
-    (SLOTS * size_of::<Slot>() + WRITE + BLOCK * TRIANGLE + (64 << 10)) as u64;
+    (CHUNKS * size_of::<Chunk>() + WRITE + BLOCK * TRIANGLE + (64 << 10)) as u64;
 
 /// Where a block is; its bytes are 0 for none.
 #[derive(Clone, Copy, Debug, Default)]
@@ -63,6 +64,7 @@ struct Bin {
     columns: (i16, i16),
 }
 
+/// A list of chunks, of which only the first may have room.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     first: u32,
@@ -70,8 +72,8 @@ struct Waiting {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Slot {
-    triangle: Triangle,
+struct Chunk {
+    triangles: [Triangle; CHUNK],
     next: u32,
 }
 
@@ -79,8 +81,9 @@ struct Slot {
 pub(super) struct Binner {
     bins: Bins,
     waiting: Vec<Waiting>,
-    slots: Vec<Slot>,
+    chunks: Vec<Chunk>,
     free: u32,
+    /// Chunks that are free.
     room: usize,
     buffer: Vec<u8>,
     written: u64,
@@ -117,7 +120,6 @@ impl Bins {
     }
 
     /// Triangles of the bin of a row and a slice.
-    #[cfg(test)]
     pub(super) fn triangles(&self, row: u32, slice: u32) -> u32 {
         self.at(row, slice).triangles
     }
@@ -213,9 +215,9 @@ impl Binner {
     pub(super) fn go_on(bins: Bins) -> Self {
         Self {
             waiting: vec![Waiting { first: NONE, count: 0 }; bins.bins.len()],
-            slots: Vec::with_capacity(SLOTS),
+            chunks: Vec::with_capacity(CHUNKS),
             free: NONE,
-            room: SLOTS,
+            room: CHUNKS,
             buffer: Vec::with_capacity(WRITE),
             written: bins.bytes,
             raw: Vec::with_capacity(BLOCK),
@@ -261,18 +263,20 @@ impl Binner {
 
     fn put(&mut self, at: usize, t: &Triangle) {
         let waiting = &mut self.waiting[at];
-        let slot = Slot { triangle: *t, next: waiting.first };
-        if self.free == NONE {
-            waiting.first = self.slots.len() as u32;
-            self.slots.push(slot);
-        } else {
-            waiting.first = self.free;
-            let old = &mut self.slots[self.free as usize];
-            self.free = old.next;
-            *old = slot;
+        let within = waiting.count as usize % CHUNK;
+        if within == 0 {
+            let next = std::mem::replace(&mut waiting.first, self.free);
+            if self.free == NONE {
+                waiting.first = self.chunks.len() as u32;
+                self.chunks.push(Chunk { triangles: [[0; 9]; CHUNK], next });
+            } else {
+                let chunk = &mut self.chunks[self.free as usize];
+                self.free = std::mem::replace(&mut chunk.next, next);
+            }
+            self.room -= 1;
         }
+        self.chunks[waiting.first as usize].triangles[within] = *t;
         waiting.count += 1;
-        self.room -= 1;
         let bin = &mut self.bins.bins[at];
         bin.triangles = bin.triangles.saturating_add(1);
     }
@@ -285,7 +289,7 @@ impl Binner {
                     self.swap_out(at)?;
                 }
             }
-            if self.room >= SLOTS / 2 {
+            if self.room >= CHUNKS / 2 {
                 break;
             }
         }
@@ -293,22 +297,24 @@ impl Binner {
     }
 
     fn swap_out(&mut self, at: usize) -> Result<(), SourceError> {
-        let mut next = self.waiting[at].first;
+        let Waiting { first: mut next, count } = self.waiting[at];
         self.waiting[at] = Waiting { first: NONE, count: 0 };
+        // The first chunk holds what is left over, the others are full.
+        let mut held = (count as usize + CHUNK - 1) % CHUNK + 1;
+        self.raw.clear();
         while next != NONE {
-            self.raw.clear();
-            while next != NONE && self.raw.len() < BLOCK {
-                let slot = &mut self.slots[next as usize];
-                self.raw.push(slot.triangle);
-                let after = slot.next;
-                slot.next = self.free;
-                self.free = next;
-                next = after;
-                self.room += 1;
+            if self.raw.len() + CHUNK > BLOCK {
+                self.write_block(at)?;
+                self.raw.clear();
             }
-            self.write_block(at)?;
+            let chunk = &mut self.chunks[next as usize];
+            self.raw.extend_from_slice(&chunk.triangles[..held]);
+            held = CHUNK;
+            let after = std::mem::replace(&mut chunk.next, self.free);
+            self.free = std::mem::replace(&mut next, after);
+            self.room += 1;
         }
-        Ok(())
+        self.write_block(at)
     }
 
     fn write_block(&mut self, at: usize) -> Result<(), SourceError> {

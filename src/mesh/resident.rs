@@ -198,6 +198,13 @@ impl Resident {
         }
     }
 
+    /// Gathered triangles that may bear upon a brick.
+    pub(super) fn near_count(&self, brick: usize) -> usize {
+        let wide = self.starts.len() - 3;
+        let run = |at: usize| (self.starts[at + 1] - self.starts[at]) as usize;
+        run(brick) + run(wide)
+    }
+
     /// Calls `each` with the gathered triangles that may bear upon a brick.
     #[inline]
     pub(super) fn near(&self, brick: usize, each: &mut impl FnMut(&Triangle)) {

@@ -16,7 +16,7 @@
 use std::path::PathBuf;
 
 use super::bins::{BEYOND, Bins, BlockBuffers};
-use super::lattice::{Grid, HALF, STEPS, Triangle, centres};
+use super::lattice::{Grid, HALF, STEPS, Triangle, centres, first_centre, last_centre, span};
 use super::nearest::{Facet, Nearest};
 use super::raster::{Crossings, Rule, cross_slice};
 use super::resident::Resident;
@@ -34,6 +34,10 @@ const BRICK: usize = 32;
 const ROWS: usize = BRICK + 2;
 /// A voxel's edge, squared, in lattice steps, with room for the rounding of distances.
 const VOXEL_SQUARED: f64 = 16_777_217.0;
+/// How far the nearest triangle is sought: half a voxel where many are near, then one voxel; two where the thick skin
+/// has voxels that touch the outside with a corner only.
+const REACHES: [(i32, f64); 3] =
+    [(STEPS / 2, VOXEL_SQUARED / 4.0), (STEPS, VOXEL_SQUARED), (2 * STEPS, 4.0 * VOXEL_SQUARED)];
 /// What the model says of its normals.
 const ESTIMATOR: &str = "nearest triangle";
 
@@ -149,8 +153,12 @@ impl MeshWorker<'_> {
         if (self.run.0..self.run.1).contains(&z) {
             return Ok(());
         }
+        // As many slices as have room if the bin's triangles are spread evenly, at first.
         let bin_end = (z | 31) + 1;
-        let mut end = bin_end;
+        let share = self.solid.resident as u64 * (BRICK as u64 + 2 * BEYOND as u64)
+            / u64::from(self.solid.bins.triangles(self.column.y.start, z as u32)).max(1);
+        let run = share.saturating_sub(2 * BEYOND as u64).clamp(1, BRICK as u64) as i32;
+        let mut end = bin_end.min(z + run);
         self.gathered = None;
         loop {
             self.resident.clear(z, self.column.x.start as i32);
@@ -206,30 +214,33 @@ impl MeshWorker<'_> {
         Ok(())
     }
 
-    /// Offers every triangle that may be within so many voxels to the skin voxels of a brick's slice.
+    /// Has the triangles within a voxel of the slice of some skin voxels sorted by bricks; are many near to this
+    /// one?
+    fn gather(&mut self, skin: &SkinSlice<'_>) -> bool {
+        let [x0, _, z] = skin.corner();
+        if self.gathered != Some(z) {
+            self.resident.gather(z as i32);
+            self.gathered = Some(z);
+        }
+        let voxels: u32 = skin.rows().iter().map(|row| row.count_ones()).sum();
+        self.resident.near_count((x0 - self.column.x.start) as usize / BRICK) > voxels as usize / 2
+    }
+
+    /// Offers every triangle that may be within `reach` lattice steps to the skin voxels of a brick's slice.
     fn offer(&mut self, skin: &SkinSlice<'_>, wanted: &[u32; BRICK], reach: i32) -> Result<(), SourceError> {
         let [x0, y0, z] = skin.corner().map(|c| c as i32);
-        let Self { resident, nearest, solid, buffers, column, gathered, .. } = self;
+        let Self { resident, nearest, solid, buffers, column, .. } = self;
         let mut each = |t: &Triangle| offer_triangle(t, [x0, y0, z], wanted, reach, nearest);
         if self.streamed {
-            let bears = |t: &Triangle| {
-                let (low, high) = centres(t, 2);
-                low - reach <= z && z <= high + reach
-            };
             return solid.bins.for_each_block(column.y.start, self.run.0 as u32, buffers, &mut |block| {
-                block.iter().filter(|t| bears(t)).for_each(&mut each);
+                block.iter().for_each(&mut each);
                 true
             });
         }
-        let x_start = column.x.start as i32;
-        if reach > 1 {
+        if reach > STEPS {
             resident.all(&mut each);
         } else {
-            if *gathered != Some(z as u32) {
-                resident.gather(z);
-                *gathered = Some(z as u32);
-            }
-            resident.near((x0 - x_start) as usize / BRICK, &mut each);
+            resident.near((x0 - column.x.start as i32) as usize / BRICK, &mut each);
         }
         Ok(())
     }
@@ -244,9 +255,17 @@ fn offer_triangle(
     reach: i32,
     nearest: &mut [Nearest],
 ) {
-    let ((x_low, x_high), (y_low, y_high)) = (centres(t, 0), centres(t, 1));
-    let (from, to) = ((x_low - reach - x0).max(0), (x_high + reach - x0).min(31));
-    let (top, bottom) = ((y_low - reach - y0).max(0), (y_high + reach - y0).min(31));
+    // Columns, rows and the slice whose centres are within reach of the triangle's box.
+    let within = |axis: usize, from: i32| {
+        let (low, high) = span(t, axis);
+        (first_centre(low - reach) - from, last_centre(high + reach) - from)
+    };
+    let (first, last) = within(2, z);
+    if first > 0 || last < 0 {
+        return;
+    }
+    let ((from, to), (top, bottom)) = (within(0, x0), within(1, y0));
+    let (from, to, top, bottom) = (from.max(0), to.min(31), top.max(0), bottom.min(31));
     if from > to || top > bottom {
         return;
     }
@@ -314,30 +333,35 @@ impl SolidWorker for MeshWorker<'_> {
                 left &= left - 1;
             }
         };
-        for (y, row) in skin.rows().iter().enumerate() {
-            each_bit(*row, &mut |x| self.nearest[BRICK * y + x] = Nearest::within(VOXEL_SQUARED));
-        }
-        self.offer(skin, skin.rows(), 1)?;
-        // The thick skin has voxels that touch the outside with a corner only.
-        let mut lost = [0; BRICK];
-        for (y, (row, lost)) in skin.rows().iter().zip(&mut lost).enumerate() {
-            each_bit(*row, &mut |x| {
-                let best = &mut self.nearest[BRICK * y + x];
-                if !best.found() {
-                    *best = Nearest::within(4.0 * VOXEL_SQUARED);
-                    *lost |= 1 << x;
-                }
-            });
-        }
-        if lost != [0; BRICK] {
-            self.offer(skin, &lost, 2)?;
+        let many = !self.streamed && self.gather(skin);
+        let mut wanted = *skin.rows();
+        for (reach, squared) in &REACHES[usize::from(!many)..] {
+            for (y, row) in wanted.iter().enumerate() {
+                each_bit(*row, &mut |x| self.nearest[BRICK * y + x] = Nearest::within(*squared));
+            }
+            self.offer(skin, &wanted, *reach)?;
+            let mut lost = 0;
+            for (y, row) in wanted.iter_mut().enumerate() {
+                let mut left = 0;
+                each_bit(*row, &mut |x| left |= u32::from(!self.nearest[BRICK * y + x].found()) << x);
+                *row = left;
+                lost |= left;
+            }
+            if lost == 0 {
+                break;
+            }
         }
         self.codes.clear();
+        // Neighbours often share their nearest triangle.
+        let mut last = ([0.0_f32; 3], [0; 2]);
         for (y, row) in skin.rows().iter().enumerate() {
             each_bit(*row, &mut |x| {
                 let best = &self.nearest[BRICK * y + x];
                 let direction = if best.found() { best.normal } else { from_faces(&skin.exposed(y), x) };
-                self.codes.extend(normal::encode(direction).to_le_bytes());
+                if direction != last.0 {
+                    last = (direction, normal::encode(direction).to_le_bytes());
+                }
+                self.codes.extend(last.1);
             });
         }
         Ok(())

@@ -117,7 +117,7 @@ impl fmt::Display for Fault {
                 "is not DICOM, in spite of its name; for headerless voxels add --dims and --dtype",
             ),
             Self::Mesh => f.write_str(
-                "is a mesh by its name; say how fine its grid is with --grid N or --voxel MM (STL, PLY, OBJ and OFF are read)",
+                "is a mesh by its name, and is not read as a volume; STL, PLY, OBJ and OFF are built by themselves, with --grid N or --voxel MM",
             ),
             Self::MeshFile(fault) => fault.fmt(f),
             Self::Raw(fault) => raw(fault, RawKeys::Flags, f),
@@ -167,6 +167,9 @@ impl fmt::Display for Misuse {
             Self::NoSuchVolume { wanted, found } => write!(
                 f,
                 "there is no volume {wanted} among the {found} that were found; oct scan lists them"
+            ),
+            Self::NoGrid => f.write_str(
+                "is a mesh; say how fine its grid is with --grid N (voxels along its longest side) or --voxel MM",
             ),
             Self::NoneFound => f.write_str("no volume was found"),
             Self::Synthetic(fault) => fault.fmt(f),

@@ -42,7 +42,6 @@ impl fmt::Display for MeshFault {
             Self::GridSize { side } => {
                 write!(f, "its grid would be {side} voxels long; choose 1 to 16384 with --grid or --voxel")
             }
-            Self::NoGrid => f.write_str("say how fine its grid is with --grid N or --voxel MM"),
         }
     }
 }
