@@ -234,6 +234,10 @@ fn i4_sections_and_their_items() {
             (unknown(SectionKind::Meta), E::MissingSection(SectionKind::Meta)),
             (unknown(SectionKind::Nodes), E::MissingSection(SectionKind::Nodes)),
             (unknown(SectionKind::Rank), E::MissingSection(SectionKind::Rank)),
+            (
+                with_entry(&unknown(VALUE_LOD), VALUE, |e| e.tag = *b"CRNK"),
+                E::NotOfSkin { kind: SectionKind::CornerRank },
+            ),
             (with_header(&file, |h| h[12] = 1), E::RankInPackedFile),
             (unknown(NORMAL), E::LoneMeans { kind: NORMAL_LOD }),
             (unknown(VALUE), E::LoneMeans { kind: VALUE_LOD }),

@@ -366,7 +366,7 @@ pub(crate) struct MeshArgs {
     #[arg(long, value_name = "N", value_parser = parse::grid_side, conflicts_with = "voxel")]
     pub(crate) grid: Option<u32>,
     /// Edge of a voxel in mm
-    #[arg(long, value_name = "MM", value_parser = parse::positive)]
+    #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = parse::positive)]
     pub(crate) voxel: Option<f64>,
     /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims")]

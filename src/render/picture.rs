@@ -29,7 +29,7 @@ use super::{Camera, RenderError};
 const BAND_PIXELS: usize = 1 << 18;
 
 /// Stack of a worker; nothing here recurses.
-const WORKER_STACK_BYTES: usize = 512 << 10;
+const WORKER_STACK_BYTES: usize = 4 << 20;
 
 /// Longest side and most pixels of a picture.
 const MAX_SIDE: u32 = 32_768;

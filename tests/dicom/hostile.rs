@@ -178,7 +178,8 @@ fn a_thousand_slices_are_opened_and_held_in_little_memory() {
     let (series, Taken { held, peak, .. }) = measured(|| open(&inputs, &OpenOptions::default()).unwrap());
     println!("1000 slices: {held} bytes held, {peak} at most while opening");
     assert_eq!(series.info().dims.nz(), 1000);
-    assert!(held < 150 << 10, "{held} bytes held");
+    // 8 bytes of them a file, by which a change is noticed.
+    assert!(held < 158 << 10, "{held} bytes held");
     assert!(peak < 500 << 10, "{peak} bytes while opening");
     let ((), read) = measured(|| {
         series.read_rows(3, 0..2, 0..2, &mut [0; 8]).unwrap();

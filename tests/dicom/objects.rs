@@ -32,7 +32,8 @@ impl Found {
         }
         let scratch = tempfile::tempdir().unwrap();
         let paths = [folder.path().to_path_buf()];
-        let found = Catalogue::survey(&paths, &OpenOptions::default(), scratch.path()).unwrap();
+        let options = OpenOptions { all_volumes: true, ..OpenOptions::default() };
+        let found = Catalogue::survey(&paths, &options, scratch.path()).unwrap();
         let findings = (0..found.len()).flat_map(|i| found.open(i)).collect();
         Self { findings, _folder: folder }
     }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::number::Short;
 use crate::facts::{Boundary, Fill, MeshFacts, MeshFault};
 
 impl fmt::Display for MeshFault {
@@ -68,7 +69,7 @@ impl fmt::Display for MeshFacts {
             Fill::Parity => "inside is where a ray meets the mesh an odd number of times",
         };
         write!(f, "; {rule}{}", if *asked_for { ", as asked for" } else { "" })?;
-        let [x, y, z] = origin_mm;
-        write!(f, "; voxels of {voxel_mm} mm from {x}, {y}, {z}")
+        let [x, y, z] = origin_mm.map(Short);
+        write!(f, "; voxels of {} mm from {x}, {y}, {z}", Short(*voxel_mm))
     }
 }
