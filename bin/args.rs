@@ -4,8 +4,10 @@
 //! |---|---|
 //! | [`volume`] | options of the commands that read volumes |
 //! | [`picture`] | options of the commands that make pictures |
-//! | [`parse`] | values of options, and the sentences for what is none |
+//! | [`parse`] | values of options, and the sentences for wrong ones |
+//! | [`examples`] | what stands below the help of each command |
 
+mod examples;
 mod parse;
 mod picture;
 mod volume;
@@ -28,33 +30,100 @@ pub(crate) struct Cli {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Build a model from a volume: a file, a folder (DICOM series or slices) or several slice files
+    #[command(after_help = examples::BUILD)]
     Build(BuildArgs),
     /// Convert every volume below some folders, with thumbnails and a report
+    #[command(after_help = examples::BATCH)]
     Batch(BatchArgs),
     /// List what would be converted, and why the rest would be refused
+    #[command(after_help = examples::SCAN)]
     Scan(ScanArgs),
     /// Show what a model says of itself (mapped or packed)
-    Info(ModelArgs),
+    #[command(after_help = examples::INFO)]
+    Info(InfoArgs),
     /// Check every invariant of a model (mapped or packed)
+    #[command(after_help = examples::VERIFY)]
     Verify(ModelArgs),
     /// Pack a model for archive and transport; lossless
+    #[command(after_help = examples::PACK)]
     Pack(PackArgs),
     /// Unpack a packed model; gives the original byte for byte
+    #[command(after_help = examples::UNPACK)]
     Unpack(PackArgs),
     /// Render a picture of a model
+    #[command(after_help = examples::RENDER)]
     Render(RenderArgs),
     /// Render a small square picture with a transparent background
+    #[command(after_help = examples::THUMBNAIL)]
     Thumbnail(ThumbnailArgs),
     /// Build a synthetic head and its picture, to see the program work without any data
+    #[command(after_help = examples::DEMO)]
     Demo(DemoArgs),
     /// Compare random rays through a model with a slow exact reference
+    #[command(after_help = examples::SELFCHECK)]
     Selfcheck(SelfcheckArgs),
+    /// Measure and draw how fast and how wrong every choice is
+    #[command(after_help = examples::REPORT)]
+    Report(ReportArgs),
+    /// Print a script that completes commands, options and files in a shell
+    #[command(after_help = examples::COMPLETIONS)]
+    Completions(CompletionsArgs),
+    /// Write the manual: a page for each command
+    #[command(after_help = examples::MAN)]
+    Man(ManArgs),
+}
+
+impl Command {
+    /// Is the report asked for as JSON?
+    pub(crate) fn json(&self) -> bool {
+        match self {
+            Self::Build(args) => args.json,
+            Self::Batch(args) => args.json,
+            Self::Scan(args) => args.json,
+            Self::Info(args) => args.json,
+            Self::Verify(args) => args.json,
+            Self::Pack(args) | Self::Unpack(args) => args.json,
+            Self::Render(args) => args.json,
+            Self::Thumbnail(args) => args.json,
+            Self::Demo(args) => args.json,
+            Self::Selfcheck(args) => args.json,
+            Self::Report(args) => args.json,
+            Self::Completions(_) | Self::Man(_) => false,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InfoArgs {
+    /// The model; - for standard input
+    #[arg(value_name = "MODEL.oct")]
+    pub(crate) model: PathBuf,
+    /// Measure surface and volume however long it takes: without it, of models of up to 16 million skin voxels
+    #[arg(long)]
+    pub(crate) measure: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CompletionsArgs {
+    /// The shell
+    #[arg(value_enum, value_name = "SHELL")]
+    pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ManArgs {
+    /// Folder of the pages; made if it is not there
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
 }
 
 /// What is only looked at.
 #[derive(Debug, Args)]
 pub(crate) struct ModelArgs {
-    /// The model
+    /// The model; - for standard input
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
     /// Print one JSON object
@@ -64,12 +133,15 @@ pub(crate) struct ModelArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct PackArgs {
-    /// The file to read
+    /// The file to read; - for standard input
     #[arg(value_name = "IN.oct")]
     pub(crate) input: PathBuf,
-    /// The file to write
+    /// The file to write; - for standard output
     #[arg(short, long, value_name = "OUT.oct")]
     pub(crate) output: PathBuf,
+    /// Write it even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -77,7 +149,7 @@ pub(crate) struct PackArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct SelfcheckArgs {
-    /// The model
+    /// The model; - for standard input
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
     /// Random rays to compare with the exact reference
@@ -91,6 +163,32 @@ pub(crate) struct SelfcheckArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("subject").required(true).multiple(true))]
+pub(crate) struct ReportArgs {
+    /// A model: what can be known without the truth
+    #[arg(value_name = "MODEL.oct", group = "subject")]
+    pub(crate) model: Option<PathBuf>,
+    /// A synthetic volume whose surface is known, as NAME, NAME@N or NAME@N?key=value; suite for several bodies, head
+    /// for the head; may be given several times
+    #[arg(long, value_name = "NAME", group = "subject")]
+    pub(crate) synthetic: Vec<String>,
+    /// Folder of report.html, report.csv and report.json; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Pixels along a side of the pictures that errors are measured on
+    #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub(crate) pixels: u32,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 /// How many threads work.

@@ -5,6 +5,7 @@ use std::sync::{Mutex, Once, PoisonError};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use infobyte::jobs::batch::{Cause, Item, NOTICE, Status, Watcher};
+use infobyte::jobs::shown;
 use infobyte::progress::Progress;
 
 fn style(template: &str) -> ProgressStyle {
@@ -95,7 +96,7 @@ impl BatchBars {
 
     /// One line above the bars, whatever a file's name contains.
     fn print(&self, line: &str) {
-        let line: String = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        let line = shown(line).to_string();
         match &self.bars {
             // A closed terminal leaves nobody to tell.
             Some(bars) => drop(bars.println(line)),

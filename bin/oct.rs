@@ -2,10 +2,13 @@
 
 mod args;
 mod bars;
+mod bus;
+mod failure;
+mod manual;
+mod streams;
 
-use std::fmt;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -15,7 +18,9 @@ use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
+use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
+use infobyte::jobs::wording::foreign::{self, data, plain, shown};
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::load::Model;
 use infobyte::render::ViewPoint;
@@ -26,6 +31,8 @@ use serde_json::{Value, json};
 
 use args::{Cli, Command, Switch, cores};
 use bars::{Bars, BatchBars};
+use failure::{Dash, Failure, Refusal, Written, json_of, one_line, tell};
+use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash};
 
 fn main() -> ExitCode {
     jobs::map_large_buffers();
@@ -39,13 +46,10 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(e) => return refuse(&e),
     };
+    let as_json = cli.command.json();
     match run(cli.command) {
         Ok(code) => code,
-        Err(e) => {
-            // A closed stderr leaves nobody to tell.
-            let _ = writeln!(io::stderr(), "oct: {}", one_line(&e.to_string()));
-            ExitCode::from(e.kind().code())
-        }
+        Err(e) => tell(&e.to_string(), e.kind(), as_json),
     }
 }
 
@@ -59,9 +63,10 @@ fn refuse(e: &clap::Error) -> ExitCode {
         let _ = e.print();
         return ExitCode::from(ExitKind::Usage.code());
     }
-    let sentence = first_paragraph(&e.to_string());
-    let _ = writeln!(io::stderr(), "oct: {}; see `oct COMMAND --help`", one_line(&sentence));
-    ExitCode::from(ExitKind::Usage.code())
+    let sentence = format!("{}; see `oct COMMAND --help`", first_paragraph(&e.to_string()));
+    // The command line could not be read, so its words are looked at.
+    let as_json = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "--json");
+    tell(&sentence, ExitKind::Usage, as_json)
 }
 
 /// Of what clap prints, that which says what is wrong; usage and hints follow after an empty line.
@@ -71,36 +76,36 @@ fn first_paragraph(printed: &str) -> String {
     lines.join(" ")
 }
 
-/// Errors are one sentence on one line, whatever a file's name contains.
-fn one_line(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
-}
-
 fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Build(args) => build(&args),
-        Command::Batch(args) => Ok(batch(&args)?),
-        Command::Scan(args) => Ok(scan(&args)?),
+        Command::Batch(args) => batch(&args),
+        Command::Scan(args) => scan(&args),
         Command::Info(args) => {
-            let info = info::read_info(&args.model)?;
+            let input = Input::of(&args.model)?;
+            bus::tell_of(&args.model, args.json);
+            let mut info = info::read_info_measured(input.path(), args.measure)?;
+            info.input = data(&args.model);
             Ok(print(args.json, || info.json(), || info.text())?)
         }
         Command::Verify(args) => {
-            let report = verify::verify_file(&args.model)?;
+            let input = Input::of(&args.model)?;
+            let mut report = verify::verify_file(input.path())?;
+            report.input = data(&args.model);
             Ok(print(args.json, || report.json(), || report.text())?)
         }
-        Command::Pack(args) => {
-            let report = pack::pack(&args.input, &args.output)?;
-            Ok(print_packed(&args, &report)?)
+        Command::Pack(args) => pack_with(&args, pack::pack),
+        Command::Unpack(args) => pack_with(&args, pack::unpack),
+        Command::Render(args) => render(&args),
+        Command::Thumbnail(args) => thumbnail(&args),
+        Command::Demo(args) => demo(&args),
+        Command::Selfcheck(args) => selfcheck(&args),
+        Command::Completions(args) => Ok(manual::completions(args.shell)?),
+        Command::Man(args) => {
+            refuse_dash([args.folder.as_path()], Dash::Folder)?;
+            Ok(manual::pages(&args.folder)?)
         }
-        Command::Unpack(args) => {
-            let report = pack::unpack(&args.input, &args.output)?;
-            Ok(print_packed(&args, &report)?)
-        }
-        Command::Render(args) => Ok(render(&args)?),
-        Command::Thumbnail(args) => Ok(thumbnail(&args)?),
-        Command::Demo(args) => Ok(demo(&args)?),
-        Command::Selfcheck(args) => Ok(selfcheck(&args)?),
+        Command::Report(args) => Ok(report(&args)?),
     }
 }
 
@@ -110,39 +115,81 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         surface: args.skin.surface,
         connectivity: args.skin.connectivity,
         channels: args.skin.channels,
+        gradient: args.skin.gradient,
         lod: args.lod == Switch::On,
         memory: MemoryCap::Process(args.memory),
         threads: args.threads.count(),
         scratch: args.scratch.clone(),
     };
+    refuse_dash([args.output.as_path()], Dash::Model)?;
+    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
+    if jobs::mesh::are_meshes(&args.input) {
+        if let Some(flag) = args.volume_flag() {
+            return Err(Refusal::ForVolumes(flag).into());
+        }
+        let bars = Bars::new(args.quiet || args.json);
+        let mesh = args.mesh.options(args.raw.dims);
+        let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
+        bars.finish();
+        let summary = summary?;
+        let text = || if args.quiet { String::new() } else { summary.text() };
+        return Ok(print(args.json, || summary.json(), text)?);
+    }
+    if let Some(flag) = args.mesh.flag() {
+        return Err(Refusal::ForMeshes(flag).into());
+    }
+    let raw = raw_options(&args.raw)?;
+    let spool = args.scratch.clone().unwrap_or_else(std::env::temp_dir);
+    let (inputs, _held) = match args.input.as_slice() {
+        [only] if is_dash(only) && raw.is_some() => {
+            let input = Input::within(only, &spool)?;
+            (vec![input.path().to_path_buf()], Some(input))
+        }
+        [only] if is_dash(only) => return Err(Dash::Volume.into()),
+        several => {
+            refuse_dash(several.iter().map(PathBuf::as_path), Dash::AmongFiles)?;
+            (several.to_vec(), None)
+        }
+    };
     let how = OpenOptions {
-        raw: raw_options(&args.raw)?,
+        raw,
         gaps: args.which.gaps.policy(),
         volume: args.which.volume,
+        follow_links: args.which.links.follow_links,
         placement: Placement { spacing_mm: args.raw.spacing, orientation: args.raw.orientation },
         ..OpenOptions::default()
     };
     let bars = Bars::new(args.quiet || args.json);
     let cleaning = args.clean.options();
-    let summary = jobs::build::convert(&args.input, &how, &cleaning, &options, &args.output, &bars);
+    let summary = jobs::build::convert(&inputs, &how, &cleaning, &options, &args.output, &bars);
     bars.finish();
-    let summary = summary?;
+    let mut summary = summary?;
+    summary.input = args.input.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
 
-fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
+fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
+    refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
+    refuse_dash([args.out.as_path()], Dash::Folder)?;
     let jobs = args.jobs.unwrap_or_else(cores);
     let request = BatchRequest {
         inputs: args.input.clone(),
         out: args.out.clone(),
-        how: OpenOptions { gaps: args.gaps.policy(), ..OpenOptions::default() },
+        how: OpenOptions {
+            gaps: args.gaps.policy(),
+            placement: Placement { spacing_mm: args.spacing, orientation: args.orientation },
+            follow_links: args.search.links.follow_links,
+            all_volumes: args.search.all_volumes,
+            ..OpenOptions::default()
+        },
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
             surface: args.skin.surface,
             connectivity: args.skin.connectivity,
             channels: args.skin.channels,
-            lod: true,
+            gradient: args.skin.gradient,
+            lod: args.lod == Switch::On,
             memory: MemoryCap::Process(args.memory),
             threads: args.threads.count(),
             scratch: args.scratch.clone(),
@@ -152,7 +199,11 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
+        modalities: args.modality.clone(),
+        series: args.series.clone(),
     };
+    // Thumbnails are made of models that lie there.
+    bus::tell_of(&args.out, args.json);
     let bars = BatchBars::new(jobs, args.quiet || args.json);
     let report = jobs::batch::batch(&request, &bars);
     bars.finish();
@@ -167,16 +218,18 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
             || Value::Null,
             || {
                 let notes: String =
-                    report.warnings.iter().map(|warning| format!("  note: {warning}\n")).collect();
+                    report.warnings.iter().map(|note| format!("  note: {}\n", shown(note))).collect();
                 format!(
-                    "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n{notes}",
-                    args.out.display(),
+                    "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n  the folder holds {} model(s), {}\n{notes}",
+                    shown(&args.out),
                     counts.converted,
                     counts.skipped,
                     counts.failed,
                     report.wall_s,
                     Bytes(report.peak_rss_bytes),
-                    Bytes(report.memory_budget_bytes)
+                    Bytes(report.memory_budget_bytes),
+                    report.holds.models,
+                    Bytes(report.holds.bytes)
                 )
             },
         )?
@@ -184,20 +237,11 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Error> {
     Ok(if counts.failed > 0 { ExitCode::from(ExitKind::Partial.code()) } else { code })
 }
 
-fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
-    let copied = std::fs::File::open(path).and_then(|mut file| io::copy(&mut file, &mut io::stdout().lock()));
-    match copied {
-        Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::Output { path: "standard output".into(), cause })
-        }
-        _ => Ok(ExitCode::SUCCESS),
-    }
-}
-
 /// Memory that `oct scan`, which has no cap of its own, takes for the images of one series: some 600,000.
 const SCAN_OPENING_BYTES: u64 = 256 << 20;
 
-fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
+fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
+    refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
     let mut first = true;
     // A list names files in any case.
     let _ = args.keep_names;
@@ -210,6 +254,8 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
     let how = OpenOptions {
         gaps: args.gaps.policy(),
         opening_bytes: Some(SCAN_OPENING_BYTES),
+        follow_links: args.search.links.follow_links,
+        all_volumes: args.search.all_volumes,
         ..OpenOptions::default()
     };
     let report = jobs::scan::scan(&args.input, &how, &mut |listed| {
@@ -218,72 +264,36 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Error> {
             (true, false) => ",\n",
             (false, _) => "",
         };
-        let text = if args.json { listed.json().to_string() } else { listed.text() };
+        let text = if args.json { foreign::json(&listed.json()) } else { listed.text() };
         print(false, || Value::Null, || format!("{before}{text}")).map(|_| ())
-    })?;
+    });
+    let report = match report {
+        Err(e) if args.json && !first => {
+            // The object that was begun is ended with what stopped it.
+            let sentence = one_line(&e.to_string());
+            let rest = json_of(&sentence, e.kind()).to_string();
+            let _ = writeln!(io::stdout(), "\n],{}", rest.strip_prefix('{').unwrap_or(&rest));
+            return Ok(tell(&sentence, e.kind(), false));
+        }
+        report => report?,
+    };
     let text = || {
-        let mut text =
-            format!("{} volume(s) would be converted, {} refused\n", report.usable, report.refused);
+        let mut text = format!("{} volume(s) would be converted, {} refused", report.usable, report.refused);
+        if report.copies > 0 {
+            text += &format!(", {} skipped as copies", report.copies);
+        }
+        text += "; only headers were read, so that damaged pixels, or none inside, show in the batch\n";
         for (reason, count, first) in &report.left_out {
-            text += &format!("  {count} file(s) left out: {reason} (first: {first})\n");
+            text += &format!("  {count} file(s) left out: {} (first: {})\n", shown(reason), shown(first));
         }
         text
     };
     let json = || {
         let head = if first { &begin } else { "" };
-        let rest = report.json().to_string();
+        let rest = foreign::json(&report.json());
         format!("{head}\n],{}\n", rest.strip_prefix('{').unwrap_or(&rest))
     };
-    print(false, || Value::Null, || if args.json { json() } else { text() })
-}
-
-/// Why the command ends without success.
-enum Failure {
-    /// Its arguments do not belong together.
-    Arguments(Refusal),
-    /// The library's error.
-    Job(Error),
-}
-
-/// Arguments that do not belong together.
-enum Refusal {
-    SkipAlone,
-    NoDims,
-    NoType,
-}
-
-impl From<Refusal> for Failure {
-    fn from(refusal: Refusal) -> Self {
-        Self::Arguments(refusal)
-    }
-}
-
-impl From<Error> for Failure {
-    fn from(cause: Error) -> Self {
-        Self::Job(cause)
-    }
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Job(cause) => return cause.fmt(f),
-            Self::Arguments(Refusal::SkipAlone) => {
-                "--skip is for raw volumes, with --dims and --dtype; other files say where their voxels begin"
-            }
-            Self::Arguments(Refusal::NoDims) => "a raw volume needs --dims NXxNYxNZ as well",
-            Self::Arguments(Refusal::NoType) => "a raw volume needs --dtype as well, for example --dtype u16",
-        })
-    }
-}
-
-impl Failure {
-    fn kind(&self) -> ExitKind {
-        match self {
-            Self::Arguments(_) => ExitKind::Usage,
-            Self::Job(cause) => cause.kind(),
-        }
-    }
+    Ok(print(false, || Value::Null, || if args.json { json() } else { text() })?)
 }
 
 /// The description of a headerless volume, if any of it was given.
@@ -304,7 +314,7 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
     }
 }
 
-fn render(args: &args::RenderArgs) -> Result<ExitCode, Error> {
+fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let request = RenderRequest {
         width: args.size[0],
         height: args.size[1],
@@ -319,15 +329,31 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Error> {
         ..RenderRequest::default()
     };
     let (depth, normals) = (args.depth.as_deref(), args.normals.as_deref());
-    let report = picture::render_file(&args.model, &args.output, depth, normals, &request)?;
-    print_picture(args.json, &args.model, &args.output, &report)
+    let layers = || depth.into_iter().chain(normals);
+    refuse_dash(layers(), Dash::Layer)?;
+    check_suffixes(layers(), Written::Picture, args.force)?;
+    let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
+    let model = Input::of(&args.model)?;
+    bus::tell_of(&args.model, args.json);
+    let bars = Bars::new(args.json);
+    let report = picture::render_file(model.path(), output.path(), depth, normals, &request, &bars);
+    bars.finish();
+    let report = report?;
+    output.finish(|| print_picture(args.json, &args.model, &args.output, &report))
 }
 
-fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Error> {
+fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
     let threads = args.threads.count();
-    let report = picture::thumbnail_file(&args.model, &args.output, args.size, threads)?;
-    print_picture(args.json, &args.model, &args.output, &report)
+    let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
+    let model = Input::of(&args.model)?;
+    bus::tell_of(&args.model, args.json);
+    let report = picture::thumbnail_file(model.path(), output.path(), args.size, threads)?;
+    output.finish(|| print_picture(args.json, &args.model, &args.output, &report))
 }
+
+/// What is said of a picture that shows nothing.
+const NO_HIT: &str =
+    "  note: no ray meets the model, so the picture is empty; check --eye, --look-at and --fov\n";
 
 fn print_picture(
     as_json: bool,
@@ -338,16 +364,17 @@ fn print_picture(
     let json = || {
         let mut value = serde_json::to_value(report).unwrap_or_default();
         if let Value::Object(map) = &mut value {
-            map.insert("input".into(), json!(model.display().to_string()));
-            map.insert("output".into(), json!(output.display().to_string()));
+            map.insert("input".into(), json!(data(model)));
+            map.insert("output".into(), json!(data(output)));
             map.insert("peak_rss_bytes".into(), json!(infobyte::budget::peak_rss_bytes()));
         }
         value
     };
     let text = || {
+        let nothing = if report.hits == 0 { NO_HIT } else { "" };
         format!(
-            "{}: {}x{}, {} rays, {} hits, {:.3} s\n",
-            output.display(),
+            "{}: {}x{}, {} rays, {} hits, {:.3} s\n{nothing}",
+            shown(output),
             report.width,
             report.height,
             report.rays,
@@ -358,7 +385,12 @@ fn print_picture(
     print(as_json, json, text)
 }
 
-fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
+fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
+    let pictures = || args.picture.as_deref().into_iter();
+    refuse_dash([args.output.as_path()].into_iter().chain(args.write_raw.as_deref()), Dash::Model)?;
+    refuse_dash(pictures(), Dash::Layer)?;
+    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
+    check_suffixes(pictures(), Written::Picture, args.force)?;
     if let Some(path) = &args.write_raw {
         jobs::demo::write_raw(args.size, path)?;
         return Ok(ExitCode::SUCCESS);
@@ -371,17 +403,21 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Error> {
         ..BuildOptions::default()
     };
     let files = DemoFiles::beside(&args.output, args.picture.as_deref());
+    bus::tell_of(&args.output, args.json);
     let bars = Bars::new(args.quiet || args.json);
     let summary = jobs::demo::demo(args.size, &options, &files, threads, &bars);
     bars.finish();
     let summary = summary?;
-    print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })
+    Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
 
-fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Error> {
-    let model = Model::open(&args.model)?;
+fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
+    let input = Input::of(&args.model)?;
+    bus::tell_of(&args.model, args.json);
+    let model = Model::open(input.path()).map_err(Error::from)?;
     let threads = args.threads.count();
-    let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads)?;
+    let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads).map_err(Error::from)?;
+    model.check_unchanged(input.path()).map_err(Error::from)?;
     let total = found.total();
     let code = print(
         args.json,
@@ -391,14 +427,46 @@ fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Error> {
     Ok(if total == 0 { code } else { ExitCode::FAILURE })
 }
 
+fn report(args: &args::ReportArgs) -> Result<ExitCode, Error> {
+    // As a shell would take it again.
+    let quoted = |word: String| {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_./@=:,".contains(c);
+        if word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    };
+    let words = std::env::args_os().skip(1).map(|word| quoted(word.to_string_lossy().into_owned()));
+    let request = ReportRequest {
+        model: args.model.clone(),
+        synthetic: args.synthetic.clone(),
+        out: args.out.clone(),
+        threads: args.threads.count(),
+        pixels: args.pixels,
+        command: std::iter::once("oct".to_owned()).chain(words).collect::<Vec<_>>().join(" "),
+    };
+    let bars = Bars::new(args.quiet || args.json);
+    let report = jobs::report::report(&request, &bars);
+    bars.finish();
+    let report = report?;
+    print(args.json, || report.json(), || report.text())
+}
+
+fn pack_with(
+    args: &args::PackArgs,
+    work: impl FnOnce(&Path, &Path) -> Result<pack::PackReport, Error>,
+) -> Result<ExitCode, Failure> {
+    let output = Output::of(&args.output, Written::Model, args.force, args.json)?;
+    let input = Input::of(&args.input)?;
+    let report = work(input.path(), output.path())?;
+    output.finish(|| print_packed(args, &report))
+}
+
 fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<ExitCode, Error> {
     let per_voxel = to_f64(report.bytes_out) / to_f64(report.skin_voxels);
     print(
         args.json,
         || {
             json!({
-                "input": args.input.display().to_string(),
-                "output": args.output.display().to_string(),
+                "input": data(&args.input),
+                "output": data(&args.output),
                 "bytes_in": report.bytes_in,
                 "bytes": report.bytes_out,
                 "skin_voxels": report.skin_voxels,
@@ -410,7 +478,7 @@ fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<Exit
         || {
             format!(
                 "{}: {} -> {} ({per_voxel:.4} bytes per skin voxel)\n",
-                args.output.display(),
+                shown(&args.output),
                 Bytes(report.bytes_in),
                 Bytes(report.bytes_out)
             )
@@ -430,7 +498,7 @@ fn print(
     json: impl FnOnce() -> Value,
     text: impl FnOnce() -> String,
 ) -> Result<ExitCode, Error> {
-    let output = if as_json { format!("{}\n", json()) } else { text() };
+    let output = if as_json { foreign::json(&json()) + "\n" } else { plain(&text(), true).into_owned() };
     let mut stdout = io::stdout().lock();
     match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
         Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {

@@ -26,4 +26,15 @@ impl ExitKind {
             Self::Partial => 8,
         }
     }
+
+    /// Its name, as reports in JSON have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Usage => "usage",
+            Self::Input => "input",
+            Self::Budget => "budget",
+            Self::Io => "io",
+            Self::Partial => "partial",
+        }
+    }
 }

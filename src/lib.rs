@@ -96,6 +96,8 @@ pub mod format;
 pub mod geom;
 pub mod jobs;
 pub mod load;
+mod mark;
+pub mod mesh;
 pub mod progress;
 #[cfg(test)]
 #[path = "../tests/support/random.rs"]
@@ -104,6 +106,8 @@ pub mod render;
 mod resident;
 mod scratch;
 pub mod source;
+mod stamp;
+pub mod synthetic;
 pub mod volume;
 
 pub use budget::MemoryCap;

@@ -109,6 +109,7 @@ fn without_times(value: &mut Value) {
             for key in [
                 "wall_s",
                 "memory_bytes",
+                "memory_plan_bytes",
                 "peak_rss_bytes",
                 "status",
                 "converted",
@@ -145,7 +146,7 @@ fn every_volume_is_converted_or_explained_and_nothing_is_done_twice() {
         assert_eq!(oct(&["verify", &model]).code, 0);
         assert!(out.join(item["model"]["thumbnail"].as_str().unwrap()).is_file());
     }
-    assert_eq!(fs::read_to_string(out.join("report.csv")).unwrap().lines().count(), 5);
+    assert_eq!(fs::read_to_string(out.join("report.csv")).unwrap().lines().count(), 6);
 
     let before = results(&out);
     let (code, again) = batch(&top, &out, &["--memory", "16MiB", "--jobs", "1"]);

@@ -44,6 +44,7 @@ fn options(threshold: Threshold, memory: MemoryCap) -> BuildOptions {
         threshold,
         connectivity: Connectivity::Thin26,
         channels: Channels::from([Channel::Normal, Channel::Value]),
+        gradient: Default::default(),
         lod: true,
         memory,
         // One thread works on the caller's, where everything is counted.

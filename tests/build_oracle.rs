@@ -373,6 +373,7 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
             .filter(|(_, one_in)| random.below(*one_in) > 0)
             .map(|(channel, _)| channel)
             .collect(),
+        gradient: Default::default(),
         lod: random.below(4) > 0,
         memory: MemoryCap::Process(1 << 30),
         threads: 1 + random.below(3_usize),
@@ -526,6 +527,7 @@ fn bricks_of_several_fragments_are_joined_in_order() {
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity,
                 channels: Channels::from([Channel::Normal, Channel::Value]),
+                gradient: Default::default(),
                 lod: true,
                 memory: MemoryCap::Process(1 << 30),
                 threads,
@@ -548,6 +550,7 @@ fn the_skin_of_a_solid_is_its_six_faces() {
             threshold: Threshold::Iso(-5.0),
             connectivity: Connectivity::Thin26,
             channels: Channels::from([Channel::Normal, Channel::Value]),
+            gradient: Default::default(),
             lod: true,
             memory: MemoryCap::Process(1 << 30),
             threads: 2,
@@ -588,6 +591,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity: Connectivity::Thin26,
                 channels: Channels::default(),
+                gradient: Default::default(),
                 lod: false,
                 memory: MemoryCap::Process(1 << 30),
                 threads: 2,

@@ -193,6 +193,7 @@ fn build_options(threshold: Threshold, threads: usize) -> BuildOptions {
         threshold,
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),
+        gradient: Default::default(),
         lod: true,
         memory: MemoryCap::Share(8 << 20),
         threads,

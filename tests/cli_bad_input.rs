@@ -71,7 +71,7 @@ impl Stage {
     fn refused(&self, input: &Path, extra: &[&str], code: i32, words: &[&str]) {
         self.build(input, extra).refused(code, words);
         self.untouched();
-        // The same with JSON asked for: the sentence stays on stderr.
+        // The same with JSON asked for: the sentence stays on stderr, and is in the object, too.
         self.build(input, &[extra, &["--json"]].concat()).refused(code, words);
         self.untouched();
     }
@@ -226,12 +226,12 @@ fn outputs_that_cannot_be_written_are_refused() {
         let all = ["build", &input, "-o", &output, "--dims", "4x5x6", "--dtype", "u8", "--iso", "1"];
         oct(&[&all, extra].concat())
     };
-    build(&file, &[]).refused(2, &["v.raw", "is the input", "--output"]);
-    build(&stage.path("nowhere/m.oct"), &[]).refused(5, &["nowhere/m.oct", "check the folder"]);
+    build(&file, &["--force"]).refused(2, &["v.raw", "is the input", "--output"]);
+    build(&stage.path("nowhere/m.oct"), &[]).refused(5, &["nowhere/m.oct", "folder does not exist"]);
     build(&stage.path("out"), &[]).refused(5, &["out", "not a regular file"]);
-    build(&stage.path("v.raw/m.oct"), &[]).refused(5, &["v.raw/m.oct", "check the folder"]);
+    build(&stage.path("v.raw/m.oct"), &[]).refused(5, &["v.raw/m.oct", "cannot be written"]);
     // Nobody, root included, can make a file there.
-    build(Path::new("/proc/m.oct"), &[]).refused(5, &["/proc/m.oct", "check the folder"]);
+    build(Path::new("/proc/m.oct"), &[]).refused(5, &["/proc/m.oct", "cannot be written"]);
     let nowhere = text(&stage.path("nowhere"));
     build(&stage.output(), &["--scratch", &nowhere]).refused(5, &["nowhere", "--scratch"]);
     stage.untouched();
@@ -244,16 +244,19 @@ fn outputs_that_cannot_be_written_are_refused() {
         if command == "unpack" {
             let packed = text(&stage.path("ball.opk"));
             assert_eq!(oct(&["pack", &model, "-o", &packed]).code, 0);
-            oct(&[command, &packed, "-o", &missing]).refused(5, &["nowhere/m.png", "check the folder"]);
+            oct(&[command, &packed, "-o", &missing, "--force"])
+                .refused(5, &["nowhere/m.png", "folder does not exist"]);
         } else {
-            oct(&[command, &model, "-o", &missing]).refused(5, &["nowhere/m.png", "check the folder"]);
+            oct(&[command, &model, "-o", &missing, "--force"])
+                .refused(5, &["nowhere/m.png", "folder does not exist"]);
         }
     }
-    oct(&["demo", "--size", "8", "-o", &missing]).refused(2, &["nowhere/m.png", "name another file"]);
+    oct(&["demo", "--size", "8", "-o", &missing, "--force"])
+        .refused(2, &["nowhere/m.png", "name another file"]);
     let missing = text(&stage.path("nowhere/m.oct"));
-    oct(&["demo", "--size", "8", "-o", &missing]).refused(5, &["nowhere/m.oct", "check the folder"]);
-    oct(&["render", &model, "-o", &model]).refused(2, &["is the model", "name another file"]);
-    oct(&["thumbnail", &model, "-o", &model]).refused(2, &["is the model", "name another file"]);
+    oct(&["demo", "--size", "8", "-o", &missing]).refused(5, &["nowhere/m.oct", "folder does not exist"]);
+    oct(&["render", &model, "-o", &model, "--force"]).refused(2, &["is the model", "name another file"]);
+    oct(&["thumbnail", &model, "-o", &model, "--force"]).refused(2, &["is the model", "name another file"]);
 }
 
 #[test]
@@ -267,7 +270,7 @@ fn a_folder_without_write_permission_is_refused() {
         return;
     }
     let raw = ["--dims", "4x5x6", "--dtype", "u8", "--iso", "1"];
-    stage.refused(&file, &raw, 5, &["m.oct", "check the folder"]);
+    stage.refused(&file, &raw, 5, &["m.oct", "may not write"]);
     fs::set_permissions(stage.path("out"), fs::Permissions::from_mode(0o755)).unwrap();
 }
 
@@ -420,8 +423,8 @@ fn files_that_are_no_models_are_refused_by_every_command() {
         &["info"][..],
         &["verify"],
         &["selfcheck"],
-        &["render", "-o", &output],
-        &["thumbnail", "-o", &output],
+        &["render", "--force", "-o", &output],
+        &["thumbnail", "--force", "-o", &output],
         &["pack", "-o", &output],
         &["unpack", "-o", &output],
     ];
@@ -443,7 +446,7 @@ fn files_that_are_no_models_are_refused_by_every_command() {
     // Packed models cannot be looked at in place: the sentence says what to do.
     let (mapped, packed) = (text(&stage.path("ball.oct")), text(&stage.path("ball.opk")));
     assert_eq!(oct(&["pack", &mapped, "-o", &packed]).code, 0);
-    oct(&["render", &packed, "-o", &output]).refused(3, &["ball.opk", "oct unpack"]);
+    oct(&["render", &packed, "-o", &output, "--force"]).refused(3, &["ball.opk", "oct unpack"]);
     oct(&["unpack", &mapped, "-o", &output]).refused(3, &["ball.oct"]);
     stage.untouched();
 }

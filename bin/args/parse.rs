@@ -1,12 +1,12 @@
-//! Values of options, and the sentences for what is none.
+//! Values of options, and the sentences for wrong ones.
 
 use std::ops::Range;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use infobyte::builder::Connectivity;
+use infobyte::builder::{Connectivity, Gradient};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::format::{Channel, Channels, SurfaceKind};
-use infobyte::geom::{Dims, Orientation};
+use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::render::{NamedView, Projection};
 use infobyte::volume::{Endian, ScalarType};
 
@@ -30,10 +30,18 @@ pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
 }
 
 pub(super) fn threads(text: &str) -> Result<usize, String> {
+    workers(text, "threads")
+}
+
+pub(super) fn jobs(text: &str) -> Result<usize, String> {
+    workers(text, "jobs")
+}
+
+fn workers(text: &str, of_what: &str) -> Result<usize, String> {
     text.parse::<usize>()
         .ok()
         .filter(|n| (1..=1024).contains(n))
-        .ok_or_else(|| format!("'{text}' is not a number of threads; choose 1 to 1024"))
+        .ok_or_else(|| format!("'{text}' is not a number of {of_what}; choose 1 to 1024"))
 }
 
 pub(super) fn volume_number(text: &str) -> Result<usize, String> {
@@ -56,6 +64,13 @@ pub(super) fn connectivity(text: &str) -> Result<Connectivity, String> {
 
 pub(super) fn component_connectivity(text: &str) -> Result<ComponentConnectivity, String> {
     either(text, ComponentConnectivity::Corners26, ComponentConnectivity::Faces6)
+}
+
+pub(super) fn gradient(text: &str) -> Result<Gradient, String> {
+    Gradient::by_name(text).ok_or_else(|| {
+        let names = Gradient::ALL.map(Gradient::name).join(", ");
+        format!("'{text}' is not an estimator of normals; choose one of {names}")
+    })
 }
 
 pub(super) fn surface(text: &str) -> Result<SurfaceKind, String> {
@@ -162,10 +177,15 @@ pub(super) fn dtype(text: &str) -> Result<(ScalarType, Endian), String> {
 }
 
 pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
-    let bad = || format!("'{text}' is not a spacing in mm; write for example 0.5x0.5x1.25, each above 0");
+    let bad = || {
+        format!(
+            "'{text}' is not a spacing in mm; write for example 0.5x0.5x1.25, each above 0 and none a billion times another"
+        )
+    };
     let three = parts::<3>(text, 'x').or_else(|| parts::<3>(text, ','));
     let parsed = three.ok_or_else(bad)?.map(|p| number(p).unwrap_or(0.0));
-    if parsed.iter().all(|s| *s > 0.0) { Ok(parsed) } else { Err(bad()) }
+    let sound = parsed.iter().all(|s| *s > 0.0) && Affine::from_spacing(parsed).inverse().is_some();
+    if sound { Ok(parsed) } else { Err(bad()) }
 }
 
 pub(super) fn orientation(text: &str) -> Result<Orientation, String> {
@@ -202,6 +222,34 @@ pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
     match (x, y, z) {
         (Ok(x), Ok(y), Ok(z)) => Ok([x, y, z]),
         _ => Err(bad()),
+    }
+}
+
+/// A length above 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match number(text) {
+        Ok(length) if length > 0.0 && length.is_finite() => Ok(length),
+        _ => Err("write a length above 0".into()),
+    }
+}
+
+/// Voxels along the longest side of a mesh.
+pub(super) fn grid_side(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(side @ 1..=16384) => Ok(side),
+        _ => Err("write a number of voxels from 1 to 16384".into()),
+    }
+}
+
+/// Millimetres of a unit.
+pub(super) fn unit_mm(text: &str) -> Result<f64, String> {
+    match text {
+        "um" => Ok(0.001),
+        "mm" => Ok(1.0),
+        "cm" => Ok(10.0),
+        "m" => Ok(1000.0),
+        "in" => Ok(25.4),
+        _ => Err("write um, mm, cm, m or in".into()),
     }
 }
 

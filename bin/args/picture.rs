@@ -10,12 +10,15 @@ use super::{Switch, ThreadArgs, parse};
 
 #[derive(Debug, Args)]
 pub(crate) struct RenderArgs {
-    /// The model
+    /// The model; - for standard input
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
-    /// The PNG to write
+    /// The PNG to write; - for standard output
     #[arg(short, long, value_name = "IMAGE.png")]
     pub(crate) output: PathBuf,
+    /// Write pictures even if their names say that they are other kinds of files
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Size of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = parse::size)]
     pub(crate) size: [u32; 2],
@@ -55,12 +58,15 @@ pub(crate) struct RenderArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct ThumbnailArgs {
-    /// The model
+    /// The model; - for standard input
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
-    /// The PNG to write, whatever its name ends in
+    /// The PNG to write; - for standard output
     #[arg(short, long, value_name = "THUMB.png")]
     pub(crate) output: PathBuf,
+    /// Write it even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Longest side in pixels
     #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = parse::side)]
     pub(crate) size: u32,

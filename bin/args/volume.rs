@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
-use infobyte::builder::{Connectivity, Threshold};
+use infobyte::builder::{Connectivity, Gradient, Threshold};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
+use infobyte::facts::Fill;
 use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
+use infobyte::mesh::{GridChoice, MeshOptions};
 use infobyte::source::GapPolicy;
 use infobyte::volume::{Endian, ScalarType};
 
@@ -15,12 +17,15 @@ use super::{Switch, ThreadArgs, parse};
 
 #[derive(Debug, Args)]
 pub(crate) struct BuildArgs {
-    /// A file, a folder, or several slice files
+    /// A file, a folder, or several slice files; - for headerless voxels on standard input
     #[arg(required = true, value_name = "INPUT")]
     pub(crate) input: Vec<PathBuf>,
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct")]
     pub(crate) output: PathBuf,
+    /// Write it even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
     /// Peak resident memory of the whole process
@@ -48,6 +53,8 @@ pub(crate) struct BuildArgs {
     pub(crate) clean: CleanArgs,
     #[command(flatten)]
     pub(crate) raw: RawArgs,
+    #[command(flatten)]
+    pub(crate) mesh: MeshArgs,
 }
 
 #[derive(Debug, Args)]
@@ -68,7 +75,7 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     /// Volumes worked on at a time; as many as cores by default
-    #[arg(long, value_name = "N", value_parser = parse::threads)]
+    #[arg(long, value_name = "N", value_parser = parse::jobs)]
     pub(crate) jobs: Option<usize>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
@@ -89,9 +96,27 @@ pub(crate) struct BatchArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) min_slices: u32,
+    /// Take only DICOM series of these modalities, such as CT,MR; the others are listed as skipped
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) modality: Vec<String>,
+    /// Take only these volumes, by their names in `oct scan` or what these begin with, such as mr-012; the others are
+    /// listed as skipped
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) series: Vec<String>,
+    /// Store mean attributes of coarse nodes, for quick small pictures
+    #[arg(long, value_enum, default_value_t = Switch::On)]
+    pub(crate) lod: Switch,
+    /// Distance between neighbours in mm, for every volume; comes before what files state
+    #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing)]
+    pub(crate) spacing: Option<[f64; 3]>,
+    /// Patient directions that the axes run to, such as LPS or RAI, for every volume; comes before what files state
+    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation)]
+    pub(crate) orientation: Option<Orientation>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -112,6 +137,8 @@ pub(crate) struct ScanArgs {
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -122,6 +149,9 @@ pub(crate) struct DemoArgs {
     /// The model to write
     #[arg(short, long, value_name = "MODEL.oct", default_value = "head.oct")]
     pub(crate) output: PathBuf,
+    /// Write model and picture even if their names say that they are other kinds of files
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Voxels along a side of the synthetic volume
     #[arg(long, value_name = "N", default_value = "512", value_parser = parse::side)]
     pub(crate) size: u32,
@@ -182,6 +212,10 @@ pub(crate) struct SkinArgs {
     /// Attributes per skin voxel: normal, value, or none; offset means --surface cells
     #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
     pub(crate) channels: Channels,
+    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), or auto,
+    /// which sees finer detail where there is little noise, at three times the time of normals
+    #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
+    pub(crate) gradient: Gradient,
     /// Connectivity of the skin: 26 (thin) or 6 (thick)
     #[arg(long, default_value = "26", value_parser = parse::connectivity)]
     pub(crate) connectivity: Connectivity,
@@ -196,6 +230,27 @@ pub(crate) struct WhichArgs {
     pub(crate) volume: Option<usize>,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
+    #[command(flatten)]
+    pub(crate) links: LinkArgs,
+}
+
+/// What becomes of symbolic links.
+#[derive(Debug, Args)]
+pub(crate) struct LinkArgs {
+    /// Search linked folders, and read data that a header or a side-car names and a link leads out of its folder to
+    #[arg(long)]
+    pub(crate) follow_links: bool,
+}
+
+/// What is searched, and what is taken of it.
+#[derive(Debug, Args)]
+pub(crate) struct SearchArgs {
+    #[command(flatten)]
+    pub(crate) links: LinkArgs,
+    /// Take all of more than 16 volumes of one series that are alike (moments of a film, of the brain at work), not
+    /// only the first
+    #[arg(long)]
+    pub(crate) all_volumes: bool,
 }
 
 /// What becomes of series with gaps.
@@ -272,6 +327,96 @@ impl CleanArgs {
             drop_below: self.drop_below,
             connectivity: self.component_connectivity,
         }
+    }
+}
+
+impl BuildArgs {
+    /// A flag that was given and says something about volumes only.
+    pub(crate) fn volume_flag(&self) -> Option<&'static str> {
+        let Self { selection, clean, raw, which, mesh, skin, .. } = self;
+        let given = [
+            ("--surface cells", skin.surface != SurfaceKind::Skin),
+            ("--iso", selection.iso.is_some()),
+            ("--range", selection.range.is_some()),
+            ("--otsu", selection.otsu),
+            ("--preset", clean.preset.is_some()),
+            ("--roi", clean.roi.is_some()),
+            ("--downsample", clean.downsample.is_some()),
+            ("--close", clean.close.is_some()),
+            ("--fill-cavities", clean.fill_cavities),
+            ("--keep-largest", clean.keep_largest.is_some()),
+            ("--drop-below", clean.drop_below.is_some()),
+            ("--dtype", raw.dtype.is_some()),
+            ("--spacing", raw.spacing.is_some()),
+            ("--skip", raw.skip.is_some()),
+            ("--orientation", raw.orientation.is_some()),
+            ("--volume", which.volume.is_some()),
+            // With both it is the size of the grid.
+            ("--dims", raw.dims.is_some() && (mesh.voxel.is_none() || mesh.origin.is_none())),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+    }
+}
+
+/// How a mesh becomes a solid.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Meshes only (STL, PLY, OBJ, OFF)")]
+pub(crate) struct MeshArgs {
+    /// Voxels along the longest side of the mesh, margins included
+    #[arg(long, value_name = "N", value_parser = parse::grid_side, conflicts_with = "voxel")]
+    pub(crate) grid: Option<u32>,
+    /// Edge of a voxel in mm
+    #[arg(long, value_name = "MM", value_parser = parse::positive)]
+    pub(crate) voxel: Option<f64>,
+    /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims")]
+    pub(crate) origin: Option<[f64; 3]>,
+    /// Voxels left free at every side of the mesh; 1 by default
+    #[arg(long, value_name = "N")]
+    pub(crate) margin: Option<u16>,
+    /// Unit of the file's coordinates: um, mm (the default), cm, m or in
+    #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
+    pub(crate) unit: Option<f64>,
+    /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what fits
+    /// the mesh
+    #[arg(long, value_enum, value_name = "winding|parity")]
+    pub(crate) fill: Option<FillRule>,
+}
+
+/// Which voxels are inside a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FillRule {
+    Winding,
+    Parity,
+}
+
+impl MeshArgs {
+    /// A flag that was given.
+    pub(crate) fn flag(&self) -> Option<&'static str> {
+        let given = [
+            ("--grid", self.grid.is_some()),
+            ("--voxel", self.voxel.is_some()),
+            ("--fill", self.fill.is_some()),
+            ("--margin", self.margin.is_some()),
+            ("--unit", self.unit.is_some()),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+    }
+
+    /// The options of the library, if anything says how fine the grid is.
+    pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
+        let margin = self.margin.unwrap_or(1).into();
+        let grid = match (self.grid, self.voxel, self.origin, dims) {
+            (_, Some(edge_mm), Some(origin_mm), Some(dims)) => GridChoice::Exact { edge_mm, origin_mm, dims },
+            (_, Some(edge_mm), ..) => GridChoice::Voxel { edge_mm, margin },
+            (Some(voxels), ..) => GridChoice::Side { voxels, margin },
+            _ => return None,
+        };
+        let fill = self.fill.map(|rule| match rule {
+            FillRule::Winding => Fill::Winding,
+            FillRule::Parity => Fill::Parity,
+        });
+        Some(MeshOptions { grid, unit_mm: self.unit.unwrap_or(1.0), fill })
     }
 }
 

@@ -68,6 +68,22 @@ impl fmt::Display for SizeArgument {
     }
 }
 
+/// A byte count as it was typed: not rounded, in the greatest unit that divides it.
+#[derive(Clone, Copy, Debug)]
+pub struct ExactSize(
+    /// The count.
+    pub u64,
+);
+
+impl fmt::Display for ExactSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0 > 0 && self.0.is_multiple_of(1 << 10) {
+            return SizeArgument(self.0).fmt(f);
+        }
+        self.0.fmt(f)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -89,6 +105,10 @@ mod tests {
         for (bytes, text) in [(8 << 20, "8MiB"), (1 << 30, "1GiB"), (6_946_817, "6785KiB"), (1, "1KiB")] {
             assert_eq!(SizeArgument(bytes).to_string(), text);
             assert!(parse_size(text).unwrap() >= bytes);
+        }
+        for (bytes, text) in [(1, "1"), (1025, "1025"), (2048, "2KiB"), (8 << 20, "8MiB")] {
+            assert_eq!(ExactSize(bytes).to_string(), text);
+            assert_eq!(parse_size(text), Ok(bytes));
         }
     }
 }

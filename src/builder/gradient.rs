@@ -1,51 +1,16 @@
 //! Normals from a 5x5x5 neighbourhood, at skin voxels only (the paper, section 4: the modified
-//! gradient method; the taps are chosen by measurement, see `tests/normals.rs`).
+//! gradient method; the taps are chosen by measurement, see `estimator` and `tests/normals.rs`).
 //!
-//! The kernel is separable: along the differentiated axis the taps `DERIVE`, along the other two
-//! `SMOOTH`. All sums are IEEE single in one fixed order, so results do not depend on the machine, the
+//! Kernels are separable: along the differentiated axis the taps of the derivative, along the other two those of the
+//! smoothing. All sums are IEEE single in one fixed order, so results do not depend on the machine, the
 //! instruction set or the way voxels are grouped: a window of 16 samples gives 12 neighbouring voxels
 //! at once, a window of 8 gives 4, each lane with the same operations.
 
+use super::estimator::{Estimate, Gradient, Taps};
 use super::lanes::{LANES, Lanes, RingSample, fast_proof};
 use super::simd::{Isa, Kernel, dispatch, five_rows};
 use super::skin::Exposed;
 use crate::format::normal;
-
-/// Name recorded in the metadata.
-pub const ESTIMATOR: &str = "isotropic5";
-
-/// Taps of the smoothing filter at distance 0, 1 and 2.
-///
-/// This pair minimises the error over all directions on a blurred ball among separable 5-tap pairs
-/// (0.013 degrees; a Gaussian of sigma 1: 0.35), rounded to small integers.
-const SMOOTH: [i8; 3] = [20, 13, 2];
-/// The same along an axis with a much longer spacing than the finest: a surface passes more steeply
-/// through few slices there, which this flatter filter bears better (a ball sampled 1:1:2, stored normals:
-/// mean 0.51 to 0.38 degrees, 99th percentile 1.40 to 0.95).
-const SMOOTH_COARSE: [i8; 3] = [20, 15, 1];
-/// Spacing of a coarse axis, in units of the finest.
-const COARSE_FROM: f64 = 1.6;
-/// Taps of the derivative at distance 1 and 2.
-const DERIVE: [i8; 2] = [2, 1];
-
-/// Smoothing taps along x, y and z.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Taps([[i8; 3]; 3]);
-
-impl Taps {
-    const ISOTROPIC: Self = Self([SMOOTH; 3]);
-
-    fn new(spacing_mm: [f64; 3]) -> Self {
-        let finest = spacing_mm.iter().copied().fold(f64::INFINITY, f64::min);
-        Self(spacing_mm.map(|s| if s >= COARSE_FROM * finest { SMOOTH_COARSE } else { SMOOTH }))
-    }
-
-    /// Sum of an axis's five taps.
-    fn sum(self, axis: usize) -> f64 {
-        let [middle, near, far] = self.0[axis].map(f64::from);
-        middle + 2.0 * (near + far)
-    }
-}
 
 /// Reach of the kernel.
 pub(super) const REACH: u32 = 2;
@@ -57,14 +22,20 @@ pub(super) const OVERREAD: usize = WIDE;
 /// Most voxels of one brick in one slice.
 pub(super) const SLICE_VOXELS: usize = 32 * 32;
 
-/// Gradients of one brick in one slice, in the order of its skin voxels (y, then x).
+/// One number for each axis and skin voxel, in the order of the voxels (y, then x).
+type Axes = [[f32; SLICE_VOXELS]; 3];
+
+/// Gradients of one brick in one slice.
 pub(super) struct Gradients {
-    axes: [[f32; SLICE_VOXELS]; 3],
+    axes: Axes,
+    /// Those of the two small estimators that [`Gradient::Auto`] compares with.
+    small: Option<Box<[Axes; 2]>>,
 }
 
 impl Gradients {
-    pub(super) fn new() -> Box<Self> {
-        Box::new(Self { axes: [[0.0; SLICE_VOXELS]; 3] })
+    pub(super) fn new(rule: &NormalRule) -> Box<Self> {
+        let axes = [[0.0; SLICE_VOXELS]; 3];
+        Box::new(Self { axes, small: rule.small.map(|_| Box::new([axes; 2])) })
     }
 }
 
@@ -83,14 +54,19 @@ pub(super) struct SliceWindow<'a, R> {
 }
 
 /// Computes the gradients of all interior skin voxels; slots of the others are left as they are.
-pub(super) fn gradients<R: RingSample>(window: &SliceWindow<'_, R>, taps: Taps, out: &mut Gradients) {
-    dispatch(GradientKernel { window, taps, out });
+fn gradients<R: RingSample>(window: &SliceWindow<'_, R>, estimate: &Estimate, out: &mut Axes) {
+    dispatch(GradientKernel { window, taps: estimate.taps, add: false, out });
+    if let Some(taps) = estimate.more {
+        dispatch(GradientKernel { window, taps, add: true, out });
+    }
 }
 
 struct GradientKernel<'a, 'b, R> {
     window: &'a SliceWindow<'b, R>,
     taps: Taps,
-    out: &'a mut Gradients,
+    /// Are results added to what stands there?
+    add: bool,
+    out: &'a mut Axes,
 }
 
 impl<R: RingSample> Kernel for GradientKernel<'_, '_, R> {
@@ -99,18 +75,18 @@ impl<R: RingSample> Kernel for GradientKernel<'_, '_, R> {
     #[inline(always)]
     fn run(self, isa: impl Isa) {
         // The usual taps as constants: the compiler knows them in the loop.
-        if self.taps == Taps::ISOTROPIC {
-            self.with_taps(Taps::ISOTROPIC, isa);
+        if self.taps == Taps::ISOTROPIC && !self.add {
+            self.with_taps(Taps::ISOTROPIC, false, isa);
         } else {
-            let taps = self.taps;
-            self.with_taps(taps, isa);
+            let (taps, add) = (self.taps, self.add);
+            self.with_taps(taps, add, isa);
         }
     }
 }
 
 impl<R: RingSample> GradientKernel<'_, '_, R> {
     #[inline(always)]
-    fn with_taps(self, taps: Taps, isa: impl Isa) {
+    fn with_taps(self, taps: Taps, add: bool, isa: impl Isa) {
         let (w, out) = (self.window, self.out);
         let mut base = 0;
         for y in 0..32 {
@@ -127,7 +103,7 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
                     } else {
                         window::<R, R::Portable, NARROW>(w, taps, at, (), R::widen)
                     };
-                    store(out, base, skin, todo, first, &lanes, NARROW - 4)
+                    store(out, add, base, [skin, todo], first, &lanes, NARROW - 4)
                 } else {
                     let lanes = if let Some(avx2) = isa.avx2() {
                         window::<R, R::Fast, WIDE>(w, taps, at, fast_proof(avx2), |eight| {
@@ -136,7 +112,7 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
                     } else {
                         window::<R, R::Portable, WIDE>(w, taps, at, (), R::widen)
                     };
-                    store(out, base, skin, todo, first, &lanes, WIDE - 4)
+                    store(out, add, base, [skin, todo], first, &lanes, WIDE - 4)
                 };
                 todo &= !done;
             }
@@ -152,11 +128,11 @@ fn smooth<L: Lanes>(taps: [i8; 3], v: [L; 5]) -> L {
     v[2].times(taps[0]).plus(near.times(taps[1])).plus(far.times(taps[2]))
 }
 
-/// `DERIVE` over five terms.
+/// The derivative over five terms.
 #[inline(always)]
-fn derive<L: Lanes>(v: [L; 5]) -> L {
+fn derive<L: Lanes>(taps: [i8; 2], v: [L; 5]) -> L {
     let (near, far) = (v[3].minus(v[1]), v[4].minus(v[0]));
-    near.times(DERIVE[0]).plus(far.times(DERIVE[1]))
+    near.times(taps[0]).plus(far.times(taps[1]))
 }
 
 /// Gradients of `N - 4` neighbouring voxels, the first at sample `at`; the last 4 lanes are void.
@@ -171,7 +147,7 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
     widen: impl Fn(&[R; LANES]) -> L,
 ) -> [[f32; N]; 3] {
     let start = at - 2 * w.stride - 2;
-    let [taps_x, taps_y, taps_z] = taps.0;
+    let Taps { smooth: [taps_x, taps_y, taps_z], derive: taps_d } = taps;
     // Room behind the last lane, for the shifted reads of the void ones.
     let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); WIDE + LANES]; 3];
     for block in 0..N / LANES {
@@ -179,9 +155,9 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
         let mut derived = [L::zero(proof); 5];
         for (k, plane) in w.planes.iter().enumerate() {
             let rows = five_rows::<R, LANES>(plane, start + block * LANES, w.stride).map(|row| widen(&row));
-            (smoothed[k], derived[k]) = (smooth(taps_y, rows), derive(rows));
+            (smoothed[k], derived[k]) = (smooth(taps_y, rows), derive(taps_d, rows));
         }
-        let columns = [smooth(taps_z, smoothed), smooth(taps_z, derived), derive(smoothed)];
+        let columns = [smooth(taps_z, smoothed), smooth(taps_z, derived), derive(taps_d, smoothed)];
         for (sums, column) in sums.iter_mut().zip(columns) {
             sums[block * LANES..][..LANES].copy_from_slice(&column.store());
         }
@@ -194,7 +170,7 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
                 L::load(proof, &std::array::from_fn(|lane| sums[axis][from + lane]))
             })
         };
-        let lanes = [derive(shifted(0)), smooth(taps_x, shifted(1)), smooth(taps_x, shifted(2))];
+        let lanes = [derive(taps_d, shifted(0)), smooth(taps_x, shifted(1)), smooth(taps_x, shifted(2))];
         for (out, lanes) in out.iter_mut().zip(lanes) {
             out[block * LANES..][..LANES].copy_from_slice(&lanes.to_f32());
         }
@@ -205,10 +181,10 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
 /// Copies the lanes that are wanted to their voxels' slots and says which voxels are done.
 #[inline(always)]
 fn store<const N: usize>(
-    out: &mut Gradients,
+    out: &mut Axes,
+    add: bool,
     base: usize,
-    skin: u32,
-    todo: u32,
+    [skin, todo]: [u32; 2],
     first: u32,
     lanes: &[[f32; N]; 3],
     count: usize,
@@ -221,8 +197,9 @@ fn store<const N: usize>(
         now &= now - 1;
         let slot = base + (skin & ((1_u32 << x) - 1)).count_ones() as usize;
         let lane = (x - first) as usize;
-        for (axis, lanes) in out.axes.iter_mut().zip(lanes) {
-            axis[slot & (SLICE_VOXELS - 1)] = lanes[lane & (N - 1)];
+        for (axis, lanes) in out.iter_mut().zip(lanes) {
+            let (slot, lane) = (&mut axis[slot & (SLICE_VOXELS - 1)], lanes[lane & (N - 1)]);
+            *slot = if add { *slot + lane } else { lane };
         }
     }
     done
@@ -230,33 +207,89 @@ fn store<const N: usize>(
 
 /// Gradient of one voxel from its 125 depths (`[dz][dy][dx]`), for neighbourhoods that leave the
 /// volume or hold values that are not finite.
-pub(super) fn gradient_of_depths(taps: Taps, depths: &[[[f32; 5]; 5]; 5]) -> [f32; 3] {
-    let [taps_x, taps_y, taps_z] = taps.0;
+pub(super) fn gradient_of_depths(estimate: &Estimate, depths: &[[[f32; 5]; 5]; 5]) -> [f32; 3] {
+    let first = product_of_depths(estimate.taps, depths);
+    let Some(taps) = estimate.more else { return first };
+    let second = product_of_depths(taps, depths);
+    std::array::from_fn(|a| first[a] + second[a])
+}
+
+fn product_of_depths(taps: Taps, depths: &[[[f32; 5]; 5]; 5]) -> [f32; 3] {
+    let Taps { smooth: [taps_x, taps_y, taps_z], derive: taps_d } = taps;
     let row = |z: usize, x: usize| -> [[f32; LANES]; 5] { std::array::from_fn(|y| [depths[z][y][x]; LANES]) };
     let smoothed = |x: usize| -> [[f32; LANES]; 5] { std::array::from_fn(|z| smooth(taps_y, row(z, x))) };
-    let derived = |x: usize| -> [[f32; LANES]; 5] { std::array::from_fn(|z| derive(row(z, x))) };
-    let along_x = derive(std::array::from_fn(|x| smooth(taps_z, smoothed(x))));
+    let derived = |x: usize| -> [[f32; LANES]; 5] { std::array::from_fn(|z| derive(taps_d, row(z, x))) };
+    let along_x = derive(taps_d, std::array::from_fn(|x| smooth(taps_z, smoothed(x))));
     let along_y = smooth(taps_x, std::array::from_fn(|x| smooth(taps_z, derived(x))));
-    let along_z = smooth(taps_x, std::array::from_fn(|x| derive(smoothed(x))));
+    let along_z = smooth(taps_x, std::array::from_fn(|x| derive(taps_d, smoothed(x))));
     [along_x[0], along_y[0], along_z[0]]
 }
 
 /// Turns gradients into outward normal codes.
 pub(super) struct NormalRule {
-    /// Smoothing along each axis.
-    pub(super) taps: Taps,
-    /// Reciprocal spacing of each axis, relative to the smallest: gradients in physical units. The sum of
-    /// an axis's own smoothing taps is in it, as its component is the only one not smoothed by them.
-    per_spacing: [f32; 3],
+    usual: Estimate,
+    /// Of [`Gradient::Auto`]: [`Gradient::Central`] and [`Gradient::Sobel`].
+    small: Option<[Estimate; 2]>,
 }
 
+/// Where 5x5x5 turns normals by more than this part of what 3x3x3 does, by the squares of the angles, it is the surface
+/// that bends. Of a ball the part is 0.05 to 0.09, with noise, without grey levels and between thick slices, too; of
+/// Marschner and Lobb's signal 1 to 2.
+const BENDS_FROM: f64 = 0.3;
+
 impl NormalRule {
-    pub(super) fn new(spacing_mm: [f64; 3]) -> Self {
-        let taps = Taps::new(spacing_mm);
-        let smallest = spacing_mm.iter().copied().fold(f64::INFINITY, f64::min);
-        let gain = |a: usize| smallest / spacing_mm[a] * (taps.sum(a) / Taps::ISOTROPIC.sum(a));
-        #[expect(clippy::cast_possible_truncation, reason = "ratios near 1 and below")]
-        Self { taps, per_spacing: std::array::from_fn(|a| gain(a) as f32) }
+    pub(super) fn new(spacing_mm: [f64; 3], gradient: Gradient) -> Self {
+        let estimate = |gradient| Estimate::new(gradient, spacing_mm);
+        let small = (gradient == Gradient::Auto).then(|| [Gradient::Central, Gradient::Sobel].map(estimate));
+        Self { usual: estimate(gradient), small }
+    }
+
+    /// Bytes of [`Gradients`] beyond what every rule takes.
+    pub(super) fn more_bytes(gradient: Gradient) -> u64 {
+        if gradient == Gradient::Auto { size_of::<[Axes; 2]>() as u64 } else { 0 }
+    }
+
+    /// Computes the gradients of the interior voxels of a brick slice, and says which estimator was taken.
+    ///
+    /// [`Gradient::Auto`] decides for the slice of a brick as a whole, the same 32 x 32 voxels in every build. From
+    /// two samples an axis to 3x3x3, and from there to 5x5x5, noise is averaged out less and less, but a surface that
+    /// bends is blurred more and more: so the second turn of the normals is small against the first where there is
+    /// noise (or steps, or a smooth surface), and great where the surface bends.
+    pub(super) fn estimate<R: RingSample>(
+        &self,
+        window: &SliceWindow<'_, R>,
+        out: &mut Gradients,
+    ) -> Estimate {
+        gradients(window, &self.usual, &mut out.axes);
+        let (Some(small), Some(axes)) = (&self.small, out.small.as_deref_mut()) else { return self.usual };
+        for (estimate, axes) in small.iter().zip(&mut *axes) {
+            gradients(window, estimate, axes);
+        }
+        let [central, sobel] = small;
+        let (mut to_3, mut to_5, mut base) = (0.0_f64, 0.0_f64, 0);
+        for (skin, interior) in window.skin.iter().zip(window.interior) {
+            let mut bits = *interior;
+            while bits != 0 {
+                let x = bits.trailing_zeros();
+                bits &= bits - 1;
+                let slot = (base + (skin & ((1_u32 << x) - 1)).count_ones() as usize) & (SLICE_VOXELS - 1);
+                let n = |axes: &Axes, estimate: &Estimate| -> [f64; 3] {
+                    std::array::from_fn(|a| f64::from(axes[a][slot] * estimate.per_spacing[a]))
+                };
+                let middle = n(&axes[1], sobel);
+                let turns = [n(&axes[0], central), n(&out.axes, &self.usual)].map(|v| turn(v, middle));
+                // Without a direction there is nothing to compare.
+                if let [Some(first), Some(second)] = turns {
+                    (to_3, to_5) = (to_3 + first, to_5 + second);
+                }
+            }
+            base += skin.count_ones() as usize;
+        }
+        if to_5 <= BENDS_FROM * to_3 {
+            return self.usual;
+        }
+        out.axes = axes[0];
+        *central
     }
 
     /// Writes the codes of a brick slice's skin voxels to `codes`, in the order of the gradients.
@@ -267,7 +300,7 @@ impl NormalRule {
     /// gradient vanishes, the sum of the exposed faces' directions stands in, and should that vanish too (a
     /// plate one voxel thick), the first exposed axis: never a zero normal, never one into the model.
     pub(super) fn codes<R>(
-        &self,
+        estimate: &Estimate,
         window: &SliceWindow<'_, R>,
         exposed: &[Exposed; 32],
         g: &mut Gradients,
@@ -287,11 +320,11 @@ impl NormalRule {
                 bits &= bits - 1;
                 let slot = at & (SLICE_VOXELS - 1);
                 let e = OUTWARD[usize::from(open)];
-                let mut n: [f32; 3] = std::array::from_fn(|a| -g.axes[a][slot] * self.per_spacing[a]);
+                let mut n: [f32; 3] = std::array::from_fn(|a| -g.axes[a][slot] * estimate.per_spacing[a]);
                 let dot = n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
                 // Not so for a border voxel (its `e` is NaN), a vanishing, inward or infinite gradient.
                 if !(dot > 0.0 && dot < f32::INFINITY) {
-                    n = self.unusual(n, open, || repair(y, x));
+                    n = unusual(estimate, n, open, || repair(y, x));
                 }
                 for (axis, n) in g.axes.iter_mut().zip(n) {
                     axis[slot] = n;
@@ -301,29 +334,37 @@ impl NormalRule {
         }
         dispatch(EncodeKernel { g, codes, len: at });
     }
+}
 
-    /// The rare cases of [`NormalRule::codes`]: `n` is the plain outward vector, `open` the voxel's faces.
-    #[cold]
-    fn unusual(&self, n: [f32; 3], open: u8, repair: impl Fn() -> [f32; 3]) -> [f32; 3] {
-        let finite = |v: [f32; 3]| (v[0] + v[1] + v[2]).is_finite();
-        let mut n = n;
-        if open & BORDER != 0 || !finite(n) {
-            let g = repair();
-            n = std::array::from_fn(|a| -g[a] * self.per_spacing[a]);
-        }
-        let faces = open & (BORDER - 1);
-        let e = OUTWARD[usize::from(faces)];
-        let against = n[0] * e[0] + n[1] * e[1] + n[2] * e[2] < 0.0;
-        if n != [0.0; 3] {
-            let along = (n[0] * e[0] + n[1] * e[1] + n[2] * e[2]) / (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
-            return if against { std::array::from_fn(|a| n[a] - 2.0 * along * e[a]) } else { n };
-        }
-        if e != [0.0; 3] {
-            return e;
-        }
-        let axis = (0..3).find(|a| faces >> (2 * a) & 1 == 1).unwrap_or(2);
-        std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 })
+/// The rare cases of [`NormalRule::codes`]: `n` is the plain outward vector, `open` the voxel's faces.
+#[cold]
+fn unusual(estimate: &Estimate, n: [f32; 3], open: u8, repair: impl Fn() -> [f32; 3]) -> [f32; 3] {
+    let finite = |v: [f32; 3]| (v[0] + v[1] + v[2]).is_finite();
+    let mut n = n;
+    if open & BORDER != 0 || !finite(n) {
+        let g = repair();
+        n = std::array::from_fn(|a| -g[a] * estimate.per_spacing[a]);
     }
+    let faces = open & (BORDER - 1);
+    let e = OUTWARD[usize::from(faces)];
+    let against = n[0] * e[0] + n[1] * e[1] + n[2] * e[2] < 0.0;
+    if n != [0.0; 3] {
+        let along = (n[0] * e[0] + n[1] * e[1] + n[2] * e[2]) / (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
+        return if against { std::array::from_fn(|a| n[a] - 2.0 * along * e[a]) } else { n };
+    }
+    if e != [0.0; 3] {
+        return e;
+    }
+    let axis = (0..3).find(|a| faces >> (2 * a) & 1 == 1).unwrap_or(2);
+    std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 })
+}
+
+/// The square of the angle between two vectors, about: twice one less its cosine; `None` if one has no direction.
+fn turn(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let lengths = (dot(a, a) * dot(b, b)).sqrt();
+    let turn = 2.0 - 2.0 * (dot(a, b) / lengths);
+    turn.is_finite().then_some(turn)
 }
 
 /// Index bit of voxels outside the interior, beside the six faces'.

@@ -14,7 +14,7 @@ use super::plan::{ColumnPlan, PlanRequest};
 use super::skin::{Connectivity, Kept};
 use super::solid::{BRICK, Found, Solid};
 use super::swap::Scratch;
-use super::{BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
+use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
 use crate::format::{Channel, Channels, Metadata, SurfaceKind};
@@ -66,6 +66,17 @@ fn forms_of(
         None => Err(BuildError::NoChannel { name: name.to_owned(), channel }),
     };
     channels.iter().map(with_form).collect()
+}
+
+/// What is odd about what was found.
+fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote> {
+    let count =
+        |less: u32| dims.to_array().map(|side| u64::from(side.saturating_sub(less))).iter().product::<u64>();
+    // All voxels are inside where the skin is that of the box. Cells lie between samples, and around them.
+    let all = totals.skin == count(0) - count(2);
+    let voxels = count(u32::from(surface == SurfaceKind::Cells));
+    let found = [(BuildNote::NotNumbers, totals.found.not_numbers), (BuildNote::AllInside { voxels }, all)];
+    found.into_iter().filter(|(_, is_so)| *is_so).map(|(note, _)| note).collect()
 }
 
 /// What is built, and where.
@@ -127,6 +138,7 @@ impl Job<'_> {
         let file_bytes = seal::seal(&target, solid.dims(), solid.surface(), &census, &metadata)?;
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
+        solid.check_unchanged().map_err(BuildError::Source)?;
         atomic.commit().map_err(|e| self.output_error(e))?;
         seconds.commit = started.elapsed().as_secs_f64();
         Ok(BuildReport {
@@ -144,6 +156,7 @@ impl Job<'_> {
             threads: plan.threads,
             tile: plan.tile,
             seconds,
+            notes: notes(solid.dims(), solid.surface(), &totals),
         })
     }
 

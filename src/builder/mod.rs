@@ -27,6 +27,7 @@ mod choose;
 mod classify;
 mod column;
 mod error;
+mod estimator;
 mod gradient;
 mod histogram;
 mod item;
@@ -53,11 +54,11 @@ mod walk;
 
 pub use choose::choose_selection;
 pub use error::{BuildError, ScratchFault, Sought};
-pub use gradient::ESTIMATOR;
+pub use estimator::Gradient;
 pub use item::ItemForm;
 pub use job::build_solid;
 pub use options::{BuildOptions, Threshold};
-pub use report::{BuildReport, StageSeconds};
+pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 
@@ -73,6 +74,7 @@ use crate::format::{Channel, Selection, SurfaceKind};
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 use cells::{AROUND_CELL, CellSolid, cell_dims, cell_form};
 use choose::Chooser;
+use gradient::NormalRule;
 use item::ChannelForm;
 use job::{Job, channel_forms};
 use plan::{ColumnPlan, PlanRequest};
@@ -117,6 +119,10 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
         // A volume that is too large is refused elsewhere.
         SurfaceKind::Cells => (cell_dims(info.dims).unwrap_or(info.dims), AROUND_CELL),
     };
+    let more = match surface {
+        SurfaceKind::Skin => NormalRule::more_bytes(options.gradient),
+        SurfaceKind::Cells => cells::WORKER_BYTES,
+    };
     let shape = RingShape::kindest(info.dims, info.scalar, reach);
     let channels = options.for_surface(surface).channels;
     let form_of = |channel| {
@@ -127,10 +133,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
         dims,
         channels: channels.iter().filter_map(form_of).collect(),
         threads: options.threads,
-        solid_bytes: Box::new(move |tile| match surface {
-            SurfaceKind::Skin => shape.bytes(tile),
-            SurfaceKind::Cells => shape.bytes(tile) + cells::WORKER_BYTES,
-        }),
+        solid_bytes: Box::new(move |tile| shape.bytes(tile) + more),
         input_bytes: source.resident_bytes(),
     }
 }
@@ -233,7 +236,7 @@ impl<'a> Front<'a> {
         selection: Selection,
         histogram_s: f64,
     ) -> Result<BuildReport, BuildError> {
-        let solid = VolumeSolid::new(self.source, form, selection, self.chooser());
+        let solid = VolumeSolid::new(self.source, form, selection, self.job.options.gradient, self.chooser());
         let mut report = match self.job.options.surface {
             SurfaceKind::Skin => self.job.run(files, &solid)?,
             SurfaceKind::Cells => self.job.run(files, &CellSolid::new(solid, self.dims()?))?,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Connectivity;
+use super::{Connectivity, Gradient};
 use crate::budget::MemoryCap;
 use crate::format::{Channel, Channels, Selection, SurfaceKind};
 
@@ -31,6 +31,8 @@ pub struct BuildOptions {
     pub connectivity: Connectivity,
     /// What is stored of every skin voxel.
     pub channels: Channels,
+    /// How normals are estimated, of volumes.
+    pub gradient: Gradient,
     /// Store means of coarse nodes for level of detail?
     pub lod: bool,
     /// Cap on resident memory.
@@ -50,6 +52,7 @@ impl Default for BuildOptions {
             surface: SurfaceKind::Skin,
             connectivity: Connectivity::Thin26,
             channels: Channels::default(),
+            gradient: Gradient::default(),
             lod: true,
             memory: MemoryCap::Share(64 << 20),
             threads: std::thread::available_parallelism().map_or(1, usize::from),

@@ -25,6 +25,21 @@ pub struct BuildReport {
     pub tile: u32,
     /// Seconds: choosing the threshold, scanning the volume, merging, sealing, syncing and renaming.
     pub seconds: StageSeconds,
+    /// What is odd about the volume and its threshold.
+    pub notes: Vec<BuildNote>,
+}
+
+/// Something that whoever chose a threshold should know.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BuildNote {
+    /// Some samples are NaN, and so outside.
+    NotNumbers,
+    /// Every voxel is inside: the model is the box of the volume.
+    AllInside {
+        /// How many there are.
+        voxels: u64,
+    },
 }
 
 /// Wall time of the stages.

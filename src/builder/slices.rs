@@ -150,6 +150,8 @@ pub(super) struct Slices<'a, F: RingForm> {
     staging_slices: usize,
     /// Time spent waiting for input.
     pub(super) reading: Duration,
+    /// Were there samples that are NaN?
+    pub(super) not_numbers: bool,
 }
 
 impl<'a, F: RingForm> Slices<'a, F> {
@@ -170,6 +172,7 @@ impl<'a, F: RingForm> Slices<'a, F> {
             staging: vec![bytemuck::Zeroable::zeroed(); staging_slices * shape.block_samples(tile)],
             staging_slices,
             reading: Duration::ZERO,
+            not_numbers: false,
         }
     }
 
@@ -203,6 +206,7 @@ impl<'a, F: RingForm> Slices<'a, F> {
             let pitch = f.stride * size_of::<F::Ring>();
             self.source.read_pitched(z, rows, cols, pitch, bytemuck::cast_slice_mut(plane))?;
             self.reading += started.elapsed();
+            self.not_numbers = self.not_numbers || holds_nan::<F::File>(bytemuck::cast_slice(plane));
             classify_rows(f, self.dims, bytemuck::cast_slice(plane), f.stride, range, wanted);
         } else {
             let len = self.staging.len() / self.staging_slices;
@@ -210,6 +214,7 @@ impl<'a, F: RingForm> Slices<'a, F> {
                 &mut self.staging[z as usize % self.staging_slices * len..][..f.width * f.rows.len()];
             self.source.read_rows(z, rows, cols, bytemuck::cast_slice_mut(staged))?;
             self.reading += started.elapsed();
+            self.not_numbers = self.not_numbers || holds_nan(staged);
             classify_rows(f, self.dims, staged, f.width, range, wanted);
             for (from, to) in staged.chunks_exact(f.width).zip(plane.chunks_mut(f.stride)) {
                 convert(&self.form, from, &mut to[..f.width]);
@@ -235,6 +240,13 @@ impl<'a, F: RingForm> Slices<'a, F> {
             (&self.staging[z as usize % self.staging_slices * len..][..len], self.frame.width)
         }
     }
+}
+
+/// Is one of some samples NaN? Asked in parts without a branch, at the speed of memory.
+fn holds_nan<T: Ordered>(samples: &[T]) -> bool {
+    const PART: usize = 256;
+    let in_part = |part: &[T]| part.iter().fold(false, |found, v| found | v.partial_cmp(v).is_none());
+    T::NO_NUMBER.is_some() && samples.chunks(PART).any(in_part)
 }
 
 /// Inside bits of the rows wanted, from samples whose rows are `stride` apart; a word of each row stands before

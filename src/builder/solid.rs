@@ -66,11 +66,13 @@ pub struct Found {
     pub extent: (f32, f32),
     /// Time spent waiting for input.
     pub reading: Duration,
+    /// Were there samples that are NaN? They are outside.
+    pub not_numbers: bool,
 }
 
 impl Default for Found {
     fn default() -> Self {
-        Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO }
+        Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO, not_numbers: false }
     }
 }
 
@@ -81,6 +83,7 @@ impl Found {
         Self {
             extent: (self.extent.0.min(other.extent.0), self.extent.1.max(other.extent.1)),
             reading: self.reading + other.reading,
+            not_numbers: self.not_numbers || other.not_numbers,
         }
     }
 }
@@ -132,6 +135,14 @@ pub trait Solid: Sync {
     /// What errors call the solid; it is not stored.
     fn name(&self) -> String {
         self.metadata(&Found::default()).source.kind
+    }
+
+    /// Is what the solid is made of still what it was? Asked before the model is given its name.
+    ///
+    /// # Errors
+    /// What was changed meanwhile.
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        Ok(())
     }
 
     /// Why no voxel is inside, for the user.

@@ -11,9 +11,8 @@
 
 use super::choose::Chooser;
 use super::error::{BuildError, Sought};
-use super::gradient::{
-    ESTIMATOR, Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths, gradients,
-};
+use super::estimator::Gradient;
+use super::gradient::{Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths};
 use super::item::{ItemForm, push_swapped, value_bytes, value_form, value_scale};
 use super::ring::{RingForm, border_unit};
 use super::skin::Exposed;
@@ -43,6 +42,7 @@ pub(super) struct VolumeSolid<'a, F> {
     pub(super) source: &'a dyn VolumeSource,
     pub(super) form: F,
     pub(super) selection: Selection,
+    pub(super) gradient: Gradient,
     pub(super) rule: NormalRule,
     /// Says which values there are, if none lies in the range.
     pub(super) chooser: Chooser<'a>,
@@ -54,10 +54,11 @@ impl<'a, F: RingForm> VolumeSolid<'a, F> {
         source: &'a dyn VolumeSource,
         form: F,
         selection: Selection,
+        gradient: Gradient,
         chooser: Chooser<'a>,
     ) -> Self {
-        let rule = NormalRule::new(source.info().spacing_mm);
-        Self { source, form, selection, rule, chooser }
+        let rule = NormalRule::new(source.info().spacing_mm, gradient);
+        Self { source, form, selection, gradient, rule, chooser }
     }
 
     /// Where the range begins, in samples of the file, if that is its only end.
@@ -95,7 +96,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
             rescale: [rescale.slope, rescale.intercept],
             selection: self.selection,
             connectivity: 0,
-            gradient: ESTIMATOR.into(),
+            gradient: self.gradient.name().into(),
             value_scale: value_scale(*scalar, found.extent, *rescale),
         }
     }
@@ -109,7 +110,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        RingShape::of::<F>(self.source.info(), AROUND).bytes(tile)
+        RingShape::of::<F>(self.source.info(), AROUND).bytes(tile) + NormalRule::more_bytes(self.gradient)
     }
 
     fn input_bytes(&self) -> u64 {
@@ -118,6 +119,10 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
 
     fn worker(&self, tile: &Tile) -> VolumeWorker<'_, F> {
         VolumeWorker::new(self, tile)
+    }
+
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        self.source.check_unchanged()
     }
 
     fn nothing_inside(&self) -> BuildError {
@@ -148,7 +153,7 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
             rule: &solid.rule,
             normals: tile.channels.contains(Channel::Normal),
             values,
-            gradients: Gradients::new(),
+            gradients: Gradients::new(&solid.rule),
             codes: Box::new([0; SLICE_VOXELS]),
             count: 0,
             swapped_values: Vec::with_capacity(if values { SLICE_VOXELS * value_bytes } else { 0 }),
@@ -166,11 +171,11 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
             std::array::from_fn(|k| self.slices.plane(z + k as u32 + RING as u32 - REACH));
         let origin = row0 * f.stride + (x0 - f.cols.start) as usize;
         let window = SliceWindow { planes, stride: f.stride, origin, skin: skin.rows(), interior: &interior };
-        gradients(&window, self.rule.taps, &mut self.gradients);
+        let estimate = self.rule.estimate(&window, &mut self.gradients);
         let faces: [Exposed; BRICK_ROWS] = std::array::from_fn(|y| skin.exposed(y));
         let (dims, form) = (self.slices.dims, self.slices.form);
-        let (unit, taps) = (border_unit::<F>(), self.rule.taps);
-        self.rule.codes(&window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
+        let unit = border_unit::<F>();
+        NormalRule::codes(&estimate, &window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
             let (cx, cy) = (i64::from(x0 + x), i64::from(f.column.y.start) + y as i64);
             let depths = std::array::from_fn(|k| {
                 std::array::from_fn(|j| {
@@ -188,7 +193,7 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
                     })
                 })
             });
-            gradient_of_depths(taps, &depths)
+            gradient_of_depths(&estimate, &depths)
         });
     }
 
@@ -259,6 +264,6 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
     }
 
     fn found(&self) -> Found {
-        Found { extent: self.extent, reading: self.slices.reading }
+        Found { extent: self.extent, reading: self.slices.reading, not_numbers: self.slices.not_numbers }
     }
 }

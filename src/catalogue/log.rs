@@ -142,6 +142,23 @@ impl Log {
         }
     }
 
+    /// All records, in the order in which they were added.
+    ///
+    /// # Errors
+    /// As [`Log::get`], for each.
+    pub(super) fn all(&self) -> impl Iterator<Item = Result<Record, SourceError>> + '_ {
+        let end = self.written + self.tail.len() as u64;
+        let mut next = 0;
+        std::iter::from_fn(move || {
+            if next >= end {
+                return None;
+            }
+            let record = self.get(next);
+            next = record.as_ref().map_or(end, |r| next + (HEAD_BYTES + r.path.as_os_str().len()) as u64);
+            Some(record)
+        })
+    }
+
     /// The records of a chain, last first.
     ///
     /// # Errors

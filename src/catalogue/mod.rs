@@ -21,16 +21,18 @@ use std::path::{Path, PathBuf};
 
 use crate::budget::costs;
 use crate::facts::dicom::DicomFault;
-use crate::facts::{Fault, NotVolume, StatedBy};
+use crate::facts::{Fault, NotVolume, Note, StatedBy};
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
-    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, natural_cmp,
+    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, StableHash, natural_cmp,
 };
-use crate::volume::{Placement, SourceError, VolumeSource, place};
+use crate::stamp::stamp;
+use crate::synthetic;
+use crate::volume::{Noted, Placement, SourceError, VolumeSource, Watched, place};
 use content::{EachFile, hash_of, is_copy};
 use log::{Log, Record};
 use placing::placing_of;
-use surveyor::{Surveyor, leave_out};
+use surveyor::{LeftOutFiles, Surveyor, leave_out};
 use walk::{changed, walk, without_repeats};
 
 /// Files that are no volume and no part of one: one line for each kind.
@@ -51,6 +53,7 @@ pub struct Catalogue {
     items: Vec<Item>,
     log: Log,
     left_out: Vec<LeftOut>,
+    left_out_files: LeftOutFiles,
     options: OpenOptions,
 }
 
@@ -98,19 +101,26 @@ enum What {
     Stack(u8),
     Sidecar,
     Raw,
+    /// Not a file: the description of a volume that is computed.
+    Synthetic,
 }
+
+/// Files left out up to which their names are sorted in memory.
+const MOST_SORTED: u64 = 4096;
+/// Volumes of one input that are alike, and are all taken; echoes, phases and the like are fewer.
+const MOST_ALIKE: usize = 16;
 
 /// How deep the folders below an input are searched, if nothing else is said: deep enough for every
 /// archive, and an end for a file system that contains itself.
 const DEPTH: u32 = 16;
 
 impl Catalogue {
-    /// Searches the inputs: files are taken as they are, folders are searched with everything below them
-    /// (hidden entries are left out, and links to folders). The result does not depend on the order in
+    /// Searches the inputs: files are taken as they are, and descriptions of [`synthetic`] volumes; folders are
+    /// searched with everything below them (hidden entries are left out, and links to folders). The result does not depend on the order in
     /// which a folder lists its files.
     ///
     /// # Errors
-    /// An input cannot be read at all, or `scratch` cannot hold what does not fit into memory.
+    /// An input cannot be read at all or describes nothing, or `scratch` cannot hold what does not fit into memory.
     pub fn survey(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Self, SourceError> {
         Self::survey_to_depth(inputs, options, scratch, DEPTH)
     }
@@ -127,9 +137,9 @@ impl Catalogue {
     ) -> Result<Self, SourceError> {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
-        walk(&inputs, depth, &mut surveyor)?;
-        let (items, log, left_out) = surveyor.finish();
-        let mut found = Self { inputs, items, log, left_out, options: options.clone() };
+        walk(&inputs, depth, options.follow_links, &mut surveyor)?;
+        let (items, log, left_out, left_out_files) = surveyor.finish();
+        let mut found = Self { inputs, items, log, left_out, left_out_files, options: options.clone() };
         found.leave_single_pictures()?;
         found.sort()?;
         found.items.shrink_to_fit();
@@ -152,11 +162,58 @@ impl Catalogue {
     /// Cost: headers, and some 256 KiB of the content of what is no DICOM, from which it is named.
     pub fn open(&self, index: usize) -> Vec<Finding> {
         let unreadable = |format| format!("{format}-unreadable-{}", index + 1);
-        self.open_named(index, &|format, files| match hash_of(files) {
+        let findings = self.open_named(index, &|format, files| match hash_of(files) {
             Ok(hash) => format!("{format}-{hash}"),
             // Nothing is made of what cannot be read: its name has to tell it from others in reports only.
             Err(_) => unreadable(format),
-        })
+        });
+        self.first_of_many(findings)
+    }
+
+    /// Of very many volumes of one input that are alike the first, unless all are wanted: a study of the brain at
+    /// work has five hundred, and nobody wants as many models unasked.
+    fn first_of_many(&self, findings: Vec<Finding>) -> Vec<Finding> {
+        if self.options.all_volumes || findings.len() <= MOST_ALIKE {
+            return findings;
+        }
+        let alike = |a: &Finding, b: &Finding| (a.format, &a.kind, a.size) == (b.format, &b.kind, b.size);
+        let mut kept: Vec<Finding> = Vec::new();
+        let mut passed_over: Vec<Vec<Finding>> = Vec::new();
+        for finding in findings {
+            match kept.iter().position(|known| alike(known, &finding)) {
+                None => {
+                    kept.push(finding);
+                    passed_over.push(Vec::new());
+                }
+                Some(at) => {
+                    // The first that can be used stands for all of them.
+                    let better = kept[at].volume.is_err() && finding.volume.is_ok();
+                    passed_over[at].push(if better {
+                        std::mem::replace(&mut kept[at], finding)
+                    } else {
+                        finding
+                    });
+                }
+            }
+        }
+        let mut all: Vec<Finding> = Vec::new();
+        for (finding, others) in kept.into_iter().zip(passed_over) {
+            if others.len() < MOST_ALIKE {
+                all.push(finding);
+                all.extend(others);
+                continue;
+            }
+            let more = others.len();
+            let note = Note::FirstOfMany { volumes: more + 1 };
+            let volume = finding.volume.map(|source| -> Box<dyn VolumeSource> {
+                let mut info = source.info().clone();
+                info.notes.push(note);
+                Box::new(Noted { source, info })
+            });
+            all.push(Finding { volume, more, ..finding });
+        }
+        all.sort_by_key(|finding| finding.at);
+        all
     }
 
     /// As [`Catalogue::open`], for one that takes a volume and no names: nothing but headers is read.
@@ -175,11 +232,24 @@ impl Catalogue {
                 size: None,
                 files: InputFiles::default(),
                 burned_in: None,
+                at: 0,
+                more: 0,
                 volume: Err(error),
                 path: path.clone(),
             }]
         };
-        let mut findings = self.open_item(item, name).unwrap_or_else(refused);
+        let before = self.stamp(item);
+        let opened = self.open_item(item, name).unwrap_or_else(refused);
+        let mut findings: Vec<Finding> = opened.into_iter().map(watched).collect();
+        for (at, finding) in findings.iter_mut().enumerate() {
+            finding.at = at;
+        }
+        // From here on the volumes watch their files themselves.
+        if self.stamp(item) != before {
+            for finding in findings.iter_mut().filter(|finding| finding.volume.is_ok()) {
+                finding.volume = Err(changed_meanwhile(&finding.path));
+            }
+        }
         for finding in findings.iter_mut().filter(|finding| finding.id.is_empty()) {
             // Images that cannot be read any more do not name their series.
             finding.id = name(finding.format, &|each| each(&finding.path));
@@ -195,7 +265,7 @@ impl Catalogue {
     /// Cost: that item is opened again, and all files of both are read, up to the first difference. One that
     /// cannot be read is no copy.
     pub fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
-        let mut others = self.open_nameless(index).into_iter();
+        let mut others = self.first_of_many(self.open_nameless(index)).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
 
@@ -215,6 +285,37 @@ impl Catalogue {
         &self.left_out
     }
 
+    /// Calls `each` for every file that is left out, with its reason: in natural order of their paths, of very many
+    /// in the order in which they were met.
+    ///
+    /// # Errors
+    /// The list is on disk and cannot be read, or `each` fails.
+    pub fn for_each_left_out<E: From<SourceError>>(
+        &self,
+        each: &mut dyn FnMut(&NotVolume, &Path) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let count: u64 = self.left_out.iter().map(|l| l.count).sum();
+        if count > MOST_SORTED {
+            for file in self.left_out_files.all() {
+                let (why, path) = file?;
+                each(why, &path)?;
+            }
+            return Ok(());
+        }
+        let mut files = self.left_out_files.all().collect::<Result<Vec<_>, _>>()?;
+        let bytes = |path: &PathBuf| path.clone().into_os_string();
+        files.sort_by(|a, b| natural_cmp(bytes(&a.1).as_bytes(), bytes(&b.1).as_bytes()));
+        files.iter().try_for_each(|(why, path)| each(why, path))
+    }
+
+    /// What the files of an item are now; differs when one of them does.
+    fn stamp(&self, item: &Item) -> u64 {
+        // A log that cannot be read is told of where the item is opened.
+        let records = self.log.chain(item.last).filter_map(Result::ok);
+        let stamps = records.map(|record| stamp(&full_path(&self.inputs, &record)));
+        stamps.fold(StableHash::new(), StableHash::number).finish()
+    }
+
     fn open_item(&self, item: &Item, name: Name<'_>) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
         let first = self.log.get(item.first).map_err(|e| (PathBuf::new(), e))?;
         let path = full_path(&self.inputs, &first);
@@ -226,6 +327,13 @@ impl Catalogue {
             let images = images.into();
             let path = path.clone();
             return Err(failed(SourceError::ManyImages { path, images, needed_bytes, allowed_bytes }));
+        }
+        if item.what == What::Synthetic {
+            let hash = StableHash::new().part(path.as_os_str().as_bytes()).finish();
+            let files = InputFiles { fingerprint: hash, ..InputFiles::default() };
+            let id = format!("synthetic-{:012x}", hash >> 16);
+            let opened = synthetic::open(&path).map(|volume| vec![volume]);
+            return Ok(findings(&path, "synthetic", id, files, opened));
         }
         let one = || {
             let mut files = InputFiles::default();
@@ -314,7 +422,7 @@ impl Catalogue {
                 found
             }
             What::Sidecar => {
-                let opened = sidecar::open(&path, self.options.placement).map(|v| vec![v]);
+                let opened = sidecar::open(&path, &self.options).map(|v| vec![v]);
                 let files = with_samples(one(), opened.as_deref().unwrap_or_default());
                 let id = name("raw", &|each| each_source(&path, opened.as_deref().unwrap_or_default(), each));
                 findings(&path, "raw", id, files, opened)
@@ -326,6 +434,7 @@ impl Catalogue {
                 }
                 None => Vec::new(),
             },
+            What::Synthetic => Vec::new(),
         })
     }
 
@@ -370,6 +479,7 @@ impl Catalogue {
                 if !record.path.as_os_str().is_empty()
                     && !matches!(item.what, What::Stack(at) if is_whole(at))
                 {
+                    self.left_out_files.add(&NotVolume::SinglePicture, &path)?;
                     leave_out(&mut self.left_out, NotVolume::SinglePicture, path);
                     continue;
                 }
@@ -437,6 +547,13 @@ fn each_source(path: &Path, opened: &[Box<dyn VolumeSource>], each: &mut dyn FnM
     }
 }
 
+/// A finding whose volume notices a change of its files, of a header among them.
+fn watched(finding: Finding) -> Finding {
+    let path = Some(&*finding.path).filter(|path| path.is_file());
+    let volume = finding.volume.map(|volume| Watched::files(volume, path));
+    Finding { volume, ..finding }
+}
+
 /// A finding whose volume is where the command line says.
 fn placed(finding: Finding, asked: Placement) -> Finding {
     let volume = finding.volume.and_then(|volume| place(volume, asked, StatedBy::Caller));
@@ -481,6 +598,8 @@ fn findings(
             size: volume.as_ref().ok().map(|v| v.info().dims.to_array()),
             files,
             burned_in: None,
+            at: 0,
+            more: 0,
             volume,
         };
     match opened {

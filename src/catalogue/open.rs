@@ -9,14 +9,18 @@ use std::sync::Arc;
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
 use crate::budget::Budget;
-use crate::facts::{Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, Refusal, StatedBy};
+use crate::facts::{
+    Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, OtherVolume, Refusal, StatedBy,
+    SyntheticFault,
+};
 use crate::progress::Silent;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, known};
 use crate::source::{RawVolume, header_of_samples};
+use crate::synthetic;
 use crate::volume::Noted;
 use crate::volume::place;
-use crate::volume::{SourceError, VolumeSource, Workspace};
+use crate::volume::{SourceError, VolumeSource, Watched, Workspace};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -72,11 +76,24 @@ pub fn open_unprepared_in(
     scratch: &Path,
 ) -> Result<Box<dyn VolumeSource>, SourceError> {
     if let Some(raw) = &options.raw {
-        return Ok(Box::new(RawVolume::open(inputs, raw)?));
+        if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
+            return Err(synthetic::usage(described, SyntheticFault::Described));
+        }
+        if let Some(wanted) = options.volume.filter(|wanted| *wanted != 1) {
+            let path = inputs.first().cloned().unwrap_or_default();
+            return Err(SourceError::Usage { path, misuse: Misuse::SingleVolume { wanted } });
+        }
+        return Ok(Watched::files(Box::new(RawVolume::open(inputs, raw)?), None));
     }
     let Some(first) = inputs.first() else {
         return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
     };
+    // A file that was given by name is not left out in silence.
+    let is_empty =
+        |path: &&PathBuf| std::fs::metadata(path).is_ok_and(|meta| meta.is_file() && meta.len() == 0);
+    if let Some(path) = inputs.iter().find(is_empty) {
+        return Err(SourceError::Unusable { path: path.clone(), fault: Fault::Empty });
+    }
     // The samples of a pair do not say what they are; their header does.
     let header = match inputs {
         [path] => header_of_samples(path),
@@ -90,7 +107,7 @@ pub fn open_unprepared_in(
             && (data.is_dir() || found.left_out().is_empty())
             && let Some(description) = sidecar::of(data)
         {
-            let volume = sidecar::open(&description, options.placement)?;
+            let volume = Watched::files(sidecar::open(&description, options)?, Some(&description));
             let volume = place(volume, options.placement, StatedBy::Caller)?;
             return match options.volume {
                 None | Some(1) => Ok(volume),
@@ -130,6 +147,8 @@ struct Chooser {
     best: Option<Best>,
     /// The largest refused one, with more than one slice?
     refused: Option<(u64, bool, usize)>,
+    /// The largest of those that are refused for missing slices only, which a choice could mend.
+    gapped: Option<(u64, usize)>,
     /// What was seen, the largest first, as many as are named.
     named: Vec<(Rank, usize, Candidate)>,
     /// The first damaged ones, as many as are named.
@@ -145,6 +164,7 @@ impl Chooser {
         let size = finding.size.unwrap_or_default();
         let voxels = size.iter().map(|n| u64::from(*n)).product();
         let damaged = finding.volume.as_ref().err().is_some_and(SourceError::is_damage);
+        let has_gaps = finding.volume.as_ref().err().is_some_and(SourceError::has_gaps);
         // A slice that is cut short is no reason to take another volume in silence.
         let usable = finding.volume.is_ok() || (damaged && finding.size.is_some());
         let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
@@ -165,6 +185,9 @@ impl Chooser {
                 None
             }
         };
+        if has_gaps && self.gapped.is_none_or(|(most, _)| voxels > most) {
+            self.gapped = Some((voxels, number));
+        }
         if self.wanted.is_none_or(|wanted| wanted == number) {
             if usable || self.wanted.is_some() {
                 if self.best.as_ref().is_none_or(|best| rank > best.rank) {
@@ -179,17 +202,27 @@ impl Chooser {
 
     /// Keeps the errors only that may still be told.
     fn forget(&mut self) {
-        let Self { best, refused, named, damaged, errors, .. } = self;
+        let Self { best, refused, gapped, named, damaged, errors, .. } = self;
         errors.retain(|number, _| {
             best.as_ref().is_some_and(|best| best.number == *number)
                 || refused.is_some_and(|(.., n)| n == *number)
+                || gapped.is_some_and(|(_, n)| n == *number)
                 || named.iter().any(|(_, n, _)| n == number)
                 || damaged.contains(number)
         });
     }
 
     fn decide(self, first: &Path, found: &Catalogue) -> Result<Box<dyn VolumeSource>, SourceError> {
-        let Self { wanted, seen, best, refused, named, damaged, mut errors } = self;
+        let Self { wanted, seen, best, refused, gapped, named, damaged, mut errors } = self;
+        // A larger series that lacks a slice is what is meant; a smaller one is not taken for it in silence.
+        if let (None, Some(best), Some((voxels, number))) = (wanted, &best, gapped)
+            && voxels > best.rank.1
+            && let Some(error) = errors.remove(&number)
+        {
+            let Candidate { kind, part, size, .. } = best.told.clone();
+            let other = Box::new(OtherVolume { number: best.number, kind, part, size });
+            return Err(SourceError::Gaps { error: Box::new(error), number, other });
+        }
         let (number, taken) = match (best, refused) {
             // A scout beside a series that is refused is not mistaken for the volume.
             (Some(Best { rank: (1, _), .. }), Some((_, true, refused))) if wanted.is_none() => {
@@ -248,7 +281,9 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     let files: u64 = found.left_out().iter().map(|l| l.count).sum();
     let found = match found.left_out() {
         [] => Instead::EmptyFolder,
-        [only] if only.why != NotVolume::Unknown => Instead::Only { files, kind: only.why.clone() },
+        [only] if !matches!(only.why, NotVolume::Unknown | NotVolume::Headerless) => {
+            Instead::Only { files, kind: only.why.clone() }
+        }
         _ => Instead::Unknown { files },
     };
     SourceError::NoVolume { path: first.to_path_buf(), found }

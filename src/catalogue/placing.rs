@@ -11,7 +11,7 @@ use super::walk::changed;
 use crate::facts::StatedBy;
 use crate::facts::sidecar::SideCarFault;
 use crate::volume::{Placement, place};
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::{SourceError, VolumeSource, Watched};
 
 /// What a side-car says of data that says the rest itself.
 #[derive(Debug)]
@@ -120,7 +120,8 @@ impl Placing {
         };
         let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
         let by = StatedBy::SideCar;
-        Ok(with_unknown(place(volume, *placement, by)?, unknown, &PLACING_KEYS))
+        let volume = Watched::beside(place(volume, *placement, by)?, &self.path);
+        Ok(with_unknown(volume, unknown, &PLACING_KEYS))
     }
 }
 

@@ -33,7 +33,7 @@ use super::placing;
 use crate::facts::sidecar::{ParseFault, SideCarFault, Unparsed};
 use crate::facts::{Fault, Misuse};
 use crate::geom::Orientation;
-use crate::source::{RawOptions, RawVolume};
+use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
 use crate::volume::Noted;
 use crate::volume::Placement;
 use crate::volume::{Note, SourceError, VolumeSource};
@@ -178,17 +178,21 @@ pub(super) fn describes(data: &Path) -> bool {
     of(data).is_some()
 }
 
-/// Opens the volume that a side-car describes, placed as `asked` where it does not say.
+/// Opens the volume that a side-car describes, placed as is asked for where it does not say.
 ///
 /// # Errors
 /// What is wrong with the side-car, or that its data is not there, or not as long as it says.
-pub(super) fn open(path: &Path, asked: Placement) -> Result<Box<dyn VolumeSource>, SourceError> {
+pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSource>, SourceError> {
     let sidecar = read(path).ok_or_else(|| unusable(path, SideCarFault::Changed))??;
     let data = match &sidecar.file {
         Some(name) => path.with_file_name(name),
         None => data_of(path).ok_or_else(|| unusable(path, SideCarFault::NoData))?,
     };
-    let placement = sidecar.stated.or(asked);
+    if !how.follow_links && !stays(path, &data) {
+        let data = data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        return Err(unusable(path, SideCarFault::Linked { data }));
+    }
+    let placement = sidecar.stated.or(how.placement);
     let options = &RawOptions {
         spacing_mm: placement.spacing_mm.unwrap_or(sidecar.options.spacing_mm),
         orientation: placement.orientation.unwrap_or(sidecar.options.orientation),
@@ -311,7 +315,7 @@ mod tests {
         let opened = |more: &str| {
             let text = format!(r#"{{"dims": [2, 2, 2], "dtype": "u8"{more}}}"#);
             fs::write(at("a.json"), text).unwrap();
-            open(&at("a.json"), Placement::default()).map(|v| v.info().clone())
+            open(&at("a.json"), &OpenOptions::default()).map(|v| v.info().clone())
         };
         let info = opened(r#", "spacing_mm": [1, 2, 3]"#).unwrap();
         assert_eq!((info.spacing_mm, info.notes.len()), ([1.0, 2.0, 3.0], 0));
@@ -334,14 +338,14 @@ mod tests {
         fs::write(at("a.json"), r#"{"dims": [2, 2, 3], "dtype": "u16", "skip": 5}"#).unwrap();
         for (bytes, key) in [(12 + 5, "dtype"), (24 + 5 + 3, "skip"), (100, "dims"), (7, "dims")] {
             fs::write(at("a.raw"), vec![1; bytes]).unwrap();
-            let text = open(&at("a.json"), Placement::default()).err().unwrap().to_string();
+            let text = open(&at("a.json"), &OpenOptions::default()).err().unwrap().to_string();
             let good = text.contains("a.json") && text.contains("a.raw") && !text.contains("--");
             assert!(good && text.contains(&format!("correct the key {key},")), "{text}");
         }
         fs::create_dir(at("s")).unwrap();
         fs::write(at("s/1"), [1; 4]).unwrap();
         fs::write(at("s.json"), r#"{"dims": [2, 2, 2], "dtype": "u8"}"#).unwrap();
-        let text = open(&at("s.json"), Placement::default()).err().unwrap().to_string();
+        let text = open(&at("s.json"), &OpenOptions::default()).err().unwrap().to_string();
         assert!(text.contains("s.json") && text.contains("the key dims") && !text.contains("--"), "{text}");
     }
 
@@ -378,7 +382,11 @@ mod tests {
                 found.left_out()
             );
         }
-        let others: Vec<_> = found.left_out().iter().filter(|l| l.why == NotVolume::Unknown).collect();
+        let others: Vec<_> = found
+            .left_out()
+            .iter()
+            .filter(|l| matches!(l.why, NotVolume::Unknown | NotVolume::Headerless))
+            .collect();
         assert_eq!(others.iter().map(|l| l.count).sum::<u64>(), 4, "b.raw, c.raw, d.json, notes.json");
     }
 
@@ -389,7 +397,7 @@ mod tests {
         let text = r#"{"dims": [2, 2, 2], "dtype": "u8"}"#;
         fs::write(at("a.json"), text).unwrap();
         assert!(
-            open(&at("a.json"), Placement::default())
+            open(&at("a.json"), &OpenOptions::default())
                 .err()
                 .unwrap()
                 .to_string()
@@ -398,15 +406,15 @@ mod tests {
         fs::write(at("a.raw"), [1; 8]).unwrap();
         fs::write(at("a.oct"), [1; 9]).unwrap();
         assert!(describes(&at("a.raw")) && !describes(&at("b.raw")));
-        assert_eq!(open(&at("a.json"), Placement::default()).unwrap().info().dims.voxels(), 8);
+        assert_eq!(open(&at("a.json"), &OpenOptions::default()).unwrap().info().dims.voxels(), 8);
         fs::write(at("b.json"), r#"{"dims": [2, 2, 2], "dtype": "u8", "file": "other"}"#).unwrap();
         fs::write(at("b.raw"), [1; 8]).unwrap();
         assert!(!describes(&at("b.raw")));
-        assert!(open(&at("b.json"), Placement::default()).err().unwrap().to_string().contains("other"));
+        assert!(open(&at("b.json"), &OpenOptions::default()).err().unwrap().to_string().contains("other"));
         fs::create_dir(at("s")).unwrap();
         fs::write(at("s/1"), [1; 4]).unwrap();
         fs::write(at("s/2"), [1; 4]).unwrap();
         fs::write(at("s.toml"), "dims = [2, 2, 2]\ndtype = \"u8\"").unwrap();
-        assert!(describes(&at("s")) && open(&at("s.toml"), Placement::default()).is_ok());
+        assert!(describes(&at("s")) && open(&at("s.toml"), &OpenOptions::default()).is_ok());
     }
 }

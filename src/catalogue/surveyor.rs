@@ -12,11 +12,13 @@ use super::log::{Log, NONE, Record};
 use super::walk::{Visitor, changed};
 use super::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
 use super::{placing, sidecar};
-use crate::facts::NotVolume;
+use crate::facts::{NotVolume, SyntheticFault};
+use crate::mark::is_own_picture;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::natural_cmp;
 use crate::source::{FORMATS, HEAD_BYTES, STACKS, known};
+use crate::synthetic;
 use crate::volume::SourceError;
 
 /// Different reasons that are kept apart.
@@ -45,6 +47,46 @@ pub(super) fn leave_out(left_out: &mut Vec<LeftOut>, why: NotVolume, path: PathB
     }
 }
 
+/// The files that were left out, one by one, each with its reason.
+#[derive(Debug)]
+pub(super) struct LeftOutFiles {
+    log: Log,
+    /// Reasons, by the number that stands in a record in place of the file's size.
+    reasons: Vec<NotVolume>,
+}
+
+impl LeftOutFiles {
+    fn new(scratch: &Path) -> Self {
+        Self { log: Log::new(scratch), reasons: Vec::new() }
+    }
+
+    /// Adds a file by its whole path.
+    pub(super) fn add(&mut self, why: &NotVolume, path: &Path) -> Result<(), SourceError> {
+        let number = self.reasons.iter().position(|known| known == why);
+        let number = number.unwrap_or_else(|| {
+            // As for the counts: many reasons become one.
+            let full = self.reasons.len() >= MAX_REASONS;
+            self.reasons.push(if full { NotVolume::Other } else { why.clone() });
+            if self.reasons.len() > MAX_REASONS + 1 {
+                self.reasons.pop();
+            }
+            self.reasons.len() - 1
+        });
+        let size = number as u64;
+        self.log.push(&Record { before: NONE, size, changed: 0, input: 0, path: path.to_path_buf() })?;
+        Ok(())
+    }
+
+    /// Every file with its reason.
+    pub(super) fn all(&self) -> impl Iterator<Item = Result<(&NotVolume, PathBuf), SourceError>> + '_ {
+        self.log.all().map(|record| {
+            let record = record?;
+            let why = usize::try_from(record.size).ok().and_then(|at| self.reasons.get(at));
+            Ok((why.unwrap_or(&NotVolume::Other), record.path))
+        })
+    }
+}
+
 /// A catalogue in the making.
 pub(super) struct Surveyor<'a> {
     inputs: &'a [PathBuf],
@@ -52,6 +94,7 @@ pub(super) struct Surveyor<'a> {
     items: Vec<Item>,
     log: Log,
     left_out: Vec<LeftOut>,
+    left_out_files: LeftOutFiles,
     /// Items that take more than one file, by what they are and a hash of their key.
     index: HashMap<(What, u64), u32>,
 }
@@ -74,13 +117,14 @@ impl<'a> Surveyor<'a> {
             items: Vec::new(),
             log: Log::new(scratch),
             left_out: Vec::new(),
+            left_out_files: LeftOutFiles::new(scratch),
             index: HashMap::new(),
         }
     }
 
     /// What was found, in the order in which it was met.
-    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>) {
-        (self.items, self.log, self.left_out)
+    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>, LeftOutFiles) {
+        (self.items, self.log, self.left_out, self.left_out_files)
     }
 
     fn path(&self, input: u32, path: &Path) -> PathBuf {
@@ -133,7 +177,8 @@ impl<'a> Surveyor<'a> {
             return Ok(Class::Item(What::Format(index(at)), None, Weight::FILE));
         }
         if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
-            if path.extension().is_some_and(|e| e == "png") && path.with_extension("oct").is_file() {
+            // What was given by name is what is meant, whoever made it.
+            if !named && is_own_picture(&head) {
                 return left_out(NotVolume::ModelPicture);
             }
             let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
@@ -163,7 +208,7 @@ impl<'a> Surveyor<'a> {
                 return Ok(Class::Item(What::Raw, None, Weight::FILE));
             }
         }
-        left_out(NotVolume::Unknown)
+        left_out(if is_headerless_by_name(path) { NotVolume::Headerless } else { NotVolume::Unknown })
     }
 
     fn add(
@@ -200,6 +245,7 @@ impl Visitor for Surveyor<'_> {
         match self.classify(&full, meta, path.as_os_str().is_empty())? {
             Class::Part => Ok(()),
             Class::LeftOut(why) => {
+                self.left_out_files.add(&why, &full)?;
                 leave_out(&mut self.left_out, why, full);
                 Ok(())
             }
@@ -216,6 +262,17 @@ impl Visitor for Surveyor<'_> {
         }
     }
 
+    fn synthetic(&mut self, input: u32) -> Result<(), SourceError> {
+        let record = Record { before: NONE, size: 0, changed: 0, input, path: PathBuf::new() };
+        let text = self.path(input, Path::new(""));
+        if self.options.raw.is_some() {
+            return Err(synthetic::usage(&text, SyntheticFault::Described));
+        }
+        // Like a file that is not there: whoever typed it wants to know at once.
+        synthetic::open(&text)?;
+        self.add((What::Synthetic, None), Weight::FILE, record)
+    }
+
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError> {
         let full = self.path(input, path);
         if let Some(skip) = &self.options.skip
@@ -229,8 +286,15 @@ impl Visitor for Surveyor<'_> {
     }
 
     fn not_entered(&mut self, path: &Path, why: NotVolume) {
+        // It is counted in any case.
+        let _ = self.left_out_files.add(&why, path);
         leave_out(&mut self.left_out, why, path.to_path_buf());
     }
+}
+
+/// Does the name of a file say that it holds headerless voxels?
+fn is_headerless_by_name(path: &Path) -> bool {
+    path.extension().is_some_and(|e| ["raw", "vol", "bin"].iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
 /// Do the voxels of a header file of the same stem lie in this file?

@@ -7,6 +7,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::facts::{Fault, NotVolume};
+use crate::synthetic::is_synthetic;
 use crate::volume::SourceError;
 
 /// What a walk comes across.
@@ -23,23 +24,40 @@ pub(super) trait Visitor {
     /// What ends the walk.
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError>;
 
+    /// A volume that an input describes, without a file.
+    ///
+    /// # Errors
+    /// What ends the walk.
+    fn synthetic(&mut self, input: u32) -> Result<(), SourceError>;
+
     /// A folder that may not be read, or that lies too deep.
     fn not_entered(&mut self, path: &Path, why: NotVolume);
 }
 
 /// Walks the inputs. Hidden entries are left out; links to files are followed, links to folders below an
-/// input are not (they may run in circles).
+/// input are counted and not entered, unless `follow` says so: then all but those that lead back to where the walk
+/// came from.
 ///
 /// # Errors
 /// [`SourceError::Unreadable`] for an input that is not there; what the visitor says.
-pub(super) fn walk(inputs: &[PathBuf], depth: u32, visitor: &mut dyn Visitor) -> Result<(), SourceError> {
+pub(super) fn walk(
+    inputs: &[PathBuf],
+    depth: u32,
+    follow: bool,
+    visitor: &mut dyn Visitor,
+) -> Result<(), SourceError> {
     for (at, input) in inputs.iter().enumerate() {
         let unreadable = |cause| SourceError::Unreadable { path: input.clone(), cause };
         let at = u32::try_from(at).unwrap_or(u32::MAX);
+        if is_synthetic(input) {
+            visitor.synthetic(at)?;
+            continue;
+        }
         let meta = fs::metadata(input).map_err(unreadable)?;
         if meta.is_dir() {
             let entries = fs::read_dir(input).map_err(unreadable)?;
-            folder(at, entries, Path::new(""), depth, visitor)?;
+            let mut way = Way { follow, entered: vec![(meta.dev(), meta.ino())] };
+            folder(at, entries, Path::new(""), depth, &mut way, visitor)?;
         } else if meta.is_file() {
             visitor.file(at, Path::new(""), &meta)?;
         } else {
@@ -50,11 +68,20 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, visitor: &mut dyn Visitor) ->
     Ok(())
 }
 
+/// Where a walk is.
+struct Way {
+    /// Are links to folders entered?
+    follow: bool,
+    /// The folders from the input to here, which no link may lead to.
+    entered: Vec<(u64, u64)>,
+}
+
 fn folder(
     input: u32,
     entries: fs::ReadDir,
     prefix: &Path,
     depth: u32,
+    way: &mut Way,
     visitor: &mut dyn Visitor,
 ) -> Result<(), SourceError> {
     for entry in entries {
@@ -69,12 +96,21 @@ fn folder(
         }
         let path = prefix.join(&name);
         let Ok(kind) = entry.file_type() else { continue };
-        if kind.is_dir() {
+        let linked = kind.is_symlink().then(|| fs::metadata(entry.path()).ok()).flatten();
+        let linked = linked.filter(Metadata::is_dir).map(|meta| (meta.dev(), meta.ino()));
+        if linked.is_some_and(|folder| !way.follow || way.entered.contains(&folder)) {
+            visitor.not_entered(&path, NotVolume::LinkedFolder);
+        } else if kind.is_dir() || linked.is_some() {
             if depth == 0 {
                 visitor.not_entered(&path, NotVolume::FolderTooDeep);
             } else if !visitor.takes_folder(input, &path)? {
                 match fs::read_dir(entry.path()) {
-                    Ok(inside) => folder(input, inside, &path, depth - 1, visitor)?,
+                    Ok(inside) => {
+                        let own = fs::metadata(entry.path()).map(|meta| (meta.dev(), meta.ino()));
+                        way.entered.push(own.unwrap_or_default());
+                        folder(input, inside, &path, depth - 1, way, visitor)?;
+                        way.entered.pop();
+                    }
                     Err(_) => visitor.not_entered(&path, NotVolume::FolderUnreadable),
                 }
             }
@@ -95,7 +131,7 @@ fn folder(
 pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, SourceError> {
     let real = |input: &PathBuf| {
         let unreadable = |cause: io::Error| SourceError::Unreadable { path: input.clone(), cause };
-        fs::canonicalize(input).map_err(unreadable)
+        if is_synthetic(input) { Ok(input.clone()) } else { fs::canonicalize(input).map_err(unreadable) }
     };
     let all: Vec<PathBuf> = inputs.iter().map(real).collect::<Result<_, _>>()?;
     let known: HashSet<&Path> = all.iter().map(PathBuf::as_path).collect();

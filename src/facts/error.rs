@@ -6,18 +6,21 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::dicom::DicomFault;
+use super::dicom::{DicomFault, SeriesFault};
 use super::header::HeaderFault;
 use super::left_out::{Known, NotVolume};
+use super::mesh::MeshFault;
 use super::metaimage::MetaImageFault;
 use super::nifti::NiftiFault;
 use super::npy::NpyFault;
 use super::nrrd::NrrdFault;
+use super::numbered::NumberFault;
 use super::png::PngFault;
 use super::raw::{RawFault, RawLayout};
 use super::samples::StoredFault;
 use super::sidecar::SideCarFault;
 use super::stated::StatedBy;
+use super::synthetic::SyntheticFault;
 use super::tiff::TiffFault;
 use crate::exit::ExitKind;
 use crate::geom::Dims;
@@ -104,6 +107,16 @@ pub enum SourceError {
         /// Bytes that it may take.
         allowed_bytes: u64,
     },
+    /// The largest of several volumes lacks slices, and another one would be taken for it.
+    Gaps {
+        /// Why it is refused.
+        #[source]
+        error: Box<SourceError>,
+        /// Its number.
+        number: usize,
+        /// The largest of the others.
+        other: Box<OtherVolume>,
+    },
     /// The request does not fit the input (for example a headerless file of which nothing is said).
     Usage {
         /// The file or folder.
@@ -137,6 +150,16 @@ impl SourceError {
             | Self::Memory { path, .. }
             | Self::ManyImages { path, .. }
             | Self::Usage { path, .. } => path,
+            Self::Gaps { error, .. } => error.path(),
+        }
+    }
+
+    /// Is nothing wrong but slices that are missing, or lie unevenly, so that whoever asks may choose?
+    pub(crate) fn has_gaps(&self) -> bool {
+        match self {
+            Self::Dicom { fault: DicomFault::Series(SeriesFault::Uneven(_)), .. }
+            | Self::Unusable { fault: Fault::Numbers(NumberFault::Gaps(_)), .. } => true,
+            _ => false,
         }
     }
 
@@ -148,6 +171,19 @@ impl SourceError {
             _ => false,
         }
     }
+}
+
+/// A volume that could be taken instead.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OtherVolume {
+    /// Its number.
+    pub number: usize,
+    /// What it is.
+    pub kind: String,
+    /// Which part of its input it is, where that holds several volumes.
+    pub part: Option<String>,
+    /// Size in voxels, as far as it is known.
+    pub size: Option<[u32; 3]>,
 }
 
 /// What was found where a volume was looked for.
@@ -188,12 +224,16 @@ pub enum Fault {
     NotAFile,
     /// It was changed after it was found.
     Changed,
+    /// It was changed, cut, grown or replaced while samples were read.
+    ChangedInUse,
     /// It is of a kind that is known, but not read.
     Known(Known),
     /// It is named like DICOM only.
     NotDicom,
     /// It is named like a mesh.
     Mesh,
+    /// A mesh that cannot be used.
+    MeshFile(MeshFault),
     /// Files without a header do not fit what is said of them.
     Raw(RawFault),
     /// What formats with headers of text share.
@@ -214,6 +254,8 @@ pub enum Fault {
     Png(PngFault),
     /// Side-cars.
     SideCar(SideCarFault),
+    /// Slices numbered by their names.
+    Numbers(NumberFault),
 }
 
 /// What is wrong with a request.
@@ -257,8 +299,12 @@ pub enum Misuse {
         /// How many there are.
         found: usize,
     },
+    /// Nothing says how fine the grid of a mesh is to be.
+    NoGrid,
     /// There is no volume at all.
     NoneFound,
+    /// The description of a synthetic volume is wrong.
+    Synthetic(SyntheticFault),
 }
 
 macro_rules! of_family {
@@ -281,4 +327,5 @@ of_family!(
     Tiff(TiffFault),
     Png(PngFault),
     SideCar(SideCarFault),
+    Numbers(NumberFault),
 );

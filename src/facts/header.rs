@@ -6,6 +6,11 @@
 pub enum HeaderFault {
     /// A line does not end.
     EndlessLine,
+    /// The header does not end within what is read of it.
+    TooLong {
+        /// The most bytes that a header has.
+        most_bytes: u64,
+    },
     /// A line is no field.
     NotAField {
         /// The line.
@@ -13,6 +18,11 @@ pub enum HeaderFault {
     },
     /// A data file is not in the folder of the header.
     Outside {
+        /// Its name.
+        name: String,
+    },
+    /// A symbolic link leads from a data file out of the folder of the header.
+    Linked {
         /// Its name.
         name: String,
     },

@@ -25,10 +25,14 @@ pub enum NotVolume {
     OtherSideCar,
     /// A side-car that cannot be parsed.
     SideCar(Unparsed),
+    /// By its name headerless voxels, which lack a description.
+    Headerless,
     /// Of no kind that is known.
     Unknown,
     /// A folder that may not be read.
     FolderUnreadable,
+    /// A folder that a symbolic link leads to.
+    LinkedFolder,
     /// A folder below the deepest that is searched.
     FolderTooDeep,
     /// One of more reasons than are kept apart.

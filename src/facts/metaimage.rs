@@ -30,6 +30,8 @@ pub enum MetaImageFault {
     },
     /// Spacing, offset or matrix has too few numbers.
     FewNumbers,
+    /// Pictures in a list, each with a place of its own: a free-hand sweep, not slices.
+    Sweep,
     /// Samples are compressed text.
     CompressedText,
     /// All but the samples is to be skipped, of samples that are packed.

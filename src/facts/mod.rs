@@ -11,8 +11,11 @@
 //! | [`dicom`] | what is odd or wrong about DICOM |
 //! | [`codec`] | why compressed frames cannot be decoded |
 //! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
+//! | [`MeshFault`], [`MeshFacts`] | what is wrong with a mesh, what was found and chosen |
 //! | [`samples`] | faults of samples in files, with a header and without |
+//! | [`numbered`] | slices numbered by the names of their files |
 //! | [`sidecar`] | faults of side-cars |
+//! | [`SyntheticFault`] | why a text describes no synthetic volume |
 
 pub mod codec;
 pub mod dicom;
@@ -20,23 +23,28 @@ mod error;
 mod found;
 pub mod header;
 mod left_out;
+mod mesh;
 pub mod metaimage;
 pub mod nifti;
 mod note;
 pub mod npy;
 pub mod nrrd;
+pub mod numbered;
 pub mod png;
 mod raw;
 pub mod samples;
 pub mod sidecar;
 mod stated;
+mod synthetic;
 mod system;
 pub mod tiff;
 
 pub use dicom::DicomNote;
-pub use error::{Fault, Instead, Misuse, SourceError};
+pub use error::{Fault, Instead, Misuse, OtherVolume, SourceError};
 pub use found::{Candidate, Choice, Refusal};
 pub use left_out::{Known, NotVolume};
+pub use mesh::{Boundary, Fill, MeshFacts, MeshFault};
 pub use note::Note;
-pub use stated::{Carrier, Form, Packing, StatedBy};
+pub use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
+pub use synthetic::{SyntheticFault, SyntheticValue};
 pub use system::SystemError;

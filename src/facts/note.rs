@@ -3,7 +3,8 @@
 use super::DicomNote;
 use super::found::{Choice, Refusal};
 use super::left_out::NotVolume;
-use super::stated::{Carrier, Form, Packing, StatedBy};
+use super::numbered::NumberNote;
+use super::stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
 use crate::geom::Orientation;
 
 /// One thing that whoever uses a volume should know of it.
@@ -70,6 +71,8 @@ pub enum Note {
         /// Which one.
         form: Form,
     },
+    /// A number of the header is infinite, or not one, and is not used.
+    NotFinite(StatedNumber),
     /// 0 is white; the numbers are kept.
     WhiteIsZero,
     /// Pages of reduced size are left out.
@@ -114,6 +117,13 @@ pub enum Note {
     },
     /// Something about a DICOM series.
     Dicom(DicomNote),
+    /// Numbers in the names of slices do not follow each other.
+    Numbers(NumberNote),
+    /// It stands for very many volumes of its input that are alike.
+    FirstOfMany {
+        /// How many, with this one.
+        volumes: usize,
+    },
     /// Several volumes were found.
     Chosen(Box<Choice>),
     /// A volume beside the one that is used is damaged.
@@ -139,6 +149,7 @@ impl Note {
     pub fn assumes_spacing(&self) -> bool {
         match self {
             Self::AssumedSpacing { .. } | Self::AssumedAxisSpacing => true,
+            Self::NotFinite(number) => matches!(number, StatedNumber::Spacing { .. }),
             Self::Dicom(note) => note.assumes_spacing(),
             _ => false,
         }

@@ -86,4 +86,6 @@ pub enum NrrdFault {
     },
     /// An axis in space has no direction.
     NoDirection,
+    /// Pictures in a list, each with a place of its own: a free-hand sweep, not slices.
+    Sweep,
 }

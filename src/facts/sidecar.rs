@@ -24,6 +24,11 @@ pub enum SideCarFault {
     Changed,
     /// The data is not there.
     NoData,
+    /// A symbolic link leads from the data out of the folder of the side-car.
+    Linked {
+        /// Name of the data.
+        data: String,
+    },
     /// The data has another size.
     Size {
         /// Name of the data.

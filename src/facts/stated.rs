@@ -32,6 +32,25 @@ pub enum Form {
     Qform,
 }
 
+/// What a header states as a number that is infinite, or not one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StatedNumber {
+    /// The spacing along an axis; 1 mm is assumed there.
+    Spacing {
+        /// The axis, from 0.
+        axis: usize,
+        /// As it is stated.
+        stated: f64,
+    },
+    /// The slope of the values; they are taken as they are stored.
+    Slope {
+        /// As it is stated.
+        stated: f64,
+    },
+    /// One of the affines; it is not used.
+    Form(Form),
+}
+
 /// How samples are packed in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {

@@ -1,6 +1,7 @@
 //! Voxel index to patient millimetres, and the letters that name axis directions.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// Affine map from a voxel index (centres at integers) to LPS millimetres: `world = m * [x, y, z, 1]`.
 ///
@@ -11,6 +12,13 @@ pub struct Affine {
     /// Rows of the 3 x 4 matrix; the last column is the position of voxel (0, 0, 0) in mm.
     pub rows: [[f64; 4]; 3],
 }
+
+/// Shortest and longest step in mm of an affine that has an inverse: far beyond atoms and planets, and near enough
+/// for products of three to be exact to the last digits.
+const STEPS: RangeInclusive<f64> = 1e-15..=1e15;
+
+/// Times that one step may be as long as another: beyond that no ray meets voxels of both.
+const MOST_UNEVEN: f64 = 1e9;
 
 impl Affine {
     /// Axes parallel to the world's, `spacing_mm` apart, with voxel (0, 0, 0) at the origin.
@@ -57,13 +65,16 @@ impl Affine {
     /// World to index, or `None` when the linear part is singular, nearly so, or not finite.
     ///
     /// "Nearly" is relative to the columns' lengths (volume of the unit-edge cell under 1e-9), so
-    /// tiny and huge scales are fine.
+    /// tiny and huge scales are fine: steps of 1e-15 to 1e15 mm, none 1e9 times as long as another.
     pub fn inverse(&self) -> Option<Self> {
         let lengths = self.spacing_mm();
         let det = self.determinant();
         let cell = lengths[0] * lengths[1] * lengths[2];
+        let [least, most] = lengths.iter().fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
         if !self.rows.iter().flatten().all(|v| v.is_finite())
-            || lengths.contains(&0.0)
+            || !STEPS.contains(&least)
+            || !STEPS.contains(&most)
+            || most > MOST_UNEVEN * least
             || !cell.is_normal()
             || (det / cell).abs() < 1e-9
         {
@@ -163,7 +174,11 @@ mod tests {
                 assert!((got - want).abs() < 1e-9, "{got} {want}");
             }
         }
-        assert!(Affine::from_spacing([1.0, 0.0, 1.0]).inverse().is_none());
+        for absurd in
+            [[1.0, 0.0, 1.0], [1e300, 1e-300, 1.0], [1e-6, 1.0, 1e4], [1e-16; 3], [f64::INFINITY; 3]]
+        {
+            assert!(Affine::from_spacing(absurd).inverse().is_none(), "{absurd:?}");
+        }
         let flat = Affine { rows: [[1.0, 1.0, 0.0, 0.0], [0.0, 1e-12, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
         assert!(flat.inverse().is_none());
     }

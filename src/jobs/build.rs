@@ -8,7 +8,8 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::info::{Info, read_info, static_facts};
-use super::wording::sentences;
+use super::wording::foreign::{data, shown};
+use super::wording::{Hint, Short, sentences};
 use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
@@ -36,6 +37,8 @@ pub struct BuildSummary {
     pub cleaning: Option<(Vec<String>, Option<CleanReport>)>,
     /// Sentences about the input.
     pub warnings: Vec<String>,
+    /// Sentences about what may be wanted besides, or instead.
+    pub hints: Vec<String>,
     /// Seconds from opening the input to the model's name on disk.
     pub wall_s: f64,
 }
@@ -59,13 +62,13 @@ pub fn convert(
     let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
     let source = catalogue::open_unprepared_in(inputs, &how, &options.scratch_folder(output))?;
     refuse_own_input(inputs, output)?;
-    let input = inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
+    let input = inputs.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
     convert_source(source, input, cleaning, options, output, progress, started)
 }
 
 /// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
 /// not a model itself.
-fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
+pub(super) fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     let Ok(real) = output.canonicalize() else { return Ok(()) };
     let is_model = || {
         let mut head = [0; MAGIC.len()];
@@ -102,12 +105,30 @@ pub fn build_source(
         input,
         output: output.to_path_buf(),
         memory_bytes: options.memory.bytes(),
-        report,
         info: read_info(output)?,
         cleaning: None,
-        warnings: sentences(&source.info().notes),
+        warnings: told(source, &report),
+        hints: Vec::new(),
+        report,
         wall_s,
     })
+}
+
+/// Voxels this many times as long along one axis as along another make stairs of a surface.
+const UNEVEN: f64 = 3.0;
+
+/// What may be wanted besides: of a CT that nobody chose a threshold for, and of uneven spacing.
+fn hints(source: &dyn VolumeSource, threshold: Threshold, report: &BuildReport) -> Vec<String> {
+    let bone = (threshold == Threshold::Otsu && source.modality() == Some("CT"))
+        .then_some(Hint::Bone { chosen: report.selection.lo });
+    let spacing_mm = source.info().spacing_mm;
+    let axis = (0..3).fold(0, |longest, a| if spacing_mm[a] > spacing_mm[longest] { a } else { longest });
+    // Along an axis of one voxel there are no stairs.
+    let sides = source.info().dims.to_array();
+    let several = (0..3).filter(|a| sides[*a] > 1).map(|a| spacing_mm[a]);
+    let times = spacing_mm[axis] / several.fold(f64::INFINITY, f64::min);
+    let uneven = (sides[axis] > 1 && times >= UNEVEN).then_some(Hint::Uneven { spacing_mm, axis, times });
+    bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
 }
 
 /// Cleans an open source and builds its model; `started` is when the job began.
@@ -140,6 +161,7 @@ pub fn convert_reshaped(
     started: Instant,
 ) -> Result<BuildSummary, Error> {
     let mut options = options.clone();
+    let threshold = cleaning.preset.map_or(options.threshold, |preset| preset.threshold());
     let doubt = cleaning.preset.and_then(|preset| {
         options.threshold = preset.threshold();
         preset.doubt(source.modality())
@@ -158,8 +180,9 @@ pub fn convert_reshaped(
         None => builder::build_volume(&*source, &options, output, progress)?,
     };
     let wall_s = started.elapsed().as_secs_f64();
-    let mut warnings = sentences(&source.info().notes);
+    let mut warnings = told(&*source, &report);
     warnings.extend(doubt.map(|doubt| doubt.to_string()));
+    let hints = hints(&*source, threshold, &report);
     Ok(BuildSummary {
         input,
         output: output.to_path_buf(),
@@ -168,8 +191,16 @@ pub fn convert_reshaped(
         info: read_info(output)?,
         cleaning: (!cleaning.is_empty()).then(|| (cleaning.operations(), cleaned.map(|c| c.report))),
         warnings,
+        hints,
         wall_s,
     })
+}
+
+/// Sentences about the input, and about what was found in it.
+fn told(source: &dyn VolumeSource, report: &BuildReport) -> Vec<String> {
+    let mut all = sentences(&source.info().notes);
+    all.extend(report.notes.iter().map(|note| note.to_string()));
+    all
 }
 
 /// Unrolls a source that has to be, unless the cap would be too small for that or for what follows.
@@ -210,7 +241,7 @@ impl BuildSummary {
         let mut facts = static_facts(&self.info.frame);
         let mut put = |key: &str, value: Value| facts.insert(key.to_owned(), value);
         put("input", json!(self.input));
-        put("output", json!(self.output.display().to_string()));
+        put("output", json!(data(&self.output)));
         put("memory_budget_bytes", json!(self.memory_bytes));
         put("memory_plan_bytes", json!(r.plan_bytes));
         put("peak_rss_bytes", json!(peak_rss_bytes()));
@@ -232,6 +263,7 @@ impl BuildSummary {
             put("cleaning", cleaning_json(operations, report.as_ref()));
         }
         put("warnings", json!(self.warnings));
+        put("hints", json!(self.hints));
         Value::Object(facts)
     }
 
@@ -239,9 +271,9 @@ impl BuildSummary {
     pub fn text(&self) -> String {
         let r = &self.report;
         let range = if r.selection.hi.is_finite() {
-            format!("{}..{}", r.selection.lo, r.selection.hi)
+            format!("{}..{}", Short(r.selection.lo), Short(r.selection.hi))
         } else {
-            format!("{} and more ({})", r.selection.lo, super::info::kind_name(r.selection.kind))
+            format!("{} and more ({})", Short(r.selection.lo), super::info::kind_name(r.selection.kind))
         };
         #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
@@ -252,7 +284,7 @@ impl BuildSummary {
         let [x, y, z] = self.info.frame.metadata.dims;
         let mut text = format!(
             "{}: {} {kept} of {x}x{y}x{z}, values {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
-            self.output.display(),
+            shown(&self.output),
             r.skin_voxels,
             Bytes(r.file_bytes),
             r.nodes,
@@ -273,6 +305,9 @@ impl BuildSummary {
         }
         for warning in &self.warnings {
             text.push_str(&format!("  note: {warning}\n"));
+        }
+        for hint in &self.hints {
+            text.push_str(&format!("  hint: {hint}\n"));
         }
         text
     }

@@ -10,11 +10,12 @@ use super::build::{BuildSummary, build_source};
 use super::picture::{refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
 use super::verify::verify_file;
+use super::wording::foreign::{data, shown};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::{BuildOptions, Progress};
 use crate::error::{Error, UsageError};
-use crate::source::SyntheticHead;
+use crate::synthetic::SyntheticHead;
 use crate::volume::{Endian, VolumeSource};
 
 /// Files that the demonstration writes: the model, and beside it a picture and a thumbnail.
@@ -78,7 +79,7 @@ pub fn demo(
     let request = RenderRequest { threads, smooth_edges: true, ..RenderRequest::default() };
     progress.stage("render", 1);
     let render_s =
-        timed(&mut || render_file(&files.model, &files.picture, None, None, &request).map(|_| ()))?;
+        timed(&mut || render_file(&files.model, &files.picture, None, None, &request, progress).map(|_| ()))?;
     let thumbnail_s =
         timed(&mut || thumbnail_file(&files.model, &files.thumbnail, 256, threads).map(|_| ()))?;
     Ok(DemoSummary { files: files.clone(), built, build_peak_bytes, verify_s, render_s, thumbnail_s })
@@ -116,8 +117,8 @@ impl DemoSummary {
         let mut report = self.built.json();
         if let Value::Object(map) = &mut report {
             map.insert("peak_rss_bytes".into(), json!(self.build_peak_bytes));
-            map.insert("picture".into(), json!(self.files.picture.display().to_string()));
-            map.insert("thumbnail".into(), json!(self.files.thumbnail.display().to_string()));
+            map.insert("picture".into(), json!(data(&self.files.picture)));
+            map.insert("thumbnail".into(), json!(data(&self.files.thumbnail)));
             map.insert("verify_s".into(), json!(self.verify_s));
             map.insert("render_s".into(), json!(self.render_s));
             map.insert("thumbnail_s".into(), json!(self.thumbnail_s));
@@ -137,7 +138,7 @@ impl DemoSummary {
                 "volume",
                 format!("{} synthetic CT head, {} as a stream", self.built.info.frame.dims(), Bytes(raw)),
             ),
-            ("model", format!("{} ({})", self.files.model.display(), Bytes(r.file_bytes))),
+            ("model", format!("{} ({})", shown(&self.files.model), Bytes(r.file_bytes))),
             ("skin voxels", format!("{} in {} nodes", r.skin_voxels, r.nodes)),
             ("bytes per skin voxel", format!("{:.3}", ratio(r.file_bytes, r.skin_voxels))),
             ("smaller than the volume", format!("{:.0} times", ratio(raw, r.file_bytes))),
@@ -150,8 +151,8 @@ impl DemoSummary {
                 format!("{:.2} s, making the volume included, {} threads", self.built.wall_s, r.threads),
             ),
             ("verify", format!("{:.2} s, every invariant holds", self.verify_s)),
-            ("picture", format!("{} in {:.3} s", self.files.picture.display(), self.render_s)),
-            ("thumbnail", format!("{} in {:.3} s", self.files.thumbnail.display(), self.thumbnail_s)),
+            ("picture", format!("{} in {:.3} s", shown(&self.files.picture), self.render_s)),
+            ("thumbnail", format!("{} in {:.3} s", shown(&self.files.thumbnail), self.thumbnail_s)),
         ];
         rows.iter().map(|(name, text)| format!("{name:<24}{text}\n")).collect()
     }

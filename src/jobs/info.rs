@@ -5,10 +5,13 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use super::measure::{Measures, measure};
+use super::wording::foreign::{data, shown};
+use super::wording::{Short, WithError};
 use crate::budget::Bytes;
 use crate::error::Error;
-use crate::format::{SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
-use crate::load::{Frame, LoadError, open_regular};
+use crate::format::{Encoding, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
+use crate::load::{Frame, LoadError, Model, open_regular};
 use crate::volume::ScalarType;
 
 /// Bytes a voxel of the paper's uniform volume: 2 bytes of density and 33 bits of normal, colour and
@@ -22,6 +25,46 @@ pub struct Info {
     pub input: String,
     /// Header, table, metadata and levels.
     pub frame: Frame,
+    /// What was measured of its skin, if that was asked for.
+    pub measured: Option<Measured>,
+}
+
+/// What became of measuring a model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Measured {
+    /// It was measured.
+    Done(Measures),
+    /// It is packed, and has to be unpacked for that.
+    Packed,
+    /// It takes long, and was not insisted on.
+    Large,
+    /// It has no volume, or is damaged.
+    Impossible,
+}
+
+/// Skin voxels up to which a model is measured without being asked to: half a second or so.
+const SOON_MEASURED: u64 = 1 << 24;
+
+/// As [`read_info`], with the measures of the skin.
+///
+/// Cost: one pass over the nodes and normals, for models of up to 16 million skin voxels, and for larger ones if
+/// `anyway` is set.
+///
+/// # Errors
+/// As [`read_info`].
+pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
+    let mut info = read_info(path)?;
+    info.measured = Some(if info.frame.header.encoding == Encoding::Packed {
+        Measured::Packed
+    } else if info.frame.header.voxels > SOON_MEASURED && !anyway {
+        Measured::Large
+    } else {
+        let model = Model::open(path)?;
+        let measured = measure(&model.view(), model.dims(), &model.affine());
+        model.check_unchanged(path)?;
+        measured.map_or(Measured::Impossible, Measured::Done)
+    });
+    Ok(info)
 }
 
 /// Reads the facts of a mapped or packed file.
@@ -34,7 +77,7 @@ pub fn read_info(path: &Path) -> Result<Info, Error> {
     let file =
         open_regular(path).map_err(|cause| LoadError::Unreadable { path: path.to_path_buf(), cause })?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
-    Ok(Info { input: path.display().to_string(), frame })
+    Ok(Info { input: data(path), frame, measured: None })
 }
 
 /// Bytes stored for one kind of section.
@@ -153,6 +196,9 @@ impl Info {
         put("paper_bytes", json!(paper_dims));
         put("ratio_to_paper", json!(paper_dims / to_f64(bytes)));
         put("ratio_to_paper_grid", json!(paper_grid / to_f64(bytes)));
+        if let Some(measured) = &self.measured {
+            facts.extend(measured.json());
+        }
         Value::Object(facts)
     }
 
@@ -168,14 +214,20 @@ impl Info {
             "file",
             format!(
                 "{} (format {VERSION_MAJOR}.{}, {})",
-                self.input,
+                shown(&self.input),
                 frame.header.minor,
                 frame.header.encoding.name()
             ),
         );
         row(
             "source",
-            format!("{} {} ({} files, {})", m.source.format, m.source.kind, m.source.files, dtype(frame)),
+            format!(
+                "{} {} ({} files, {})",
+                shown(&m.source.format),
+                shown(&m.source.kind),
+                m.source.files,
+                dtype(frame)
+            ),
         );
         row(
             "dims",
@@ -190,9 +242,14 @@ impl Info {
         );
         let [x, y, z] = m.spacing_mm;
         let letters = crate::geom::Affine { rows: m.affine }.orientation_letters();
+        let [x, y, z] = [x, y, z].map(Short);
         row("spacing", format!("{x} x {y} x {z} mm, axes {letters}"));
         let s = &m.selection;
-        let range = if s.hi.is_finite() { format!("{} .. {}", s.lo, s.hi) } else { format!(">= {}", s.lo) };
+        let range = if s.hi.is_finite() {
+            format!("{} .. {}", Short(s.lo), Short(s.hi))
+        } else {
+            format!(">= {}", Short(s.lo))
+        };
         let (kept, surface) = match frame.surface() {
             SurfaceKind::Skin => ("skin voxels", format!("skin {}-connected", m.connectivity)),
             SurfaceKind::Cells => ("cells", "cells between samples".into()),
@@ -200,6 +257,9 @@ impl Info {
         row("inside", format!("{range} ({}), {surface}", kind_name(s.kind)));
         row(kept, voxels.to_string());
         row("nodes", frame.header.nodes.to_string());
+        for (name, text) in self.measured.iter().flat_map(Measured::rows) {
+            row(name, text);
+        }
         let each = |b: u64| format!("{:>12}  {:>7.4} B/skin voxel", Bytes(b).to_string(), ratio(b, voxels));
         row("structure", each(structure_bytes(frame)));
         for (name, b) in channel_bytes(frame) {
@@ -222,12 +282,79 @@ impl Info {
             ),
         );
         row("checksum", format!("{:08x}", content_checksum(frame)));
-        row("written by", m.program.clone());
+        row("written by", shown(&m.program).to_string());
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
         rows.iter().fold(String::new(), |mut text, (name, value)| {
             let _ = writeln!(text, "{name:width$}  {value}");
             text
         })
+    }
+}
+
+impl Measured {
+    /// The keys of `--json`: all of them in any case, null where they are not known.
+    fn json(&self) -> Map<String, Value> {
+        let (done, why_not) = match self {
+            Self::Done(measures) => (Some(measures), None),
+            Self::Packed => (None, Some("packed")),
+            Self::Large => (None, Some("large")),
+            Self::Impossible => (None, Some("impossible")),
+        };
+        let area = done.and_then(|m| m.area_mm2);
+        let volume = done.and_then(|m| m.volume_mm3);
+        let enclosed = done.map(|m| m.enclosed);
+        let facts = json!({
+            "not_measured": why_not,
+            "bounding_box_voxels": done.map(|m| m.voxels),
+            "bounding_box_mm": done.map(|m| m.box_mm),
+            "surface_area_mm2": area.map(|(value, _)| value),
+            "surface_area_error_mm2": area.map(|(_, error)| error),
+            "volume_mm3": volume.map(|(value, _)| value),
+            "volume_error_mm3": volume.map(|(_, error)| error),
+            "enclosed_voxels": enclosed.map(|e| json!({
+                "inside": e.inside, "cavities": e.cavities, "unknown": e.unknown
+            })),
+        });
+        if let Value::Object(facts) = facts { facts } else { Map::new() }
+    }
+
+    /// Lines of the table.
+    fn rows(&self) -> Vec<(&'static str, String)> {
+        let measures = match self {
+            Self::Done(measures) => measures,
+            Self::Packed => return vec![("measures", "none of a packed model; `oct unpack` it".into())],
+            Self::Large => return vec![("measures", "take a while here; --measure takes them".into())],
+            Self::Impossible => {
+                return vec![("measures", "the model has no volume, or is damaged; see `oct verify`".into())];
+            }
+        };
+        let [low, high] = measures.box_mm;
+        let sides: Vec<String> = ["x", "y", "z"]
+            .iter()
+            .zip(low.iter().zip(high))
+            .map(|(axis, (low, high))| format!("{axis} {low:.2} .. {high:.2}"))
+            .collect();
+        let known = |value: Option<(f64, f64)>, unit: &str, why_not: &str| {
+            value.map_or_else(
+                || why_not.to_owned(),
+                |(value, error)| format!("{} {unit}", WithError { value, error }),
+            )
+        };
+        let enclosed = measures.enclosed;
+        let no_volume = if measures.area_mm2.is_none() {
+            "not known without normals"
+        } else {
+            "not known: walls of one voxel do not say what is inside"
+        };
+        let mut volume = known(measures.volume_mm3, "mm³", no_volume);
+        if enclosed.cavities > 0 && measures.volume_mm3.is_some() {
+            let _ = write!(volume, ", cavities of {} voxels left out", enclosed.cavities);
+        }
+        vec![
+            ("extent", format!("{} mm (LPS)", sides.join(", "))),
+            ("surface area", known(measures.area_mm2, "mm²", "not known without normals")),
+            ("volume", volume),
+        ]
     }
 }
 

@@ -1,16 +1,22 @@
 //! What the commands do: one function each, from plain options to a report.
 #![doc = "\n"]
 #![doc = include_str!("COMMANDS.md")]
+#![doc = "\n"]
+#![doc = include_str!("JSON.md")]
 
 pub mod batch;
 pub mod build;
 pub mod demo;
 pub mod info;
+pub mod measure;
+pub mod mesh;
 pub mod pack;
 pub mod picture;
 pub mod render;
+pub mod report;
 pub mod scan;
 pub mod verify;
 pub mod wording;
 
 pub use crate::resident::map_large_buffers;
+pub use wording::foreign::shown;

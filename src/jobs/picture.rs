@@ -2,12 +2,16 @@
 
 use std::path::Path;
 
-use super::render::{RenderReport, RenderRequest, render_view, thumbnail};
+use super::render::{RenderReport, RenderRequest, render_view_watched, thumbnail};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::load::Model;
+use crate::progress::Progress;
+use crate::render::image::ImageFile;
 
 /// Renders the model at `model` to `output`, and to the depth and normal images if named.
+///
+/// The files are begun before the picture is: a folder that cannot be written is told at once.
 ///
 /// # Errors
 /// The model cannot be used, the camera makes no sense, or a picture cannot be written.
@@ -17,19 +21,26 @@ pub fn render_file(
     depth: Option<&Path>,
     normals: Option<&Path>,
     request: &RenderRequest,
+    progress: &dyn Progress,
 ) -> Result<RenderReport, Error> {
     let outputs: Vec<&Path> = [Some(output), depth, normals].into_iter().flatten().collect();
     refuse_clash(model, &outputs)?;
-    let model = Model::open(model)?;
+    let path = model;
+    let model = Model::open(path)?;
+    let output = ImageFile::create(output)?;
+    let depth = depth.map(ImageFile::create).transpose()?;
+    let normals = normals.map(ImageFile::create).transpose()?;
     let request = RenderRequest { depth: depth.is_some(), normals: normals.is_some(), ..*request };
-    let (image, mut report) = render_view(&model.view(), model.dims(), &model.affine(), &request)?;
+    let (image, mut report) =
+        render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
-    image.write_png(output)?;
-    if let Some(path) = depth {
-        image.write_depth_png(path)?;
+    model.check_unchanged(path)?;
+    image.write_png_to(output)?;
+    if let Some(file) = depth {
+        image.write_depth_png_to(file)?;
     }
-    if let Some(path) = normals {
-        image.write_normals_png(path)?;
+    if let Some(file) = normals {
+        image.write_normals_png_to(file)?;
     }
     Ok(report)
 }
@@ -40,10 +51,13 @@ pub fn render_file(
 /// The model cannot be used, or the picture cannot be written.
 pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) -> Result<RenderReport, Error> {
     refuse_clash(model, &[output])?;
-    let model = Model::open(model)?;
+    let path = model;
+    let model = Model::open(path)?;
+    let output = ImageFile::create(output)?;
     let (image, mut report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
-    image.write_png(output)?;
+    model.check_unchanged(path)?;
+    image.write_png_to(output)?;
     Ok(report)
 }
 

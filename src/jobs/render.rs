@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
+use crate::progress::{Progress, Silent};
 use crate::render::picture::{self, Canvas};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
@@ -111,6 +112,20 @@ pub fn render_view<V: NodeView>(
     affine: &Affine,
     request: &RenderRequest,
 ) -> Result<(Image, RenderReport), RenderError> {
+    render_view_watched(view, dims, affine, request, &Silent)
+}
+
+/// As [`render_view`]; `progress` is told of the rows that are done.
+///
+/// # Errors
+/// As [`render_view`].
+pub fn render_view_watched<V: NodeView>(
+    view: &V,
+    dims: Dims,
+    affine: &Affine,
+    request: &RenderRequest,
+    progress: &dyn Progress,
+) -> Result<(Image, RenderReport), RenderError> {
     let start = Instant::now();
     picture::check_size(request.width, request.height)?;
     let space = GridSpace::new(dims, affine)?;
@@ -129,7 +144,9 @@ pub fn render_view<V: NodeView>(
         depth_range_mm: request.depth.then_some((near, far)),
         normals: request.normals,
     };
-    let (image, counts) = picture::paint(view, &space, &camera, canvas)?;
+    progress.stage("render", request.height.into());
+    let rows_done = |rows: u32| progress.advance(rows.into());
+    let (image, counts) = picture::paint_watched(view, &space, &camera, canvas, &rows_done)?;
     let wall = start.elapsed();
     let trace_s = counts.trace.as_secs_f64();
     let report = RenderReport {

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::batch::NOTICE;
+use super::batch::{Claim, Claims, NOTICE, copy_of, numbered};
+use super::wording::foreign::{data, shown};
 use super::wording::sentences;
 use crate::budget::peak_rss_bytes;
 use crate::catalogue::{Catalogue, LeftOut};
@@ -30,6 +31,8 @@ pub struct Listed {
     pub burned_in: Option<BurnedIn>,
     /// Files, and their bytes.
     pub files: (u64, u64),
+    /// The volume that it is a copy of, byte for byte; a batch takes that one alone.
+    pub copy_of: Option<String>,
     /// Facts, or why it is refused.
     pub facts: Result<ListedFacts, String>,
 }
@@ -60,33 +63,60 @@ pub fn scan(
     each: &mut dyn FnMut(&Listed) -> Result<(), Error>,
 ) -> Result<ScanReport, Error> {
     let catalogue = Catalogue::survey(inputs, how, &std::env::temp_dir())?;
-    let mut report = ScanReport { usable: 0, refused: 0, left_out: Vec::new() };
+    let mut report = ScanReport::default();
+    let claims = Claims::default();
     let mut number = 0;
     for at in 0..catalogue.len() {
-        for finding in catalogue.open(at) {
-            number += 1;
-            let listed = list(number, &finding);
-            match listed.facts {
-                Ok(_) => report.usable += 1,
-                Err(_) => report.refused += 1,
+        let turn = claims.turn(at);
+        let before = number;
+        for (part, finding) in catalogue.open(at).into_iter().enumerate() {
+            // Those that are passed over have numbers, too.
+            number += 1 + finding.more;
+            let mut listed = list(before + finding.at + 1, &finding);
+            if listed.facts.is_ok() {
+                // As a batch names it.
+                match turn.claim(&finding, (at, part), &|finding, owner| catalogue.is_copy(finding, owner)) {
+                    Claim::CopyOf(name) => {
+                        listed.facts = Err(copy_of(&name));
+                        listed.copy_of = Some(name);
+                    }
+                    Claim::Own(name, others) => {
+                        if let (Ok(facts), Some(others)) = (&mut listed.facts, others) {
+                            facts.warnings.push(numbered(others));
+                        }
+                        listed.name = name;
+                    }
+                }
+            }
+            match (&listed.facts, &listed.copy_of) {
+                (Ok(_), _) => report.usable += 1,
+                (Err(_), Some(_)) => report.copies += 1,
+                (Err(_), None) => report.refused += 1,
             }
             each(&listed)?;
         }
     }
-    let line = |l: &LeftOut| (l.why.to_string(), l.count, l.first.display().to_string());
+    catalogue.for_each_left_out::<Error>(&mut |why, path| {
+        if report.left_out_files.len() < MOST_NAMED {
+            report.left_out_files.push((data(path), why.to_string()));
+        }
+        Ok(())
+    })?;
+    let line = |l: &LeftOut| (l.why.to_string(), l.count, data(&l.first));
     report.left_out = catalogue.left_out().iter().map(line).collect();
     Ok(report)
 }
 
 fn list(number: usize, finding: &Finding) -> Listed {
     Listed {
-        input: finding.path.display().to_string(),
+        input: data(&finding.path),
         number,
         format: finding.format.to_owned(),
         part: finding.part.clone().unwrap_or_default(),
         name: finding.id.clone(),
         kind: finding.kind.clone(),
         burned_in: finding.burned_in,
+        copy_of: None,
         files: (finding.files.count, finding.files.bytes),
         facts: match &finding.volume {
             Err(e) => Err(e.to_string()),
@@ -104,15 +134,22 @@ fn list(number: usize, finding: &Finding) -> Listed {
     }
 }
 
+/// Most files that are left out of which a list has the names.
+const MOST_NAMED: usize = 10_000;
+
 /// What a scan found.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ScanReport {
     /// Volumes that would be converted.
     pub usable: u64,
     /// Volumes that would be refused.
     pub refused: u64,
+    /// Volumes that are copies of others, which a batch skips.
+    pub copies: u64,
     /// Files that are no volume: reason, how many, the first.
     pub left_out: Vec<(String, u64, String)>,
+    /// The same one by one, as many as are named: path and reason.
+    pub left_out_files: Vec<(String, String)>,
 }
 
 impl ScanReport {
@@ -126,6 +163,11 @@ impl ScanReport {
         json!({
             "usable": self.usable,
             "refused": self.refused,
+            "copies": self.copies,
+            "pixels_looked_at": false,
+            "left_out_files": self.left_out_files.iter().map(|(path, reason)| json!({
+                "path": path, "reason": reason
+            })).collect::<Vec<_>>(),
             "left_out": self.left_out.iter().map(|(reason, count, first)| json!({
                 "reason": reason, "count": count, "first": first
             })).collect::<Vec<_>>(),
@@ -139,7 +181,7 @@ impl Listed {
     pub fn json(&self) -> Value {
         let mut value = json!({
             "input": self.input, "number": self.number, "format": self.format, "kind": self.kind, "part": self.part,
-            "name": self.name, "burned_in": self.burned_in,
+            "name": self.name, "burned_in": self.burned_in, "copy_of": self.copy_of,
             "files": self.files.0, "input_bytes": self.files.1,
         });
         let more = match &self.facts {
@@ -157,9 +199,9 @@ impl Listed {
 
     /// A few lines for people.
     pub fn text(&self) -> String {
-        let part = if self.part.is_empty() { String::new() } else { format!(", {}", self.part) };
-        let head =
-            format!("{:>3}. {} ({}{part}, {} file(s))", self.number, self.input, self.format, self.files.0);
+        let part = if self.part.is_empty() { String::new() } else { format!(", {}", shown(&self.part)) };
+        let (input, format) = (shown(&self.input), &self.format);
+        let head = format!("{:>3}. {input} ({format}{part}, {} file(s))", self.number, self.files.0);
         match &self.facts {
             Ok(f) => {
                 let [x, y, z] = f.dims;
@@ -173,7 +215,8 @@ impl Listed {
                 }
                 text
             }
-            Err(reason) => format!("{head}\n  refused: {reason}\n"),
+            Err(reason) if self.copy_of.is_some() => format!("{head}\n  skipped: {}\n", shown(reason)),
+            Err(reason) => format!("{head}\n  refused: {}\n", shown(reason)),
         }
     }
 }

@@ -7,6 +7,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::pack::{Stop, unpack_to};
+use super::wording::foreign::{data, shown};
 use crate::error::Error;
 use crate::format::Encoding;
 use crate::load::{self, Fault, Frame, LoadError, open_regular};
@@ -43,7 +44,7 @@ pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
     } else {
         check(&file).map_err(|fault| fault.at(path))?;
     }
-    Ok(VerifyReport { input: path.display().to_string(), frame })
+    Ok(VerifyReport { input: data(path), frame })
 }
 
 fn check(file: &File) -> Result<(), Fault> {
@@ -73,7 +74,7 @@ impl VerifyReport {
     pub fn text(&self) -> String {
         format!(
             "{}: sound ({} skin voxels, {} nodes, {})\n",
-            self.input,
+            shown(&self.input),
             self.frame.header.voxels,
             self.frame.header.nodes,
             self.frame.header.encoding.name()

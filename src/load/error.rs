@@ -28,6 +28,11 @@ pub enum LoadError {
         #[source]
         cause: FormatError,
     },
+    /// It was written to while it was in use.
+    Changed {
+        /// The file.
+        path: PathBuf,
+    },
 }
 
 impl LoadError {

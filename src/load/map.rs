@@ -3,10 +3,34 @@
 
 use std::fs::File;
 use std::io;
+use std::os::unix::fs::MetadataExt;
 
-/// A whole file mapped read-only; dereferences to its bytes through `AsRef`.
+/// A whole file mapped read-only; dereferences to its bytes through `AsRef`. The file stays open, so that a change
+/// of its bytes can be noticed.
 #[derive(Debug)]
-pub struct Mapping(memmap2::Mmap);
+pub struct Mapping {
+    map: memmap2::Mmap,
+    file: File,
+    then: Stamp,
+}
+
+/// What tells that a file was written to: its size and its time of change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Stamp {
+    bytes: u64,
+    changed: (i64, i64),
+}
+
+impl Stamp {
+    /// The file as it is now.
+    ///
+    /// # Errors
+    /// The operating system refused.
+    pub(super) fn of(file: &File) -> io::Result<Self> {
+        let meta = file.metadata()?;
+        Ok(Self { bytes: meta.size(), changed: (meta.mtime(), meta.mtime_nsec()) })
+    }
+}
 
 impl Mapping {
     /// Maps `file`, which must not be empty.
@@ -14,20 +38,40 @@ impl Mapping {
     /// # Errors
     /// The operating system refused.
     pub fn of(file: &File) -> io::Result<Self> {
+        let file = file.try_clone()?;
+        let then = Stamp::of(&file)?;
+        Self::since(file, then)
+    }
+
+    /// Maps a file of which something was read before, when it was what `then` says.
+    ///
+    /// # Errors
+    /// The operating system refused.
+    pub(super) fn since(file: File, then: Stamp) -> io::Result<Self> {
         // SAFETY: the bytes must not change while they are mapped. This program keeps that promise by
         // never writing to a finished `.oct`: every output is a new file that replaces the old name by
         // rename, so a mapped file keeps its own unchanged bytes. Other programs are asked by the
         // specification (SPEC 7) to do the same; if one does not, no reference with an invariant
-        // beyond "any byte" is ever made from the mapping, and a file cut short ends the process with
-        // a bus error, as every mapping of a file does.
-        let map = unsafe { memmap2::Mmap::map(file)? };
-        Ok(Self(map))
+        // beyond "any byte" is ever made from the mapping, [`Mapping::is_unchanged`] tells of it, and a
+        // file cut short raises a bus error, as every mapping of a file does: the command ends with a
+        // sentence then.
+        let map = unsafe { memmap2::Mmap::map(&file)? };
+        Ok(Self { map, file, then })
+    }
+
+    /// Are the bytes still those that were mapped, as far as size and time of change tell? A file that another one
+    /// has replaced under its name is unchanged: the mapping keeps it.
+    ///
+    /// # Errors
+    /// The operating system refused.
+    pub fn is_unchanged(&self) -> io::Result<bool> {
+        Ok(Stamp::of(&self.file)? == self.then)
     }
 }
 
 impl AsRef<[u8]> for Mapping {
     #[inline]
     fn as_ref(&self) -> &[u8] {
-        &self.0
+        &self.map
     }
 }

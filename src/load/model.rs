@@ -11,7 +11,7 @@ use crate::format::{
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 
 use super::frame::Frame;
-use super::map::Mapping;
+use super::map::{Mapping, Stamp};
 use super::stream::{Fault, ReadAt};
 use super::{CellItems, LoadError, NodeView, NotRegular};
 
@@ -39,12 +39,27 @@ impl Model<Mapping> {
         let path = path.as_ref();
         let open = || -> Result<Self, Fault> {
             let file = open_regular(path)?;
+            let then = Stamp::of(&file)?;
             // Through ordinary reads, so that a file that is no model is never mapped.
             let frame = Frame::read(&file)?;
             refuse_packed(&frame)?;
-            Self::assemble(Mapping::of(&file)?, frame).map_err(Fault::from)
+            Self::assemble(Mapping::since(file, then)?, frame).map_err(Fault::from)
         };
         open().map_err(|fault| fault.at(path))
+    }
+
+    /// Is the file still what it was when it was opened? To be asked before what was made of the model is kept:
+    /// a file that was overwritten in place meanwhile was neither the one model nor the other. `path` is what the
+    /// error names.
+    ///
+    /// # Errors
+    /// [`LoadError::Changed`], or the operating system refused.
+    pub fn check_unchanged(&self, path: &Path) -> Result<(), LoadError> {
+        match self.data.is_unchanged() {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(LoadError::Changed { path: path.to_path_buf() }),
+            Err(cause) => Err(LoadError::Unreadable { path: path.to_path_buf(), cause }),
+        }
     }
 }
 

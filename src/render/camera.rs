@@ -177,6 +177,9 @@ impl Camera {
                 }
                 let sight = add_scaled(look_at, -1.0, eye);
                 let distance = dot(sight, sight).sqrt();
+                if !distance.is_finite() {
+                    return Err(CameraFault::TooFar.into());
+                }
                 if !distance.is_normal() {
                     return Err(CameraFault::EyeInTarget.into());
                 }

@@ -73,6 +73,8 @@ pub enum CameraFault {
     NotFinite,
     /// The eye is in the point that it looks at.
     EyeInTarget,
+    /// The eye and the point that it looks at are farther apart than numbers go.
+    TooFar,
     /// The up direction has no length.
     UpWithoutLength,
     /// The up direction is along the line of sight.

@@ -1,10 +1,11 @@
 //! Pictures in memory and as PNG files.
 
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Layer, RenderError};
 use crate::atomic::AtomicFile;
+use crate::mark::{KEYWORD, PROGRAM};
 
 /// A picture, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,8 +31,7 @@ impl Image {
     /// # Errors
     /// [`RenderError::Write`] when the folder is missing or the disk refuses.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
-        let format = Format { colour: png::ColorType::Rgba, bits: png::BitDepth::Eight, srgb: true };
-        write_atomically(path.as_ref(), |out| self.encode(out, format, &self.rgba))
+        self.write_png_to(ImageFile::create(path.as_ref())?)
     }
 
     /// Writes the depth as a 16-bit grey PNG.
@@ -39,10 +39,7 @@ impl Image {
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without depth; else as [`Image::write_png`].
     pub fn write_depth_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
-        let Some(depth) = &self.depth else { return Err(RenderError::NoLayer(Layer::Depth)) };
-        let bytes: Vec<u8> = depth.iter().flat_map(|d| d.to_be_bytes()).collect();
-        let format = Format { colour: png::ColorType::Grayscale, bits: png::BitDepth::Sixteen, srgb: false };
-        write_atomically(path.as_ref(), |out| self.encode(out, format, &bytes))
+        self.write_depth_png_to(ImageFile::create(path.as_ref())?)
     }
 
     /// Writes the normals as an RGB PNG.
@@ -50,15 +47,36 @@ impl Image {
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without normals; else as [`Image::write_png`].
     pub fn write_normals_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
+        self.write_normals_png_to(ImageFile::create(path.as_ref())?)
+    }
+
+    /// As [`Image::write_png`], to a file begun before.
+    pub(crate) fn write_png_to(&self, file: ImageFile) -> Result<(), RenderError> {
+        let format = Format { colour: png::ColorType::Rgba, bits: png::BitDepth::Eight, srgb: true };
+        file.fill(|out| self.encode(out, format, &self.rgba))
+    }
+
+    /// As [`Image::write_depth_png`], to a file begun before.
+    pub(crate) fn write_depth_png_to(&self, file: ImageFile) -> Result<(), RenderError> {
+        let Some(depth) = &self.depth else { return Err(RenderError::NoLayer(Layer::Depth)) };
+        let bytes: Vec<u8> = depth.iter().flat_map(|d| d.to_be_bytes()).collect();
+        let format = Format { colour: png::ColorType::Grayscale, bits: png::BitDepth::Sixteen, srgb: false };
+        file.fill(|out| self.encode(out, format, &bytes))
+    }
+
+    /// As [`Image::write_normals_png`], to a file begun before.
+    pub(crate) fn write_normals_png_to(&self, file: ImageFile) -> Result<(), RenderError> {
         let Some(normals) = &self.normals else { return Err(RenderError::NoLayer(Layer::Normals)) };
         let format = Format { colour: png::ColorType::Rgb, bits: png::BitDepth::Eight, srgb: false };
-        write_atomically(path.as_ref(), |out| self.encode(out, format, normals))
+        file.fill(|out| self.encode(out, format, normals))
     }
 
     fn encode(&self, out: &mut dyn Write, format: Format, bytes: &[u8]) -> io::Result<()> {
         let mut encoder = png::Encoder::new(out, self.width, self.height);
         encoder.set_color(format.colour);
         encoder.set_depth(format.bits);
+        // It lies in the folder of its volume as often as not, and must not become a slice of it.
+        encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;
         if format.srgb {
             encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         }
@@ -76,20 +94,37 @@ struct Format {
     srgb: bool,
 }
 
-/// Fills a temporary file beside `path` and renames it there; on failure nothing is left.
-fn write_atomically(
-    path: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<(), RenderError> {
-    let write = || -> io::Result<()> {
-        let file = AtomicFile::create(path)?;
-        let mut out = BufWriter::new(file.file());
-        fill(&mut out)?;
-        out.flush()?;
-        drop(out);
-        file.commit()
-    };
-    write().map_err(|cause| RenderError::Write { path: path.to_path_buf(), cause })
+/// An image's file before it has its name: what keeps it from being written shows when it is begun.
+#[derive(Debug)]
+pub(crate) struct ImageFile {
+    path: PathBuf,
+    file: AtomicFile,
+}
+
+impl ImageFile {
+    /// Begins the file that will be at `path`; dropped, it leaves nothing.
+    ///
+    /// # Errors
+    /// [`RenderError::Write`] when the folder is missing or cannot be written, or `path` is a folder or a device.
+    pub(crate) fn create(path: &Path) -> Result<Self, RenderError> {
+        match AtomicFile::create(path) {
+            Ok(file) => Ok(Self { path: path.to_path_buf(), file }),
+            Err(cause) => Err(RenderError::Write { path: path.to_path_buf(), cause }),
+        }
+    }
+
+    /// Writes the bytes and puts the file in its place.
+    fn fill(self, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), RenderError> {
+        let Self { path, file } = self;
+        let write = || -> io::Result<()> {
+            let mut out = BufWriter::new(file.file());
+            fill(&mut out)?;
+            out.flush()?;
+            drop(out);
+            file.commit()
+        };
+        write().map_err(|cause| RenderError::Write { path, cause })
+    }
 }
 
 #[cfg(test)]
@@ -135,8 +170,8 @@ mod tests {
     #[test]
     fn failures_name_the_file_and_leave_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let error = small().write_png(folder.path().join("missing/a.png")).unwrap_err().to_string();
-        assert!(error.contains("missing/a.png") && error.contains("check the folder"), "{error}");
+        let error = small().write_png(&folder.path().join("missing/a.png")).unwrap_err().to_string();
+        assert!(error.contains("missing/a.png") && error.contains("does not exist"), "{error}");
         // The target is a folder.
         let taken = folder.path().join("taken");
         std::fs::create_dir(&taken).unwrap();

@@ -12,6 +12,7 @@ use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
 use super::cells::Cells;
+use super::facing;
 use super::form::Form;
 use super::image::Image;
 use super::ray::Face;
@@ -206,6 +207,20 @@ pub fn paint<V: NodeView>(
     camera: &Camera,
     canvas: Canvas,
 ) -> Result<(Image, Counts), RenderError> {
+    paint_watched(view, space, camera, canvas, &|_| {})
+}
+
+/// As [`paint`]; `rows_done` is told each time how many more rows are painted.
+///
+/// # Errors
+/// As [`paint`].
+pub fn paint_watched<V: NodeView>(
+    view: &V,
+    space: &GridSpace,
+    camera: &Camera,
+    canvas: Canvas,
+    rows_done: &(dyn Fn(u32) + Sync),
+) -> Result<(Image, Counts), RenderError> {
     check_size(canvas.width, canvas.height)?;
     let sight = Sight::new(space, camera, canvas.width, canvas.height);
     let cells = view.cells().map(Cells::new);
@@ -214,18 +229,18 @@ pub fn paint<V: NodeView>(
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
         Some(surface) => {
             let painter = Painter { view, surface, cells, sight, form, canvas, shader };
-            pool.install(|| painter.paint())
+            pool.install(|| painter.paint(rows_done))
         }
         // Coarse boxes are solid, whatever the finest are.
         None => {
             let painter = Painter { view, surface: Skin, cells, sight, form, canvas, shader };
-            pool.install(|| painter.paint())
+            pool.install(|| painter.paint(rows_done))
         }
     })
 }
 
 impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
-    fn paint(&self) -> (Image, Counts) {
+    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Counts) {
         let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
         let mut image = Image {
             width: self.canvas.width,
@@ -246,6 +261,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             counts = counts.plus(self.trace_band(band, top, rows));
             counts.shade += self.shade_band(band, &mut image, top, rows);
             top += rows;
+            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+            rows_done(rows as u32);
         }
         if self.canvas.smooth_edges {
             counts = counts.plus(self.smooth_edges(&mut image));
@@ -302,10 +319,12 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         let width = self.canvas.width as usize;
         image.rgba.par_chunks_mut(width * 4).skip(top).take(rows).enumerate().for_each(|(y, row)| {
             let (out, _) = row.as_chunks_mut::<4>();
+            let mut last = None;
             for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                 if pixel.is_hit() {
-                    let sight = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
-                    let [r, g, b] = self.light(pixel, sight).map(|c| self.shader.encode(c));
+                    let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
+                    let light = self.shader.light(self.normal_after(&mut last, pixel, line), line.1);
+                    let [r, g, b] = light.map(|c| self.shader.encode(c));
                     *out = [r, g, b, 255];
                 }
             }
@@ -325,10 +344,11 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let code = |c: f64| (128.5 + c * 127.0).clamp(1.0, 255.0) as u8;
             normals.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
                 let (out, _) = row.as_chunks_mut::<3>();
+                let mut last = None;
                 for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
                     if pixel.is_hit() {
-                        let sight = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5).1;
-                        *out = self.normal(pixel, sight).map(code);
+                        let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
+                        *out = self.normal_after(&mut last, pixel, line).map(code);
                     }
                 }
             });
@@ -371,7 +391,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     let seen = self.seen(&trace, x + dx, y + dy);
                     if seen.is_hit() {
                         hits += 1;
-                        let light = self.light(seen, self.sight.line(x + dx, y + dy).1);
+                        let light = self.light(seen, self.sight.line(x + dx, y + dy));
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -423,34 +443,82 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         normal::encode(cells.normal(number, u).map(|c| c as f32))
     }
 
-    fn light(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
-        self.shader.light(self.normal(seen, sight), sight)
+    fn light(&self, seen: Seen, line: Line) -> [f64; 3] {
+        self.shader.light(self.normal(seen, line), line.1)
     }
 
-    /// World normal: the stored one, else that of the face, else towards the eye.
-    fn normal(&self, seen: Seen, sight: [f64; 3]) -> [f64; 3] {
-        let code = match seen.kind {
-            SeenKind::Voxel => {
-                self.view.voxel_normal(BoxIndex::new(seen.box_number).voxel(self.view.node_count()))
+    /// As [`Painter::normal`], for pixels of one row from left to right: those of one face have one normal.
+    #[inline]
+    fn normal_after(&self, last: &mut Option<(u64, u8, [f64; 3])>, seen: Seen, line: Line) -> [f64; 3] {
+        match last {
+            Some((number, face, normal)) if (*number, *face) == (seen.box_number, seen.face) => *normal,
+            _ => {
+                let normal = self.normal(seen, line);
+                // Without a face it may depend on the line of sight.
+                *last = (seen.face != Seen::NO_FACE).then_some((seen.box_number, seen.face, normal));
+                normal
             }
-            SeenKind::Node => self.view.node_normal(NodeIndex::new(seen.box_number)),
-            SeenKind::Own => Some(seen.code),
-        };
-        let box_frame = match (code, seen.face()) {
-            (Some(code), _) if self.cells.is_some() => {
-                return self.sight.space().index_normal_to_world(normal::decode_l1(code).map(f64::from));
+        }
+    }
+
+    /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
+    /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
+    fn normal(&self, seen: Seen, line: Line) -> [f64; 3] {
+        let box_frame = match (self.stored(seen, 0), seen.face()) {
+            (Some(stored), _) if self.cells.is_some() => {
+                return self.sight.space().index_normal_to_world(stored.map(f64::from));
             }
-            (Some(code), _) => normal::decode_l1(code).map(f64::from),
+            (Some(stored), Some(face)) => {
+                self.facing(seen, face, line, stored).unwrap_or(stored.map(f64::from))
+            }
+            (Some(stored), None) => stored.map(f64::from),
             (None, Some(face)) => {
                 let mut n = [0.0; 3];
                 n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
                 n
             }
             (None, None) => {
+                let sight = line.1;
                 let length = super::space::dot(sight, sight).sqrt();
                 return sight.map(|c| -c / length);
             }
         };
         self.sight.space().normal_to_world(box_frame)
     }
+
+    /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
+    /// the box, its parts' sizes adding up to 127.
+    #[inline]
+    fn stored(&self, seen: Seen, distance: i64) -> Option<[i32; 3]> {
+        let number = seen.box_number.wrapping_add_signed(distance);
+        let code = match seen.kind {
+            SeenKind::Voxel => self.view.voxel_normal(BoxIndex::new(number).voxel(self.view.node_count())),
+            SeenKind::Node => self.view.node_normal(NodeIndex::new(number)),
+            SeenKind::Own => Some(seen.code),
+        };
+        code.map(normal::decode_l1)
+    }
+
+    /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
+    #[inline]
+    fn facing(&self, seen: Seen, face: Face, (origin, sight): Line, stored: [i32; 3]) -> Option<[f64; 3]> {
+        let space = self.sight.space();
+        // In voxels instead of millimetres: a normal's components grow with the spacing.
+        let spacing = space.spacing_mm();
+        let scale = |n: [i32; 3]| -> [f64; 3] { std::array::from_fn(|a| f64::from(n[a]) * spacing[a]) };
+        let in_voxels = scale(stored);
+        let edge_log2 = if seen.kind == SeenKind::Voxel { 0 } else { self.canvas.lod_edge_log2 };
+        let struck = || {
+            let world = super::space::add_scaled(origin, f64::from(seen.depth), sight);
+            let edge = f64::from(1_u32 << edge_log2.min(31));
+            let at = space.world_to_grid().apply(world).map(|c| c / edge);
+            facing::Struck { number: seen.box_number, at, edge_log2, face }
+        };
+        let company = facing::company(in_voxels, |distance| self.stored(seen, distance).map(scale));
+        let shown = facing::shown(self.view, face, struck, in_voxels, company)?;
+        Some(std::array::from_fn(|a| shown[a] / spacing[a]))
+    }
 }
+
+/// Line of sight in the world: origin and direction.
+type Line = ([f64; 3], [f64; 3]);

@@ -76,6 +76,11 @@ impl Ray {
     /// multiple of those already (such as small integers) stays exact. The arithmetic is symmetric: a ray
     /// mirrored or permuted about the grid's centre has mirrored or permuted integers. -0.0 is 0.
     ///
+    /// The quantised ray is nowhere in the grid farther from the given one than `2^-16 + 2^(depth-29) + 2^-49 D`
+    /// cells, across its main axis; D is the greatest of the grid's side, the origin's distance and that of the near
+    /// limit. So two hits differ only where a ray passes an edge that closely (`tests/oracle.rs`, by whole numbers
+    /// without a limit).
+    ///
     /// # Errors
     /// [`BadRay`] for NaN, infinity, a null direction, or `depth` over [`MAX_DEPTH`].
     #[inline]

@@ -62,6 +62,11 @@ impl GridSpace {
         self.spacing_mm.iter().fold(0.0, |m: f64, s| m.max(*s))
     }
 
+    /// Distance of neighbouring voxels along each axis in mm.
+    pub(super) fn spacing_mm(&self) -> [f64; 3] {
+        self.spacing_mm
+    }
+
     /// The quantised form of a world ray; its parameter t is that of the world ray.
     ///
     /// # Errors

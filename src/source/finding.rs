@@ -33,6 +33,10 @@ pub struct Finding {
     pub files: InputFiles,
     /// Why its pixels may carry text, such as the patient's name, if there is a reason to think so.
     pub burned_in: Option<BurnedIn>,
+    /// Which of the volumes of its input it is, from 0, those that are passed over included.
+    pub at: usize,
+    /// Volumes like it in the same input that are passed over for it.
+    pub more: usize,
     /// The volume, not prepared yet.
     pub volume: Result<Box<dyn VolumeSource>, SourceError>,
 }

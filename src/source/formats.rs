@@ -1,5 +1,4 @@
-//! The volume formats that are read besides DICOM and headerless files: two short lists; and what is known, but
-//! not read.
+//! The volume formats that are read besides DICOM and headerless files: two short lists.
 //!
 //! A file belongs to the first format of [`FORMATS`] that recognises it, else, if [`STACKS`] does, to the
 //! stack of all such files of its folder. DICOM is asked before both. Formats are told by content; a
@@ -9,11 +8,7 @@ use std::path::Path;
 
 use super::files::FileList;
 use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff};
-use crate::facts::Known;
 use crate::volume::{SourceError, VolumeSource};
-
-/// Bytes of a file that [`Format::recognise`] is shown, or all of a shorter one.
-pub(crate) const HEAD_BYTES: usize = 1024;
 
 /// Volumes that a file of some kind holds.
 type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
@@ -22,7 +17,7 @@ type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
 pub(crate) struct Format {
     /// As shown to users and in [`crate::volume::SourceDescription::format`]: `nrrd`, `nifti`, ...
     pub(crate) name: &'static str,
-    /// Is the file, which begins with these bytes, of this kind? A damaged one is, too, so that it is
+    /// Is the file, which begins with these [`HEAD_BYTES`](super::HEAD_BYTES), of this kind? A damaged one is, too, so that it is
     /// refused by name. Called for every file that is no DICOM: quick, and without opening the file
     /// unless `head` already speaks for the format.
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
@@ -70,17 +65,3 @@ pub(crate) const STACKS: &[StackFormat] = &[
     StackFormat { name: "tiff", recognise: tiff::recognise, is_whole: tiff::is_whole, open: tiff::open },
     StackFormat { name: "png", recognise: png_stack::recognise, is_whole: |_| false, open: png_stack::open },
 ];
-
-/// Formats by their first bytes that are not read, to say what a refused file is.
-const KNOWN: [(&[u8], Known); 5] = [
-    (b"\x1f\x8b", Known::Gzip),
-    (b"\xff\xd8\xff", Known::Jpeg),
-    (b"ply", Known::Ply),
-    (b"OFF", Known::Off),
-    (b"\x89OCT\r\n", Known::Oct),
-];
-
-/// What a file is by its first bytes, if that is known and it is not DICOM.
-pub(crate) fn known(head: &[u8]) -> Option<Known> {
-    KNOWN.iter().find(|(magic, _)| head.starts_with(magic)).map(|(_, what)| *what)
-}

@@ -1,6 +1,6 @@
 //! What the headers of several formats share: lines of text, numbers, units, and the names of data files.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufRead, Read};
 use std::path::{Component, Path, PathBuf};
 
@@ -36,6 +36,9 @@ impl<'a> Lines<'a> {
         let mut line = Vec::new();
         let read = self.reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)?;
         self.offset += read as u64;
+        if read == 0 && self.offset >= MAX_HEADER {
+            return Err(Fault::from(HeaderFault::TooLong { most_bytes: MAX_HEADER }).in_stream());
+        }
         if read as u64 == MAX_LINE && !line.ends_with(b"\n") {
             return Err(Fault::from(HeaderFault::EndlessLine).in_stream());
         }
@@ -113,6 +116,39 @@ fn data_name(name: &str) -> Result<PathBuf, HeaderFault> {
         return Err(HeaderFault::Outside { name: name.to_owned() });
     }
     Ok(path.to_path_buf())
+}
+
+/// Do the data files of a header stay in its folder, or in that where the header really lies? What a symbolic link
+/// leads to elsewhere is read only where links may be followed: a header that came from elsewhere must not make
+/// the program read whatever file it links to.
+///
+/// # Errors
+/// The first file that does not.
+pub(super) fn check_links(header: &Path, files: &FileList, follow: bool) -> Result<(), SourceError> {
+    let outside = (0..files.len()).find(|at| !stays(header, &files.path(*at)));
+    match outside.filter(|_| !follow) {
+        None => Ok(()),
+        Some(at) => {
+            let name = files.name(at).to_string_lossy().into_owned();
+            Err(unusable(header, HeaderFault::Linked { name }))
+        }
+    }
+}
+
+/// Does data lie in the folder of what describes it, links included? What is not there stays where it is.
+pub(crate) fn stays(header: &Path, data: &Path) -> bool {
+    let folder = |path: &Path| path.parent().map(Path::to_path_buf).unwrap_or_default();
+    let here = folder(header);
+    // Links lie in the header's folder or below it.
+    let below = data.ancestors().take_while(|part| *part != here && !part.as_os_str().is_empty());
+    let is_link = |part: &Path| fs::symlink_metadata(part).is_ok_and(|meta| meta.is_symlink());
+    if !below.into_iter().any(is_link) {
+        return true;
+    }
+    let here = if here.as_os_str().is_empty() { PathBuf::from(".") } else { here };
+    let Ok(real) = data.canonicalize() else { return true };
+    let inside = |folder: io::Result<PathBuf>| folder.is_ok_and(|folder| real.starts_with(folder));
+    inside(here.canonicalize()) || inside(header.canonicalize().map(|header| folder(&header)))
 }
 
 /// Adds a data file that a header names.

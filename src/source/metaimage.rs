@@ -10,7 +10,7 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::FileList;
 use super::header::{
-    Lines, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
+    Lines, check_links, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
 };
 use super::stored::{Encoding, Samples, Skip, Stored, regular};
 use crate::facts::header::HeaderFault;
@@ -34,10 +34,10 @@ pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
-    header.stored(path)?.open()
+    header.stored(path, options.follow_links)?.open()
 }
 
 /// The fields of a header, as far as they matter.
@@ -56,6 +56,9 @@ struct Header {
     origin: Vec<f64>,
     matrix: Vec<f64>,
     unit: String,
+    kinds: Vec<String>,
+    /// Does each frame have a transform?
+    placed_one_by_one: bool,
     data: String,
     /// Files of a `LIST`.
     list: FileList,
@@ -81,6 +84,8 @@ impl Header {
             origin: Vec::new(),
             matrix: Vec::new(),
             unit: String::new(),
+            kinds: Vec::new(),
+            placed_one_by_one: false,
             data: String::new(),
             list: files_beside(path),
             end: 0,
@@ -135,18 +140,25 @@ impl Header {
             "offset" | "position" | "origin" => self.origin = numbers(value)?,
             "transformmatrix" | "rotation" | "orientation" => self.matrix = numbers(value)?,
             "distanceunits" => self.unit = value.to_owned(),
-            _ => {}
+            "kinds" => self.kinds = value.split_whitespace().map(str::to_lowercase).collect(),
+            _ => self.placed_one_by_one |= key.starts_with("seq_frame") && key.ends_with("transform"),
         }
         Some(())
     }
 
-    fn stored(mut self, path: &Path) -> Result<Stored, SourceError> {
+    fn stored(mut self, path: &Path, follow: bool) -> Result<Stored, SourceError> {
         let refuse = |fault: MetaImageFault| unusable(path, fault);
         if !(2..=4).contains(&self.axes) || self.size.len() != self.axes {
             return Err(refuse(MetaImageFault::Dimensions { count: self.axes, sizes: self.size.len() }));
         }
         if self.channels != 1 {
             return Err(refuse(MetaImageFault::Channels { count: self.channels }));
+        }
+        // A list of volumes is read as volumes; a list of pictures is no volume.
+        let pictures = self.axes == 3 || self.size.get(2) == Some(&1);
+        let listed = self.kinds.iter().any(|kind| kind == "list");
+        if pictures && (listed || self.placed_one_by_one) {
+            return Err(refuse(MetaImageFault::Sweep));
         }
         let samples =
             samples(&self.kind).ok_or_else(|| refuse(MetaImageFault::Type { name: self.kind.clone() }))?;
@@ -165,6 +177,7 @@ impl Header {
         } else if files.len() == 0 {
             self.name_files(&mut files, slices).map_err(|fault| unusable(path, fault))?;
         }
+        check_links(path, &files, follow)?;
         let encoding = match (self.compressed, self.binary) {
             (true, true) => stream_kind(&files, skip)?,
             (true, false) => return Err(refuse(MetaImageFault::CompressedText)),

@@ -5,11 +5,11 @@
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack`, `synthetic` | one kind of source each |
-//! | `formats` | the lists of what is read, and what is known but not read |
+//! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack` | one kind of source each |
+//! | `formats`, `known` | the lists of what is read, and what is known but not read |
 //! | `options`, `finding` | what a caller may choose, and what a reader found |
 //! | `stored`, `reversed` | samples read where they lie, or unrolled first |
-//! | `files`, `header`, `natural`, `stable_hash` | what several of them share |
+//! | `files`, `header`, `natural`, `numbered`, `stable_hash` | what several of them share |
 #![doc = "\n"]
 #![doc = include_str!("READING.md")]
 
@@ -18,26 +18,28 @@ mod files;
 mod finding;
 mod formats;
 mod header;
+mod known;
 mod metaimage;
 mod natural;
 mod nifti;
 mod npy;
 mod nrrd;
+mod numbered;
 mod options;
 mod png_stack;
 mod raw;
 mod reversed;
 mod stable_hash;
 mod stored;
-mod synthetic;
 mod tiff;
 
 pub(crate) use files::FileList;
 pub use finding::{BurnedIn, Finding, InputFiles};
-pub(crate) use formats::{FORMATS, HEAD_BYTES, STACKS, Slices, known};
+pub(crate) use formats::{FORMATS, STACKS, Slices};
+pub(crate) use header::stays;
+pub(crate) use known::{HEAD_BYTES, known};
 pub use natural::natural_cmp;
 pub(crate) use nifti::header_of_samples;
 pub use options::{GapPolicy, OpenOptions};
 pub use raw::{RawOptions, RawVolume};
 pub(crate) use stable_hash::StableHash;
-pub use synthetic::SyntheticHead;

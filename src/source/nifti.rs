@@ -11,9 +11,11 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::OpenOptions;
-use super::header::{files_beside, unreadable, unusable};
+use super::header::{check_links, files_beside, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, Stored};
 use crate::facts::nifti::NiftiFault;
+use crate::facts::samples::StoredFault;
+use crate::facts::{Note, StatedNumber};
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 use geometry::Placement;
 
@@ -76,7 +78,7 @@ fn unpacked(stream: impl Read, out: &mut [u8]) -> usize {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let encoding = encoding_of(&file).map_err(|cause| unreadable(path, cause))?;
     let mut bytes = [0; NIFTI2_BYTES];
@@ -94,6 +96,9 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
         (path.to_path_buf(), encoding, offset)
     } else {
         let data = samples_of_header(path).ok_or_else(|| unusable(path, NiftiFault::NoImage))?;
+        let mut beside = files_beside(path);
+        beside.push(Path::new(data.file_name().unwrap_or_default()));
+        check_links(path, &beside, options.follow_links)?;
         let file = File::open(&data).map_err(|cause| unreadable(&data, cause))?;
         let encoding = encoding_of(&file).map_err(|cause| unreadable(&data, cause))?;
         (data, encoding, header.offset)
@@ -103,7 +108,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     let (size, volumes) = header.size().map_err(|fault| unusable(path, fault))?;
     let mut notes = Vec::new();
     let affine = header.placement.affine(&mut notes);
-    let rescale = header.rescale();
+    let rescale = header.rescale(&mut notes).map_err(|fault| unusable(path, fault))?;
     let raw = encoding == Encoding::Raw;
     Stored {
         header: path.to_path_buf(),
@@ -312,10 +317,20 @@ impl Header {
         }
     }
 
-    /// A slope of 0, or one that is no number, means none.
-    fn rescale(&self) -> Rescale {
-        let stated = self.slope.is_finite() && self.slope != 0.0 && self.intercept.is_finite();
-        if stated { Rescale { slope: self.slope, intercept: self.intercept } } else { Rescale::IDENTITY }
+    /// A slope of 0 means none, and so does NaN as some programs write it; an infinite one gives no values.
+    fn rescale(&self, notes: &mut Vec<Note>) -> Result<Rescale, StoredFault> {
+        let Self { slope, intercept, .. } = *self;
+        if slope == 0.0 {
+            return Ok(Rescale::IDENTITY);
+        }
+        if slope.is_nan() && !intercept.is_infinite() {
+            notes.push(Note::NotFinite(StatedNumber::Slope { stated: slope }));
+            return Ok(Rescale::IDENTITY);
+        }
+        if slope.is_finite() && intercept.is_finite() {
+            return Ok(Rescale { slope, intercept });
+        }
+        Err(StoredFault::Rescale { slope, intercept })
     }
 }
 

@@ -13,7 +13,7 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::FileList;
 use super::files::base_name;
-use super::header::{Lines, counts, files_beside, listed, numbered, text, unreadable, unusable};
+use super::header::{Lines, check_links, counts, files_beside, listed, numbered, text, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, Stored, section};
 use crate::facts::header::HeaderFault;
 use crate::facts::nrrd::NrrdFault;
@@ -30,10 +30,10 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
-    let stored = header.stored(path, &file).map_err(|wrong| match wrong {
+    let stored = header.stored(path, &file, options.follow_links).map_err(|wrong| match wrong {
         Wrong::Header(fault) => unusable(path, fault),
         Wrong::Other(error) => error,
     })?;
@@ -74,6 +74,8 @@ struct Header {
     line_skip: u64,
     byte_skip: i64,
     geometry: Geometry,
+    /// Does each frame have a transform?
+    placed_one_by_one: bool,
     data: Option<DataFiles>,
 }
 
@@ -100,10 +102,11 @@ impl Header {
                 wrong.get_or_insert(HeaderFault::NotAField { line }.into());
                 continue;
             };
+            let (field, value) = (field.trim().to_lowercase(), value.trim());
             if value.starts_with('=') {
+                header.placed_one_by_one |= field.starts_with("seq_frame") && field.ends_with("transform");
                 continue;
             }
-            let (field, value) = (field.trim().to_lowercase(), value.trim());
             if matches!(field.as_str(), "data file" | "datafile") {
                 let first = value.split_whitespace().next();
                 if first == Some("LIST") {
@@ -173,7 +176,7 @@ impl Header {
         }
     }
 
-    fn stored(self, path: &Path, file: &File) -> Result<Stored, Wrong> {
+    fn stored(self, path: &Path, file: &File, follow: bool) -> Result<Stored, Wrong> {
         let samples = self.samples()?;
         let encoding = match self.encoding.as_str() {
             "raw" => Encoding::Raw,
@@ -203,6 +206,11 @@ impl Header {
         };
         let axes = self.geometry.axes(&self.sizes)?;
         let layout = Layout::of(&axes)?;
+        // A list of volumes is read as volumes; a list of pictures is no volume.
+        let listed = axes.iter().any(|axis| axis.kind == "list" && axis.size > 1);
+        if layout.size[2] == 1 && (listed || (self.placed_one_by_one && layout.volumes > 1)) {
+            return Err(NrrdFault::Sweep.into());
+        }
         let affine = self.geometry.affine(&axes, &layout.space, &mut notes)?;
         let slices = layout.size[2].saturating_mul(layout.volumes);
         let (files, start) = match self.data {
@@ -219,6 +227,7 @@ impl Header {
             }
             None => return Err(NrrdFault::NoBlankLine { name: base_name(path) }.into()),
         };
+        check_links(path, &files, follow).map_err(Wrong::Other)?;
         let mut skip = start;
         if self.line_skip > 0 {
             if files.len() != 1 {

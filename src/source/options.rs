@@ -22,6 +22,11 @@ pub struct OpenOptions {
     /// Memory that putting the images of one series in order may take; not bounded if nothing is said. A
     /// small file can hold very many frames.
     pub opening_bytes: Option<u64>,
+    /// May a header or a side-car name data that a symbolic link leads out of its folder to, and are linked folders
+    /// searched? Who sent a header could else have any file of the disk read.
+    pub follow_links: bool,
+    /// Are all of very many volumes taken that are alike, such as the moments of one series, or only the first?
+    pub all_volumes: bool,
 }
 
 /// What to do where slices of a series are missing.

@@ -2,7 +2,7 @@
 //!
 //! Grey values of 8 or 16 bits, and of 1, 2 or 4 bits scaled to 8 as PNG defines it. Rows are unpacked one at
 //! a time into the scratch file. x runs along the rows, y down, z with the files; PNG knows no third
-//! distance, so spacing is 1 mm with a warning.
+//! distance, so spacing is 1 mm with a warning. Numbers that are missing in the names are gaps (`numbered`).
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -16,6 +16,7 @@ use super::files::base_name;
 use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
+use super::numbered::judge;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
 use crate::budget::costs;
 use crate::facts::png::{PngFault, PngHead};
@@ -40,8 +41,10 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 }
 
 /// Opens pictures as the slices of one volume.
-pub(super) fn open(list: FileList, _: &OpenOptions) -> Vec<Slices> {
-    vec![Slices { files: (0..list.len()).collect(), volume: stack(list) }]
+pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
+    let files = (0..list.len()).collect();
+    let order = judge(&list, options.gaps).map_err(|fault| unusable(&list.path(0), fault));
+    vec![Slices { files, volume: order.and_then(|order| Ok(order.apply(stack(list)?))) }]
 }
 
 fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {

@@ -1,15 +1,18 @@
 //! Headerless volumes: one file with all slices, or one file per slice.
 
 use std::fs;
+use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::files::{FileList, FileSet, base_name};
+use super::known::{HEAD_BYTES, known};
 use super::stored::{Placed, Places, Samples};
 use crate::facts::samples::{RawFault, RawLayout};
-use crate::facts::{Fault, Instead, Misuse};
+use crate::facts::{Fault, Instead, Known, Misuse};
 use crate::geom::{Dims, Orientation};
+use crate::mark::is_own_picture;
 use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// What the caller must say of a headerless volume.
@@ -50,7 +53,8 @@ impl RawVolume {
     pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self, SourceError> {
         let (list, name) = list_files(inputs)?;
         let first = || inputs.first().cloned().unwrap_or_default();
-        if !options.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) {
+        let affine = options.orientation.affine(options.spacing_mm);
+        if !options.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) || affine.inverse().is_none() {
             let misuse = Misuse::Raw(RawFault::Spacing);
             return Err(SourceError::Usage { path: first(), misuse });
         }
@@ -87,7 +91,7 @@ impl RawVolume {
             scalar: options.scalar,
             rescale: Rescale::IDENTITY,
             spacing_mm: options.spacing_mm,
-            affine: options.orientation.affine(options.spacing_mm),
+            affine,
             description: SourceDescription {
                 format: "raw".into(),
                 name,
@@ -169,17 +173,25 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
     Ok((list, base_name(first)))
 }
 
-/// Regular files of a folder in natural order; hidden ones, models (`.oct`) and subfolders are left out.
+/// Was a file, which lies in a folder of slices, made of them: a model, or the picture of one? Told by what it
+/// says, not by its name; a file that cannot be read says so when it is opened as a slice.
+fn is_made_of_slices(path: &Path) -> bool {
+    let mut head = Vec::with_capacity(HEAD_BYTES);
+    let read = fs::File::open(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
+    read.is_ok() && (known(&head) == Some(Known::Oct) || is_own_picture(&head))
+}
+
+/// Regular files of a folder in natural order; hidden ones, models, their pictures and subfolders are left out.
 fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
     let unreadable = |cause| SourceError::Unreadable { path: folder.to_path_buf(), cause };
     let mut list = FileList::new(folder);
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();
-        // A model built into the folder of its slices is not a slice.
-        let bytes = name.as_encoded_bytes();
-        let hidden = bytes.starts_with(b".") || bytes.ends_with(b".oct");
+        let path = folder.join(&name);
+        let hidden = name.as_encoded_bytes().starts_with(b".");
         // Follows links: a folder of links to slices is common.
-        if !hidden && fs::metadata(folder.join(&name)).is_ok_and(|meta| meta.is_file()) {
+        let is_file = !hidden && fs::metadata(&path).is_ok_and(|meta| meta.is_file());
+        if is_file && !is_made_of_slices(&path) {
             list.push(Path::new(&name));
         }
     }

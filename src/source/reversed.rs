@@ -1,6 +1,7 @@
 //! A volume whose axes come in the other order: the slowest is x. Unrolled once, block by block.
 
 use std::ops::Range;
+use std::path::Path;
 
 use crate::facts::samples::ReadFault;
 use crate::geom::Dims;
@@ -46,6 +47,10 @@ impl Reversed {
 impl VolumeSource for Reversed {
     fn info(&self) -> &VolumeInfo {
         &self.info
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.inner.for_each_file(each);
     }
 
     fn preparation(&self) -> Preparation {

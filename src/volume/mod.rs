@@ -9,18 +9,20 @@
 //! | `description` | what a model tells of its origin |
 //! | [`Voxels`] | a volume that is in memory already |
 //! | `block`, `blend`, `spool` | rows read by position, mixed, and unrolled first |
-//! | `wrapper`, `noted`, `placement`, `crop`, `downsample` | volumes that wrap another one, and say or show something else |
+//! | `wrapper`, `noted`, `placement`, `crop`, `downsample`, `filled`, `watched` | volumes that wrap another one, and say or show something else |
 
 mod blend;
 mod block;
 mod crop;
 mod description;
 mod downsample;
+mod filled;
 mod noted;
 mod placement;
 mod scalar;
 mod spool;
 mod voxels;
+mod watched;
 mod wrapper;
 
 pub use crate::facts::{Note, SourceError};
@@ -29,12 +31,14 @@ pub(crate) use block::{check_request, read_block};
 pub use crop::Crop;
 pub use description::{ImageKind, SourceDescription, Treatment};
 pub use downsample::Downsample;
+pub(crate) use filled::Filled;
 pub(crate) use noted::Noted;
 pub use placement::Placement;
 pub(crate) use placement::place;
 pub use scalar::{Endian, Scalar, ScalarType};
 pub(crate) use spool::Spool;
 pub use voxels::Voxels;
+pub(crate) use watched::Watched;
 pub(crate) use wrapper::Wrapper;
 
 use std::fmt;
@@ -138,6 +142,16 @@ pub trait VolumeSource: Send + Sync {
     /// Names every file that samples are read from, as far as the source knows; the catalogue asks what a
     /// format has opened, so that a change of samples beside their header is noticed.
     fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
+
+    /// Are the files still those that the volume was opened with? Asked when everything has been read, before what
+    /// was made of it is given its name: samples of two states of a file make a volume that never was.
+    ///
+    /// # Errors
+    /// [`Fault::ChangedInUse`](crate::facts::Fault::ChangedInUse) with the first file that is not. What comes from
+    /// [`catalogue::open`](fn@crate::catalogue::open) notices; a volume whose files nobody watches does not.
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        Ok(())
+    }
 
     /// What [`VolumeSource::prepare`] will take.
     fn preparation(&self) -> Preparation {

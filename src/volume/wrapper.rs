@@ -65,6 +65,10 @@ impl<W: Wrapper> VolumeSource for W {
         self.inner().for_each_file(each);
     }
 
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        self.inner().check_unchanged()
+    }
+
     fn preparation(&self) -> Preparation {
         self.inner().preparation()
     }
@@ -107,9 +111,10 @@ impl<W: Wrapper> VolumeSource for W {
 #[cfg(test)]
 mod tests {
     use super::super::noted::Noted;
-    use super::super::{Crop, Downsample};
+    use super::super::{Crop, Downsample, Filled};
     use super::*;
     use crate::budget::Budget;
+    use crate::facts::Fault;
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
@@ -129,6 +134,9 @@ mod tests {
         }
         fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
             each(Path::new("a"));
+        }
+        fn check_unchanged(&self) -> Result<(), SourceError> {
+            Err(SourceError::Unusable { path: "a".into(), fault: Fault::ChangedInUse })
         }
         fn preparation(&self) -> Preparation {
             NEEDS
@@ -166,7 +174,9 @@ mod tests {
         let info = RawVolume::open(&[path], &raw).unwrap().info().clone();
         let scan = || Box::new(Scan(info.clone())) as Box<dyn VolumeSource>;
         let whole = [0..2, 0..2, 0..2];
-        let all: [(Box<dyn VolumeSource>, u64); 3] = [
+        let between = vec![(0, 0.0), (0, 0.5), (1, 0.0)];
+        let all: [(Box<dyn VolumeSource>, u64); 4] = [
+            (Filled::between(scan(), between, Note::WhiteIsZero), 64 << 10),
             (Box::new(Noted { source: scan(), info: info.clone() }), 0),
             (Box::new(Crop::new(scan(), whole).unwrap()), 0),
             (Box::new(Downsample::new(scan(), 2).unwrap()), 64 << 10),
@@ -178,6 +188,7 @@ mod tests {
             let mut files = Vec::new();
             outer.for_each_file(&mut |path| files.push(path.to_path_buf()));
             assert_eq!(files, [Path::new("a")]);
+            assert!(outer.check_unchanged().is_err());
             let workspace =
                 |bytes| Workspace { scratch: folder.path(), memory: Budget::new(bytes), progress: &Silent };
             assert!(matches!(

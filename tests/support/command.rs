@@ -40,13 +40,18 @@ impl Run {
         value
     }
 
-    /// Checks a refusal: the exit code, nothing on stdout, and one sentence on one line that holds `words`.
+    /// Checks a refusal: the exit code, and one sentence on one line that holds `words`; on stdout nothing, or one
+    /// JSON object that says the same.
     pub(crate) fn refused(&self, code: i32, words: &[&str]) {
         assert_eq!(self.code, code, "{self:?}");
-        assert_eq!(self.stdout, "", "a refusal prints nothing on stdout: {self:?}");
         assert!(!self.stderr.contains("panicked"), "{self:?}");
         let sentence = self.stderr.strip_suffix('\n').unwrap_or_else(|| panic!("no full line: {self:?}"));
         assert!(sentence.starts_with("oct: ") && !sentence.contains('\n'), "not one line: {self:?}");
+        if !self.stdout.is_empty() {
+            let told: Value = serde_json::from_str(&self.stdout).unwrap_or_else(|e| panic!("{e}: {self:?}"));
+            assert_eq!(told["error"].as_str(), sentence.strip_prefix("oct: "), "{self:?}");
+            assert_eq!(told["exit_code"], code, "{self:?}");
+        }
         for word in words {
             assert!(sentence.contains(word), "{word:?} is missing: {sentence}");
         }

@@ -50,6 +50,14 @@ pub enum Attribute {
     DimensionIndex,
     /// Rescale Slope and Rescale Intercept.
     Rescale,
+    /// Image Position (Patient).
+    Position,
+    /// Slice Thickness.
+    SliceThickness,
+    /// Spacing Between Slices.
+    SliceSpacing,
+    /// Dose Grid Scaling.
+    DoseScaling,
     /// No attribute: the order in which images were acquired and numbered.
     AcquisitionOrder,
 }

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use super::attribute::Attribute;
 use super::scan::{ReadFault, ScanError};
 use super::syntax::TransferSyntax;
 
@@ -17,6 +18,10 @@ pub enum ImageFault {
     FramesWithoutSlices,
     /// Its frames cannot be told apart.
     Frames(ScanError),
+    /// An attribute that places it, or scales its values, is infinite or not a number.
+    NotFinite(Attribute),
+    /// Its frames are tiles of a larger picture, as those of whole slides are.
+    Tiles,
 }
 
 impl ImageFault {
@@ -143,6 +148,8 @@ pub enum MosaicFault {
     },
     /// The stated normal of the slices is not that of the picture.
     OtherNormal,
+    /// Tiles are laid out as another vendor does, in a way that is not read.
+    OtherVendor,
 }
 
 /// Why the private header of a Siemens image cannot be read.

@@ -106,6 +106,8 @@ pub enum DicomNote {
     Duplicates {
         /// How many.
         images: u64,
+        /// Their files below the folder of the series, as many as are named.
+        files: Vec<PathBuf>,
     },
     /// A file that was an image when it was found, and is not any more.
     Lost {

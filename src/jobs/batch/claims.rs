@@ -8,11 +8,11 @@ use super::fnv;
 use crate::source::Finding;
 
 /// A volume of the catalogue: its item, and which volume of that.
-pub(super) type Place = (usize, usize);
+pub(in crate::jobs) type Place = (usize, usize);
 
 /// The names of a batch; some 40 bytes of memory for each volume.
 #[derive(Debug, Default)]
-pub(super) struct Claims {
+pub(in crate::jobs) struct Claims {
     state: Mutex<State>,
     changed: Condvar,
 }
@@ -27,7 +27,7 @@ struct State {
 
 /// What becomes of a volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Claim {
+pub(in crate::jobs) enum Claim {
     /// It has this name. With a number, as others have the same id, and another content.
     Own(String, Option<u32>),
     /// It is a copy of the volume of this name.
@@ -35,13 +35,13 @@ pub(super) enum Claim {
 }
 
 /// The turn of an item; the next one's begins when it is dropped.
-pub(super) struct Turn<'a> {
+pub(in crate::jobs) struct Turn<'a> {
     claims: &'a Claims,
 }
 
 impl Claims {
     /// Waits until all items before this one have had their turns. Every item has to take its own.
-    pub(super) fn turn(&self, item: usize) -> Turn<'_> {
+    pub(in crate::jobs) fn turn(&self, item: usize) -> Turn<'_> {
         let mut state = self.lock();
         while state.turn != item {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
@@ -56,12 +56,12 @@ impl Claims {
 
 impl Turn<'_> {
     /// Does a volume of this batch have the name?
-    pub(super) fn is_taken(&self, name: &str) -> bool {
+    pub(in crate::jobs) fn is_taken(&self, name: &str) -> bool {
         self.claims.lock().owners.contains_key(&fnv(name.as_bytes()))
     }
 
     /// A name for a volume; `is_copy` compares it with one that has its id.
-    pub(super) fn claim(
+    pub(in crate::jobs) fn claim(
         &self,
         finding: &Finding,
         place: Place,
@@ -107,6 +107,8 @@ mod tests {
             size: None,
             files: InputFiles::default(),
             burned_in: None,
+            at: 0,
+            more: 0,
             volume: Err(crate::volume::SourceError::Usage {
                 path: "x".into(),
                 misuse: crate::facts::Misuse::NoInput,

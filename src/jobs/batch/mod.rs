@@ -24,7 +24,7 @@ mod record;
 mod report;
 
 pub use record::{Cause, Item, ModelFacts, Status};
-pub use report::{BatchReport, Counts, NOTICE};
+pub use report::{BatchReport, Counts, Holdings, NOTICE};
 
 use std::fs;
 use std::io;
@@ -38,6 +38,7 @@ use serde_json::{Value, json};
 
 use super::build::convert_reshaped;
 use super::picture::thumbnail_file;
+use super::wording::foreign::data;
 use super::wording::sentences;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
@@ -52,7 +53,7 @@ use crate::render::picture::paint_bytes;
 use crate::resident::give_back;
 use crate::source::{BurnedIn, Finding, OpenOptions};
 use crate::volume::{SourceError, VolumeSource};
-use claims::{Claim, Claims};
+pub(super) use claims::{Claim, Claims};
 use key::Key;
 use lock::FolderLock;
 use record::{Journal, Record};
@@ -80,6 +81,29 @@ pub struct BatchRequest {
     pub thumbnails_of_all: bool,
     /// Volumes of fewer slices are left alone: scouts, scanned documents, single pictures.
     pub min_slices: u32,
+    /// Only DICOM series of these modalities (`CT`, `MR`, ...) are taken; all volumes if there are none.
+    pub modalities: Vec<String>,
+    /// Only volumes of these ids, or whose ids begin with one of these and a hyphen, are taken; all if there are none.
+    pub series: Vec<String>,
+}
+
+impl BatchRequest {
+    /// Is a volume among those that were asked for?
+    fn asks_for(&self, finding: &Finding) -> bool {
+        let modality = || match &finding.volume {
+            Ok(volume) => volume.modality(),
+            // Of what is refused, the id still tells.
+            Err(_) if finding.format == "dicom" => finding.id.split('-').next(),
+            Err(_) => None,
+        };
+        let of_modality = |wanted: &String| modality().is_some_and(|m| m.eq_ignore_ascii_case(wanted));
+        let of_series = |wanted: &String| {
+            let rest = finding.id.strip_prefix(wanted.as_str());
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
+        };
+        (self.modalities.is_empty() || self.modalities.iter().any(of_modality))
+            && (self.series.is_empty() || self.series.iter().any(of_series))
+    }
 }
 
 /// Told how a batch goes on; called from several threads.
@@ -136,7 +160,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         let dry = Budget::dry(cap);
         drop(reserve_jobs(&dry, &catalogue, costs::USUAL_OPENING, 1));
         return Err(Error::Build(BuildError::BudgetTooSmall {
-            name: request.out.display().to_string(),
+            name: data(&request.out),
             limit_bytes: limit,
             minimum_bytes: dry.smallest_limit(1),
         }));
@@ -180,15 +204,19 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     if let Some(error) = run.broken.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }
+    let mut left_out_files = Vec::new();
+    catalogue.for_each_left_out::<Error>(&mut |why, path| {
+        if left_out_files.len() < MOST_NAMED {
+            left_out_files.push((data(path), why.to_string()));
+        }
+        Ok(())
+    })?;
     let [converted, skipped, failed] = run.counts.map(AtomicU64::into_inner);
     let burned_in = told_of_text(&run.burned_in.map(AtomicU64::into_inner), request);
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
-        left_out: catalogue
-            .left_out()
-            .iter()
-            .map(|l| (l.why.to_string(), l.count, l.first.display().to_string()))
-            .collect(),
+        left_out: catalogue.left_out().iter().map(|l| (l.why.to_string(), l.count, data(&l.first))).collect(),
+        left_out_files,
         warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
@@ -196,11 +224,15 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         wall_s: started.elapsed().as_secs_f64(),
         keep_names: request.keep_names,
         options: options_told(request),
+        holds: Holdings::of(&request.out),
     };
     report.write(&request.out, &run.journal).map_err(out_error)?;
     drop(lock);
     Ok(report)
 }
+
+/// Most files that are left out of which reports have the names; some 100 KiB at a time.
+const MOST_NAMED: usize = 1000;
 
 /// Reserves what is held beside the builds of so many jobs, if there is enough left for builds of use.
 fn reserve_jobs(
@@ -331,7 +363,7 @@ impl Run<'_> {
         let mut item = Item {
             status: Status::Failed,
             name: finding.id.clone(),
-            input: finding.path.display().to_string(),
+            input: data(&finding.path),
             format: finding.format.to_owned(),
             kind: finding.kind.clone(),
             part: finding.part.clone().unwrap_or_default(),
@@ -343,6 +375,12 @@ impl Run<'_> {
             warnings: Vec::new(),
             model: None,
         };
+        if !self.request.asks_for(&finding) {
+            item.status = Status::Skipped;
+            item.cause = Some(Cause::NotAskedFor);
+            item.reason = Some("is not of the modalities or series that were asked for".into());
+            return Named::Settled(item);
+        }
         if let Some(slices) = finding.size.map(|[_, _, n]| n).filter(|n| *n < self.request.min_slices) {
             item.status = Status::Skipped;
             item.cause = Some(Cause::FewSlices);
@@ -370,18 +408,13 @@ impl Run<'_> {
         match turn.claim(&finding, place, &is_copy) {
             Claim::CopyOf(name) => {
                 item.status = Status::Skipped;
-                item.reason = Some(format!("is a copy of what {name} is made of, byte for byte"));
+                item.reason = Some(copy_of(&name));
                 item.cause = Some(Cause::CopyOf(name));
                 return Named::Settled(item);
             }
             Claim::Own(name, number) => {
                 item.name = name;
-                item.warnings.extend(number.map(|n| {
-                    format!(
-                        "{} other volume(s) of this batch have the same id, and another content: this one is numbered in the order of their paths",
-                        n - 1
-                    )
-                }));
+                item.warnings.extend(number.map(numbered));
             }
         }
         let reason = finding.burned_in.and_then(|kind| BurnedIn::ALL.iter().position(|known| *known == kind));
@@ -557,11 +590,13 @@ impl Run<'_> {
             spacing_mm: m.spacing_mm,
             dtype: super::info::dtype(&built.info.frame).to_owned(),
             range: (r.selection.lo, r.selection.hi.is_finite().then_some(r.selection.hi)),
+            selection: super::info::kind_name(r.selection.kind).to_owned(),
             skin_voxels: r.skin_voxels,
             nodes: r.nodes,
             bytes: r.file_bytes,
             wall_s: started.elapsed().as_secs_f64(),
             memory_bytes,
+            memory_plan_bytes: r.plan_bytes,
             scratch_bytes: prepared + r.scratch_bytes,
         };
         Ok((facts, thumbnail_bytes, warnings))
@@ -570,6 +605,19 @@ impl Run<'_> {
     fn scratch(&self) -> PathBuf {
         self.request.build.scratch_folder(&self.request.out.join("x"))
     }
+}
+
+/// What is said of a copy.
+pub(super) fn copy_of(name: &str) -> String {
+    format!("is a copy of what {name} is made of, byte for byte")
+}
+
+/// What is said of a volume that has the number `n`, as others have its id.
+pub(super) fn numbered(n: u32) -> String {
+    format!(
+        "{} other volume(s) have the same id, and another content: this one is numbered in the order of their paths",
+        n - 1
+    )
 }
 
 /// A volume on its way.
@@ -583,15 +631,17 @@ enum Named {
 /// One number for everything in the request that the bytes of results depend on.
 fn options_fingerprint(request: &BatchRequest) -> String {
     let b = &request.build;
+    // Which volumes are taken changes none of them.
+    let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
     let text = format!(
-        "{:?} {:?} {:?} {:?} {} {} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?}",
         b.threshold,
         b.volume_surface(),
         b.connectivity,
         b.channels,
+        b.gradient,
         b.lod,
         request.thumbnails,
-        request.how,
         request.clean
     );
     format!("{:016x}", fnv(text.as_bytes()))
@@ -610,8 +660,14 @@ fn options_told(request: &BatchRequest) -> Value {
         "surface": b.volume_surface().name(),
         "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
         "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
+        "gradient": b.gradient.name(),
         "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
         "cleaning": request.clean.operations(),
+        "lod": b.lod,
+        "spacing_mm": request.how.placement.spacing_mm,
+        "orientation": request.how.placement.orientation.map(|o| o.to_string()),
+        "modalities": request.modalities,
+        "series": request.series,
         "thumbnails": request.thumbnails,
         "thumbnails_of_all": request.thumbnails_of_all,
         "min_slices": request.min_slices,

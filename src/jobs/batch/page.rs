@@ -10,6 +10,7 @@ use std::path::Path;
 use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, status};
 use crate::budget::Bytes;
+use crate::jobs::wording::foreign::plain;
 use crate::source::BurnedIn;
 
 /// Thumbnails up to this many are part of the page; larger batches refer to the files beside it, or the page
@@ -57,7 +58,8 @@ pub(super) fn write(
     write!(
         w,
         "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped, <a href=\"#failed\">{} failed</a> \
-         &middot; {:.1} s with {} job(s) &middot; peak memory {} of {} allowed</p></header>\n\
+         &middot; {:.1} s with {} job(s) &middot; peak memory of the whole process {} of {} allowed</p>\n\
+         <p class=\"sum\">The folder holds {} model(s), {}, with {} thumbnail(s).</p></header>\n\
          <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, kind, size …\" \
          aria-label=\"Filter\"><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n",
         c.converted + c.skipped + c.failed,
@@ -67,7 +69,10 @@ pub(super) fn write(
         report.wall_s,
         report.jobs,
         Bytes(report.peak_rss_bytes),
-        Bytes(report.memory_budget_bytes)
+        Bytes(report.memory_budget_bytes),
+        report.holds.models,
+        Bytes(report.holds.bytes),
+        report.holds.thumbnails
     )?;
     for warning in &report.warnings {
         writeln!(w, "<p class=\"in\">{}</p>", escaped(warning))?;
@@ -121,6 +126,7 @@ fn kind(item: &Item, report: &BatchReport) -> String {
 fn why(cause: &Cause) -> String {
     let text = match cause {
         Cause::FewSlices => "it has fewer slices than asked for",
+        Cause::NotAskedFor => "it is not of the modalities or series that were asked for",
         Cause::CopyOf(name) => return format!("it is a copy of what {name} is made of"),
         Cause::Input => "it cannot be used as a volume; the report says why",
         Cause::Empty => "no voxel is inside; the report says which values there are",
@@ -184,11 +190,20 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
         row("voxels", format!("{x} × {y} × {z} {}", m.dtype))?;
         row("spacing", format!("{a} × {b} × {c} mm"))?;
         let low = short(m.range.0);
-        row("inside", m.range.1.map_or_else(|| format!("≥ {low}"), |hi| format!("{low} … {}", short(hi))))?;
+        let inside = m.range.1.map_or_else(|| format!("≥ {low}"), |hi| format!("{low} … {}", short(hi)));
+        let how = match m.selection.as_str() {
+            "otsu" => " (Otsu)",
+            "iso" | "range" => " (as asked)",
+            _ => "",
+        };
+        row("inside", format!("{inside}{how}"))?;
         row("skin voxels", m.skin_voxels.to_string())?;
         row("model", Bytes(m.bytes).to_string())?;
         row("time", format!("{:.2} s", m.wall_s))?;
-        row("memory", Bytes(m.memory_bytes).to_string())?;
+        match m.memory_plan_bytes {
+            0 => row("memory", format!("{} granted", Bytes(m.memory_bytes)))?,
+            used => row("memory", format!("{} of {}", Bytes(used), Bytes(m.memory_bytes)))?,
+        }
     }
     w.write_all(b"</dl>")?;
     if !item.warnings.is_empty() {
@@ -235,14 +250,13 @@ fn embed_png(path: &Path, w: &mut dyn Write) -> io::Result<bool> {
 
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in plain(text, false).chars() {
         match c {
             '&' => out.push_str("&amp;"),
             '<' => out.push_str("&lt;"),
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&#39;"),
-            c if c.is_control() => out.push(' '),
             c => out.push(c),
         }
     }
@@ -273,6 +287,6 @@ mod tests {
 
     #[test]
     fn texts_cannot_break_out_of_the_page() {
-        assert_eq!(escaped("<a b=\"c\" d='e'>&\n"), "&lt;a b=&quot;c&quot; d=&#39;e&#39;&gt;&amp; ");
+        assert_eq!(escaped("<a b=\"c\" d='e'>&\n"), "&lt;a b=&quot;c&quot; d=&#39;e&#39;&gt;&amp;\u{fffd}");
     }
 }

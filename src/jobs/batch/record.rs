@@ -32,6 +32,8 @@ pub enum Status {
 pub enum Cause {
     /// It has fewer slices than were asked for.
     FewSlices,
+    /// It is not of the modalities or series that were asked for.
+    NotAskedFor,
     /// It is a copy of the volume of this name.
     CopyOf(String),
     /// The input cannot be used.
@@ -127,6 +129,9 @@ pub struct ModelFacts {
     pub dtype: String,
     /// Values inside, in physical units; no upper end means all from the lower one.
     pub range: (f64, Option<f64>),
+    /// How these were chosen: `iso`, `range` or `otsu`; empty in records of older versions.
+    #[serde(default)]
+    pub selection: String,
     /// Skin voxels.
     pub skin_voxels: u64,
     /// Infobytes.
@@ -137,6 +142,9 @@ pub struct ModelFacts {
     pub wall_s: f64,
     /// Memory that the job was granted.
     pub memory_bytes: u64,
+    /// Most of it that the build had in use at a time; 0 in records of older versions.
+    #[serde(default)]
+    pub memory_plan_bytes: u64,
     /// Bytes of scratch files.
     pub scratch_bytes: u64,
 }
@@ -284,11 +292,13 @@ pub(super) mod tests {
                 spacing_mm: [0.5, 0.5, 2.0],
                 dtype: "i16".into(),
                 range: (300.0, None),
+                selection: "otsu".into(),
                 skin_voxels: 10,
                 nodes: 7,
                 bytes: 5,
                 wall_s: 0.25,
                 memory_bytes: 1 << 20,
+                memory_plan_bytes: 1 << 19,
                 scratch_bytes: 0,
             }),
         }

@@ -2,8 +2,11 @@
 
 use std::fmt;
 
-use crate::budget::SizeArgument;
-use crate::builder::{BuildError, ScratchFault, Sought};
+use super::foreign::shown;
+use super::number::Short;
+use super::system::{reading, writing};
+use crate::budget::{ExactSize, SizeArgument};
+use crate::builder::{BuildError, BuildNote, ScratchFault, Sought};
 
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -13,12 +16,14 @@ impl fmt::Display for BuildError {
             Self::BudgetTooSmall { name, limit_bytes, minimum_bytes } => write!(
                 f,
                 "{name}: --memory {} is too small; the smallest that works is --memory {}",
-                SizeArgument(*limit_bytes),
+                ExactSize(*limit_bytes),
                 SizeArgument(*minimum_bytes)
             ),
             Self::EmptyResult { name, sought, min, max } => write!(
                 f,
-                "{name}: no voxel lies in {sought}; the values of this volume run from {min} to {max}: choose --iso or --range within them"
+                "{name}: no voxel lies in {sought}; the values of this volume run from {} to {}: choose --iso or --range within them",
+                Short(*min),
+                Short(*max)
             ),
             Self::NothingInside { name } => write!(
                 f,
@@ -35,14 +40,13 @@ impl fmt::Display for BuildError {
             Self::EmptyRange { .. } => f.write_str("the range is empty: write it as LO..HI with LO <= HI"),
             Self::Scratch { path, cause } => write!(
                 f,
-                "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
-                path.display()
+                "scratch file in {}: {cause}; {}",
+                shown(path),
+                reading(cause, "free some space or choose another folder with --scratch")
             ),
-            Self::Output { path, cause } => write!(
-                f,
-                "{}: cannot be written ({cause}); check the folder and its free space",
-                path.display()
-            ),
+            Self::Output { path, cause } => {
+                write!(f, "{}: cannot be written ({cause}); {}", shown(path), writing(cause))
+            }
             Self::Threads { cause, .. } => {
                 write!(f, "worker threads cannot be started ({cause}); try --threads 1")
             }
@@ -54,8 +58,10 @@ impl fmt::Display for Sought {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Split => f.write_str("Otsu's threshold, which needs two different values"),
-            Self::Within(range) if range.hi.is_infinite() => write!(f, "the range from {} up", range.lo),
-            Self::Within(range) => write!(f, "the range {}..{}", range.lo, range.hi),
+            Self::Within(range) if range.hi.is_infinite() => {
+                write!(f, "the range from {} up", Short(range.lo))
+            }
+            Self::Within(range) => write!(f, "the range {}..{}", Short(range.lo), Short(range.hi)),
         }
     }
 }
@@ -66,5 +72,17 @@ impl fmt::Display for ScratchFault {
             Self::Changed => "its contents were changed by someone else",
             Self::TooManyBricks => "the model has too many bricks for this machine",
         })
+    }
+}
+
+impl fmt::Display for BuildNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),
+            Self::AllInside { voxels } => write!(
+                f,
+                "all {voxels} voxels are inside, so that the model is the box of the volume; choose another --iso or --range"
+            ),
+        }
     }
 }

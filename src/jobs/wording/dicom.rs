@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 use std::io;
 
+use super::foreign::shown;
 use crate::facts::SystemError;
 use crate::facts::dicom::{
     Attribute, Combination, CsaCount, CsaFault, Damage, DeflateFault, DicomFault, DicomNote, FilledGaps,
@@ -167,6 +168,15 @@ impl Display for ImageFault {
                  Vector (0054,0080)), so they form no volume",
             ),
             Self::Frames(error) => write!(f, "its frames cannot be told apart: {error}"),
+            Self::NotFinite(attribute) => write!(
+                f,
+                "its {attribute} is infinite or not a number, so that neither place nor values are known; correct the \
+                 header"
+            ),
+            Self::Tiles => f.write_str(
+                "its frames are tiles of a larger picture (a whole slide, or what was found on one), not slices, so \
+                 they form no volume",
+            ),
         }
     }
 }
@@ -234,8 +244,14 @@ impl Display for Required {
 
 impl Display for MosaicFault {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        f.write_str("a Siemens mosaic ")?;
+        if *self != Self::OtherVendor {
+            f.write_str("a Siemens mosaic ")?;
+        }
         match self {
+            Self::OtherVendor => f.write_str(
+                "a frame set of United Imaging (VFRAME) holds its slices as tiles of one picture, which is not read; \
+                 export it with one file for each slice",
+            ),
             Self::SeveralFrames => f.write_str("of several frames cannot be read"),
             Self::SlicesDisagree { stated: [a, b] } => {
                 write!(f, "whose private elements state {a} slices, and {b} in another place")
@@ -301,6 +317,10 @@ impl Display for Attribute {
             Self::FrameVectors => "the frame vectors of nuclear medicine (0054,xxxx)",
             Self::DimensionIndex => "Dimension Index Values (0020,9157)",
             Self::Rescale => "Rescale Slope and Intercept (0028,1053), (0028,1052)",
+            Self::Position => "Image Position (0020,0032)",
+            Self::SliceThickness => "Slice Thickness (0018,0050)",
+            Self::SliceSpacing => "Spacing Between Slices (0018,0088)",
+            Self::DoseScaling => "Dose Grid Scaling (3004,000E)",
             Self::AcquisitionOrder => "order of acquisition and instance",
         })
     }
@@ -320,7 +340,7 @@ impl Display for List<'_> {
 
 impl Display for ImageName {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        self.file.display().fmt(f)?;
+        shown(&self.file).fmt(f)?;
         match self.frame {
             Some(frame) => write!(f, " (frame {})", u64::from(frame) + 1),
             None => Ok(()),
@@ -403,7 +423,7 @@ impl Display for SetApart {
             1 => f.write_str("; 1 other image of the series was")?,
             many => write!(f, "; {many} other images of the series were")?,
         }
-        let (by, first) = (List(&self.by), self.first.display());
+        let (by, first) = (List(&self.by), shown(&self.first));
         write!(f, " set apart because of a different {by} (first: {first})")
     }
 }
@@ -543,10 +563,17 @@ impl Display for DicomNote {
                 "the mosaic states no position: its slices are taken in their order, {step_mm} mm apart, placed at \
                  the origin"
             ),
-            Self::Duplicates { images } => {
-                write!(f, "{images} image(s) that are in the series twice were left out")
+            Self::Duplicates { images, files } => {
+                write!(f, "{images} image(s) that are in the series twice were left out: ")?;
+                for (i, file) in files.iter().enumerate() {
+                    write!(f, "{}{}", if i > 0 { ", " } else { "" }, shown(file))?;
+                }
+                match images.saturating_sub(files.len() as u64) {
+                    0 => Ok(()),
+                    more => write!(f, " and {more} more"),
+                }
             }
-            Self::Lost { file, error } => write!(f, "{}: {error}", file.display()),
+            Self::Lost { file, error } => write!(f, "{}: {error}", shown(file)),
             Self::Volumes { volumes, by } => {
                 write!(f, "the series holds {volumes} volumes, told apart by {}", List(by))
             }

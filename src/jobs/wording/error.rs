@@ -2,9 +2,11 @@
 
 use std::fmt;
 
+use super::foreign::shown;
 use super::samples::{RawKeys, raw};
+use super::system::reading;
 use crate::budget::Bytes;
-use crate::facts::{Fault, Instead, Misuse, SourceError, StatedBy};
+use crate::facts::{Candidate, Fault, Instead, Misuse, OtherVolume, SourceError, StatedBy};
 
 impl fmt::Display for SourceError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -12,7 +14,7 @@ impl fmt::Display for SourceError {
             Self::NoVolume { path, .. }
             | Self::Unusable { path, .. }
             | Self::Dicom { path, .. }
-            | Self::Usage { path, .. } => write!(f, "{}: {}", path.display(), Reason(self)),
+            | Self::Usage { path, .. } => write!(f, "{}: {}", shown(path), Reason(self)),
             _ => Reason(self).fmt(f),
         }
     }
@@ -28,30 +30,41 @@ impl fmt::Display for Reason<'_> {
             SourceError::Unusable { fault, .. } => fault.fmt(f),
             SourceError::Dicom { fault, .. } => fault.fmt(f),
             SourceError::Usage { misuse, .. } => misuse.fmt(f),
+            SourceError::Gaps { error, number, other } => {
+                let OtherVolume { number: instead, kind, part, size } = &**other;
+                let other = Candidate { kind: kind.clone(), part: part.clone(), size: *size, refused: None };
+                write!(
+                    f,
+                    "{error}; or choose a volume: --volume {number} is this one, --volume {instead} the largest of the others ({other})"
+                )
+            }
             SourceError::Unreadable { path, cause } => write!(
                 f,
-                "{}: cannot be read ({cause}); check that it exists and that you may read it",
-                path.display()
+                "{}: cannot be read ({cause}); {}",
+                shown(path),
+                reading(cause, "check that it exists and that you may read it")
             ),
             SourceError::SizeMismatch { path, expected, got, layout } => write!(
                 f,
                 "{}: has {got} bytes, but {expected} are needed for {layout}; check --dims, --dtype and --skip",
-                path.display()
+                shown(path)
             ),
             SourceError::ReadFailed { path, slice, cause } => write!(
                 f,
-                "{}: ended or failed while slice {slice} was read ({cause}); was it changed during the build?",
-                path.display()
+                "{}: ended or failed while slice {slice} was read ({cause}); {}",
+                shown(path),
+                reading(cause, "was it changed during the build?")
             ),
             SourceError::Scratch { path, cause } => write!(
                 f,
-                "scratch file in {}: {cause}; free some space or choose another folder with --scratch",
-                path.display()
+                "scratch file in {}: {cause}; {}",
+                shown(path),
+                reading(cause, "free some space or choose another folder with --scratch")
             ),
             SourceError::Memory { path, needed_bytes, allowed_bytes } => write!(
                 f,
                 "{}: needs {} to be decoded, and --memory leaves {} for that; allow at least {} more",
-                path.display(),
+                shown(path),
                 Bytes(*needed_bytes),
                 Bytes(*allowed_bytes),
                 Bytes(needed_bytes.saturating_sub(*allowed_bytes))
@@ -59,7 +72,7 @@ impl fmt::Display for Reason<'_> {
             SourceError::ManyImages { path, images, needed_bytes, allowed_bytes } => write!(
                 f,
                 "{}: has {images} images, which take {} to be put in order, where {} is left for that; allow at least {} more with --memory",
-                path.display(),
+                shown(path),
                 Bytes(*needed_bytes),
                 Bytes(*allowed_bytes),
                 Bytes(needed_bytes.saturating_sub(*allowed_bytes))
@@ -93,6 +106,9 @@ impl fmt::Display for Fault {
             Self::Empty => f.write_str("is empty; give a DICOM series or headerless voxels"),
             Self::NotAFile => f.write_str("is neither a file nor a folder"),
             Self::Changed => f.write_str("was changed while the folders were searched; start again"),
+            Self::ChangedInUse => f.write_str(
+                "was changed or replaced while it was read, so that nothing was made of it; start again once it is complete",
+            ),
             Self::Known(known) => write!(
                 f,
                 "is {known}; DICOM, NRRD, NIfTI, MetaImage, .npy, TIFF and PNG are read, and headerless voxels with --dims NXxNYxNZ and --dtype"
@@ -100,7 +116,10 @@ impl fmt::Display for Fault {
             Self::NotDicom => f.write_str(
                 "is not DICOM, in spite of its name; for headerless voxels add --dims and --dtype",
             ),
-            Self::Mesh => f.write_str("is a mesh by its name; only volumes are read so far"),
+            Self::Mesh => f.write_str(
+                "is a mesh by its name, and is not read as a volume; STL, PLY, OBJ and OFF are built by themselves, with --grid N or --voxel MM",
+            ),
+            Self::MeshFile(fault) => fault.fmt(f),
             Self::Raw(fault) => raw(fault, RawKeys::Flags, f),
             Self::Header(fault) => fault.fmt(f),
             Self::Stored(fault) => fault.fmt(f),
@@ -111,6 +130,7 @@ impl fmt::Display for Fault {
             Self::Tiff(fault) => fault.fmt(f),
             Self::Png(fault) => fault.fmt(f),
             Self::SideCar(fault) => fault.fmt(f),
+            Self::Numbers(fault) => fault.fmt(f),
         }
     }
 }
@@ -148,7 +168,11 @@ impl fmt::Display for Misuse {
                 f,
                 "there is no volume {wanted} among the {found} that were found; oct scan lists them"
             ),
+            Self::NoGrid => f.write_str(
+                "is a mesh; say how fine its grid is with --grid N (voxels along its longest side) or --voxel MM",
+            ),
             Self::NoneFound => f.write_str("no volume was found"),
+            Self::Synthetic(fault) => fault.fmt(f),
         }
     }
 }

@@ -2,20 +2,34 @@
 
 use std::fmt;
 
+use crate::budget::Bytes;
 use crate::facts::header::HeaderFault;
 use crate::facts::metaimage::MetaImageFault;
 use crate::facts::nrrd::NrrdFault;
+
+/// What is said of pictures that are not slices.
+const SWEEP: &str = "is a list of pictures, each with a place of its own (a free-hand sweep), and these are no slices; reconstruct a volume from it first, and give that";
 
 impl fmt::Display for HeaderFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::EndlessLine => f.write_str("a line of the header has no end"),
+            Self::TooLong { most_bytes } => write!(
+                f,
+                "its header does not end within {}; is it damaged, or full of comments?",
+                Bytes(*most_bytes)
+            ),
             Self::NotAField { line } => {
                 write!(f, "the line `{}` of its header is no field", line.escape_debug())
             }
             Self::Outside { name } => write!(
                 f,
                 "its data file `{}` is not in the folder of the header; put both into one folder and name it without a path",
+                name.escape_debug()
+            ),
+            Self::Linked { name } => write!(
+                f,
+                "its data file `{}` is a link that leads out of the folder of the header; put the data there, or add --follow-links",
                 name.escape_debug()
             ),
             Self::TooManyFiles { most } => write!(f, "it names more than {most} data files"),
@@ -79,6 +93,7 @@ impl fmt::Display for NrrdFault {
                 write!(f, "it has {count} axes in space, and a volume needs two or three")
             }
             Self::NoDirection => f.write_str("an axis has no direction"),
+            Self::Sweep => f.write_str(SWEEP),
         }
     }
 }
@@ -101,6 +116,7 @@ impl fmt::Display for MetaImageFault {
             Self::FewNumbers => {
                 f.write_str("its spacing, offset or matrix has fewer numbers than the volume has dimensions")
             }
+            Self::Sweep => f.write_str(SWEEP),
             Self::CompressedText => f.write_str("compressed text is not read"),
             Self::SkipAllButSamples => f.write_str("HeaderSize = -1 is for uncompressed samples only"),
         }

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::foreign::shown;
+use super::system::reading;
 use crate::load::{LoadError, NotRegular};
 
 impl fmt::Display for LoadError {
@@ -9,10 +11,16 @@ impl fmt::Display for LoadError {
         match self {
             Self::Unreadable { path, cause } => write!(
                 f,
-                "{}: cannot be read ({cause}); check that it exists and that you may read it",
-                path.display()
+                "{}: cannot be read ({cause}); {}",
+                shown(path),
+                reading(cause, "check that it exists and that you may read it")
             ),
-            Self::Format { path, cause } => write!(f, "{}: {cause}", path.display()),
+            Self::Changed { path } => write!(
+                f,
+                "{}: was changed while it was in use, so that nothing was made of it; start again once it is complete",
+                shown(path)
+            ),
+            Self::Format { path, cause } => write!(f, "{}: {cause}", shown(path)),
         }
     }
 }

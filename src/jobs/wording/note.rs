@@ -3,7 +3,8 @@
 use std::fmt;
 
 use super::error::Reason;
-use crate::facts::{Carrier, Form, Note, Packing, Refusal, StatedBy};
+use super::foreign::shown;
+use crate::facts::{Carrier, Form, Note, Packing, Refusal, StatedBy, StatedNumber};
 
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -82,6 +83,22 @@ impl fmt::Display for Note {
                 };
                 write!(f, "the {form} of the header is singular and is not used")
             }
+            Self::NotFinite(StatedNumber::Spacing { axis, stated }) => write!(
+                f,
+                "the header states a spacing of {stated} along axis {}; 1 mm is assumed there",
+                axis + 1
+            ),
+            Self::NotFinite(StatedNumber::Slope { stated }) => write!(
+                f,
+                "the header states a slope of {stated}, which is taken for none: values are as they are stored"
+            ),
+            Self::NotFinite(StatedNumber::Form(form)) => {
+                let form = match form {
+                    Form::Sform => "sform",
+                    Form::Qform => "qform",
+                };
+                write!(f, "the {form} of the header has numbers that are not finite, and is not used")
+            }
             Self::WhiteIsZero => {
                 f.write_str("0 is white in these pictures; the numbers are kept as they are")
             }
@@ -110,9 +127,14 @@ impl fmt::Display for Note {
                 known.join(", ")
             ),
             Self::Dicom(note) => note.fmt(f),
+            Self::Numbers(note) => note.fmt(f),
+            Self::FirstOfMany { volumes } => write!(
+                f,
+                "this is the first of {volumes} volumes that are alike; --all-volumes takes the others, too"
+            ),
             Self::Chosen(choice) => choice.fmt(f),
             Self::DamagedBeside(Refusal(error)) => {
-                let name = error.path().file_name().unwrap_or_default().to_string_lossy();
+                let name = shown(error.path().file_name().unwrap_or_default());
                 write!(f, "{name}, of a series that is not used: {}", Reason(error))
             }
             Self::LeftOut { count, why, first } => {

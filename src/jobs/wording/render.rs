@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::foreign::shown;
+use super::system::writing;
 use crate::render::ray::BadRay;
 use crate::render::{CameraFault, Layer, RenderError};
 
@@ -43,8 +45,9 @@ impl fmt::Display for RenderError {
             ),
             Self::Write { path, cause } => write!(
                 f,
-                "{}: cannot be written ({cause}); check the folder and the free space",
-                path.display()
+                "{}: cannot be written ({cause}); {}",
+                shown(path),
+                writing(cause)
             ),
         }
     }
@@ -59,6 +62,9 @@ impl fmt::Display for CameraFault {
             Self::NotFinite => "a camera coordinate is not a finite number",
             Self::EyeInTarget => {
                 "the eye is in the point that it looks at; move one of them (--eye, --look-at)"
+            }
+            Self::TooFar => {
+                "the eye is too far from the point that it looks at for any picture; give both in mm, near the model (--eye, --look-at)"
             }
             Self::UpWithoutLength => "the up direction has no length; give another (--up)",
             Self::UpAlongSight => "the up direction is along the line of sight; give another (--up)",

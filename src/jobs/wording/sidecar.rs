@@ -16,6 +16,11 @@ impl fmt::Display for SideCarFault {
             ),
             Self::Skip => f.write_str("its skip is not a number of bytes"),
             Self::File => f.write_str("its file is not a plain name"),
+            Self::Linked { data } => write!(
+                f,
+                "its data `{}` is a link that leads out of the folder of the side-car; put the data there, or add --follow-links",
+                data.escape_debug()
+            ),
             Self::Spacing => f.write_str(
                 "its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]",
             ),

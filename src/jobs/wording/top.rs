@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::foreign::shown;
+use super::system::writing;
 use crate::atomic::TargetFault;
 use crate::budget::Bytes;
 use crate::error::{Error, UsageError};
@@ -20,13 +22,11 @@ impl fmt::Display for Error {
             Self::Busy { path } => write!(
                 f,
                 "{}: another batch is writing into this folder; wait until it has finished, or choose another folder with --out",
-                path.display()
+                shown(path)
             ),
-            Self::Output { path, cause } => write!(
-                f,
-                "{}: cannot be written ({cause}); check the folder and its free space",
-                path.display()
-            ),
+            Self::Output { path, cause } => {
+                write!(f, "{}: cannot be written ({cause}); {}", shown(path), writing(cause))
+            }
             Self::Internal => {
                 f.write_str("an internal error stopped its conversion; please report it with the file")
             }
@@ -40,20 +40,20 @@ impl fmt::Display for UsageError {
             Self::ReplacesInput { path, folder: true } => write!(
                 f,
                 "{}: is the input, or part of it, and would be replaced by the model; name another file with --output",
-                path.display()
+                shown(path)
             ),
             Self::ReplacesInput { path, folder: false } => write!(
                 f,
                 "{}: is the input, and would be replaced; name another file with --output",
-                path.display()
+                shown(path)
             ),
             Self::ReplacesModel { path } => write!(
                 f,
                 "{}: is the model and would be replaced by a picture; name another file",
-                path.display()
+                shown(path)
             ),
             Self::NamedTwice { path } => {
-                write!(f, "{}: is named for two pictures; name another file for one of them", path.display())
+                write!(f, "{}: is named for two pictures; name another file for one of them", shown(path))
             }
             Self::HeadSize { side } => {
                 write!(f, "a head of {side} voxels a side cannot be made; choose 1 to 65536")

@@ -1,6 +1,6 @@
 //! Where voxels are, by the three methods of the NIfTI standard.
 
-use crate::facts::{Form, Note};
+use crate::facts::{Form, Note, StatedNumber};
 use crate::geom::Affine;
 
 /// The fields of a header that place its voxels, in the file's unit and RAS.
@@ -49,10 +49,13 @@ impl Placement {
                 }
                 return self.rows;
             }
-            notes.push(Note::SingularForm { form: Form::Sform });
+            notes.push(unused(&self.rows, Form::Sform));
         }
         let spacing = self.spacing();
-        if self.pixdim.iter().skip(1).any(|step| *step == 0.0 || !step.is_finite()) {
+        for (axis, stated) in self.pixdim.iter().skip(1).enumerate().filter(|(_, step)| !step.is_finite()) {
+            notes.push(Note::NotFinite(StatedNumber::Spacing { axis, stated: *stated }));
+        }
+        if self.pixdim.iter().skip(1).any(|step| *step == 0.0) {
             notes.push(Note::AssumedAxisSpacing);
         }
         if self.qform_code > 0 {
@@ -60,7 +63,7 @@ impl Placement {
             if (Affine { rows }).inverse().is_some() {
                 return rows;
             }
-            notes.push(Note::SingularForm { form: Form::Qform });
+            notes.push(unused(&rows, Form::Qform));
         }
         notes.push(Note::AssumedRas);
         let mut rows = [[0.0; 4]; 3];
@@ -102,6 +105,15 @@ impl Placement {
             *row = [turned[0] * steps[0], turned[1] * steps[1], turned[2] * steps[2], offset];
         }
         rows
+    }
+}
+
+/// Why an affine is not used.
+fn unused(rows: &[[f64; 4]; 3], form: Form) -> Note {
+    if rows.iter().flatten().all(|v| v.is_finite()) {
+        Note::SingularForm { form }
+    } else {
+        Note::NotFinite(StatedNumber::Form(form))
     }
 }
 

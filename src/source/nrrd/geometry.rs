@@ -1,7 +1,7 @@
 //! Axes of an NRRD header, and where they run in space.
 
 use crate::facts::nrrd::NrrdFault;
-use crate::facts::{Carrier, Note};
+use crate::facts::{Carrier, Note, StatedNumber};
 use crate::geom::Affine;
 use crate::source::header::{normal_of, numbers, unit_mm};
 
@@ -128,6 +128,7 @@ impl Geometry {
     /// From `spacings`, or `axis mins` and `axis maxs`: axes along the patient's.
     fn measured(&self, axes: &[Axis], space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) {
         let finite = |list: &[f64], at: usize| list.get(at).copied().filter(|v| v.is_finite());
+        let wrong = |list: &[f64], at: usize| list.get(at).copied().filter(|v| !v.is_finite());
         let mut missing = false;
         for (column, index) in space.iter().enumerate() {
             let cells = self.centers.get(*index).is_none_or(|c| c != "node");
@@ -137,7 +138,12 @@ impl Geometry {
             let steps = if cells { count } else { (count - 1.0).max(1.0) };
             let ends = min.zip(max).map(|(min, max)| (max - min) / steps);
             let spacing = finite(&self.spacings, *index).or(ends).filter(|s| *s != 0.0);
-            missing |= spacing.is_none();
+            match [&self.spacings, &self.mins, &self.maxs].into_iter().find_map(|list| wrong(list, *index)) {
+                Some(stated) if spacing.is_none() => {
+                    notes.push(Note::NotFinite(StatedNumber::Spacing { axis: *index, stated }));
+                }
+                _ => missing |= spacing.is_none(),
+            }
             let spacing = spacing.unwrap_or(1.0);
             let scale = self.units.get(*index).and_then(|name| unit_mm(name)).unwrap_or(1.0);
             let start = min.map_or(0.0, |min| if cells { min + spacing / 2.0 } else { min });

@@ -23,6 +23,7 @@ use super::files::base_name;
 use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
+use super::numbered::judge;
 use super::stored::{Placed, Places, Samples, StoredVolume, Target, Unroll};
 use crate::facts::samples::Damage;
 use crate::facts::tiff::{TiffFault, TiffShape};
@@ -64,7 +65,7 @@ pub(super) fn is_whole(path: &Path) -> bool {
 
 /// Opens pictures: files with one page each make a volume together, and each with several pages is a volume
 /// of its own, whatever becomes of the others.
-pub(super) fn open(list: FileList, _: &OpenOptions) -> Vec<Slices> {
+pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     let mut whole = Vec::new();
     let mut stack = Stack::default();
     let mut files = Vec::new();
@@ -119,7 +120,8 @@ pub(super) fn open(list: FileList, _: &OpenOptions) -> Vec<Slices> {
             let path = chosen.path(0);
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let name = base_name(if chosen.len() == 1 { &path } else { folder });
-            stack.volume(chosen, name)
+            let order = judge(&chosen, options.gaps).map_err(|fault| unusable(&path, fault));
+            order.and_then(|order| Ok(order.apply(stack.volume(chosen, name)?)))
         }
     };
     whole.insert(0, Slices { files, volume });

@@ -45,11 +45,60 @@ impl Fragment {
     }
 }
 
+/// Bytes of a file that are read at once where fragments are short: two million of them in a file of 16 MB are
+/// two million heads to look at, but not as many calls of the system.
+const WINDOW: usize = 2048;
+
+/// Bytes of an item's head, and of what it begins with.
+const SHOWN: usize = 12;
+
+/// The heads of items, read one after the other.
+#[derive(Debug)]
+struct Heads {
+    /// Where the window begins in the file, and how much of it is filled.
+    from: u64,
+    have: usize,
+    window: [u8; WINDOW],
+    /// Was the last fragment so short that the next head lies in the window?
+    short: bool,
+}
+
+impl Heads {
+    fn new() -> Self {
+        Self { from: 0, have: 0, window: [0; WINDOW], short: false }
+    }
+
+    /// The first bytes at `at`, and how many of them there are.
+    fn head<R: ReadAt + ?Sized>(&mut self, input: &R, at: u64) -> io::Result<([u8; SHOWN], usize)> {
+        let mut head = [0; SHOWN];
+        let start = at.checked_sub(self.from).and_then(|start| usize::try_from(start).ok());
+        let known = start.and_then(|start| self.window.get(..self.have)?.get(start..start + SHOWN));
+        if let Some(known) = known {
+            head.copy_from_slice(known);
+            return Ok((head, SHOWN));
+        }
+        if !self.short {
+            let have = read_full(input, &mut head, at)?;
+            return Ok((head, have));
+        }
+        (self.from, self.have) = (at, read_full(input, &mut self.window, at)?);
+        let have = self.have.min(SHOWN);
+        if let (Some(to), Some(from)) = (head.get_mut(..have), self.window.get(..have)) {
+            to.copy_from_slice(from);
+        }
+        Ok((head, have))
+    }
+}
+
 /// The item at `at`, if there is one before `end`; anything else ends the fragments, so that a missing
 /// delimiter does no harm.
-fn fragment<R: ReadAt + ?Sized>(input: &R, at: u64, end: u64) -> io::Result<Option<Fragment>> {
-    let mut head = [0; 12];
-    let have = read_full(input, &mut head, at)?;
+fn fragment<R: ReadAt + ?Sized>(
+    heads: &mut Heads,
+    input: &R,
+    at: u64,
+    end: u64,
+) -> io::Result<Option<Fragment>> {
+    let (head, have) = heads.head(input, at)?;
     let [g0, g1, e0, e1, l0, l1, l2, l3, first_bytes @ ..] = head;
     let tag = Tag::from(u16::from_le_bytes([g0, g1])) << 16 | Tag::from(u16::from_le_bytes([e0, e1]));
     let length = u32::from_le_bytes([l0, l1, l2, l3]);
@@ -59,6 +108,7 @@ fn fragment<R: ReadAt + ?Sized>(input: &R, at: u64, end: u64) -> io::Result<Opti
     let offset = at + HEAD;
     let declared = u64::from(length);
     let length = declared.min(end.saturating_sub(offset));
+    heads.short = length < WINDOW as u64 / 2;
     Ok(Some(Fragment { offset, length, declared, first_bytes }))
 }
 
@@ -93,7 +143,8 @@ pub(crate) fn missing_end<R: ReadAt + ?Sized>(
         return Ok(None);
     }
     let (mut at, mut items, mut lacking, mut table) = (pixels.offset, 0, 0, 0);
-    while let Some(next) = fragment(input, at, end)? {
+    let mut heads = Heads::new();
+    while let Some(next) = fragment(&mut heads, input, at, end)? {
         if items == 0 {
             table = u64::from(!has_no_table(codec, &next));
         }
@@ -156,6 +207,7 @@ pub(crate) struct Frames<'a, R: ReadAt + ?Sized> {
     /// The next frame, and the item where it begins.
     next: u32,
     at: u64,
+    heads: Heads,
 }
 
 /// The bytes of one frame.
@@ -184,9 +236,9 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
     ) -> Result<Self, ScanError> {
         let start = pixels.offset;
         let end = start.saturating_add(pixels.available);
-        let mut all =
-            Self { input, division: Division::Whole, frames, first: start, end, next: 0, at: start };
-        let Some(table) = fragment(input, start, end)? else {
+        let (division, heads) = (Division::Whole, Heads::new());
+        let mut all = Self { input, division, frames, first: start, end, next: 0, at: start, heads };
+        let Some(table) = fragment(&mut all.heads, input, start, end)? else {
             return Err(damaged(start, Damage::NotInItems));
         };
         let has_table = !has_no_table(codec, &table);
@@ -199,7 +251,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         }
         let (mut fragments, mut begun, mut first_begins) = (0_u64, 0_u64, false);
         let mut at = all.first;
-        while let Some(next) = fragment(input, at, end)? {
+        while let Some(next) = fragment(&mut all.heads, input, at, end)? {
             let begins = codec.begins(next.first_bytes);
             first_begins |= begins && fragments == 0;
             fragments += 1;
@@ -222,7 +274,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
     }
 
     /// Offset of the Extended Offset Table's entries, if the file has one that fits.
-    fn extended_table(&self, header: &DicomHeader) -> Result<Option<u64>, ScanError> {
+    fn extended_table(&mut self, header: &DicomHeader) -> Result<Option<u64>, ScanError> {
         let Some(at) = header.places.offset_table else { return Ok(None) };
         let element = Parser::new(self.input)?.element(at, header.encoding)?;
         let length = element.length.unwrap_or(0).into();
@@ -230,7 +282,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
     }
 
     /// Is every entry of the table the offset of a fragment, in increasing order?
-    fn table_fits(&self, table: u64, length: u64, wide: bool) -> io::Result<bool> {
+    fn table_fits(&mut self, table: u64, length: u64, wide: bool) -> io::Result<bool> {
         let entry_bytes = if wide { 8 } else { 4 };
         if length != u64::from(self.frames) * entry_bytes {
             return Ok(false);
@@ -243,7 +295,8 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
             }
             // A repeated entry would be a frame of no bytes.
             loop {
-                let Some(next) = fragment(self.input, at, self.end)? else { return Ok(false) };
+                let found = fragment(&mut self.heads, self.input, at, self.end)?;
+                let Some(next) = found else { return Ok(false) };
                 if next.item() > wanted {
                     return Ok(false);
                 }
@@ -277,7 +330,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
             _ => self.end,
         };
         let mut span: Option<Span> = None;
-        while let Some(next) = fragment(self.input, self.at, self.end)? {
+        while let Some(next) = fragment(&mut self.heads, self.input, self.at, self.end)? {
             let over = match (self.division, span) {
                 (_, None) | (Division::Whole, _) => false,
                 (Division::Each, Some(_)) => true,
@@ -314,11 +367,13 @@ pub(crate) struct FrameReader<'a, R: ReadAt + ?Sized> {
     left_here: u64,
     left: u64,
     end: u64,
+    heads: Heads,
 }
 
 impl<'a, R: ReadAt + ?Sized> FrameReader<'a, R> {
     pub(crate) fn new(input: &'a R, span: &Span) -> Self {
-        Self { input, at: span.start, left_here: span.head, left: span.bytes, end: span.end }
+        let heads = Heads::new();
+        Self { input, at: span.start, left_here: span.head, left: span.bytes, end: span.end, heads }
     }
 }
 
@@ -326,7 +381,8 @@ impl<R: ReadAt + ?Sized> Read for FrameReader<'_, R> {
     fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
         while self.left > 0 && !buf.is_empty() {
             if self.left_here == 0 {
-                let Some(next) = fragment(self.input, self.at, self.end)? else { return Ok(0) };
+                let found = fragment(&mut self.heads, self.input, self.at, self.end)?;
+                let Some(next) = found else { return Ok(0) };
                 (self.at, self.left_here) = (next.offset, next.length);
                 continue;
             }
@@ -360,9 +416,9 @@ impl<'a, R: ReadAt + ?Sized> ListedFrame<'a, R> {
             .filter(|n| *n <= MOST_LISTED)
             .ok_or_else(|| damaged(span.start, Damage::ManyFragments { most: MOST_LISTED }))?;
         let mut list = Vec::with_capacity(count);
-        let (mut at, mut begun) = (span.start - HEAD, 0);
+        let (mut at, mut begun, mut heads) = (span.start - HEAD, 0, Heads::new());
         while list.len() < count
-            && let Some(next) = fragment(input, at, span.end)?
+            && let Some(next) = fragment(&mut heads, input, at, span.end)?
         {
             list.push((begun, next.offset));
             begun += next.length;

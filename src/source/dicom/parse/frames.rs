@@ -2,10 +2,10 @@
 
 use super::deflated::Inflated;
 use super::element::{Element, ItemReader, Parser, damaged};
-use super::header::{DicomHeader, Encoding};
-use super::value::{Tag, double, number, numbers, text, time_of};
+use super::header::{DicomHeader, Encoding, decimal};
+use super::value::{Tag, are_not_finite, double, is_not_finite, number, numbers, text, time_of};
 use super::window::ReadAt;
-use crate::facts::dicom::{Damage, ScanError, TransferSyntax};
+use crate::facts::dicom::{Attribute, Damage, ScanError, TransferSyntax};
 use crate::volume::Endian;
 
 /// Bytes of the Grid Frame Offset Vector looked at in one go; no number is as long.
@@ -76,6 +76,8 @@ pub struct FrameGeometry {
     /// What the vectors of nuclear medicine say of the frame, apart from its slice, in the order of
     /// [`super::header::Places::frame_vectors`]; 0 where they say nothing.
     pub vectors: [u16; 8],
+    /// The first attribute that places the frame, or scales its values, and is infinite or not a number.
+    pub not_finite: Option<Attribute>,
 }
 
 /// Tells `each` of every frame of a file, in the order of the file, in constant memory and in one pass
@@ -383,6 +385,7 @@ impl FrameGeometry {
             trigger_time: header.trigger_time,
             gradient: header.gradient,
             acquisition_time: header.acquisition_time,
+            not_finite: header.not_finite,
             ..Self::default()
         }
     }
@@ -429,6 +432,12 @@ impl FrameGeometry {
     /// Takes over one element of a functional group.
     fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
         let big = endian == Endian::Big;
+        let wrong = match tag {
+            0x0020_9301 if are_not_finite(value, endian) => Some(Attribute::Position),
+            0x0020_9302 if are_not_finite(value, endian) => Some(Attribute::Orientation),
+            _ => decimal(tag).filter(|_| is_not_finite(value)),
+        };
+        self.not_finite = self.not_finite.or(wrong);
         let word = || {
             let bytes = *value.first_chunk::<2>()?;
             Some(if big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })

@@ -2,9 +2,10 @@
 
 use super::private::Private;
 use super::value::{
-    Tag, double, doubles, integer, number, numbers, raw_double, raw_single, single, text, time_of, word_of,
+    Tag, double, doubles, integer, is_not_finite, number, numbers, raw_double, raw_single, single, text,
+    time_of, word_of,
 };
-use crate::facts::dicom::TransferSyntax;
+use crate::facts::dicom::{Attribute, TransferSyntax};
 use crate::source::finding::BurnedIn;
 use crate::volume::Endian;
 
@@ -83,6 +84,8 @@ pub struct Places {
     pub csa: Option<u64>,
     /// (7FE0,0001) Extended Offset Table.
     pub offset_table: Option<u64>,
+    /// (0065,xx51): the frames of a set that lies in one picture, as United Imaging writes them.
+    pub frame_set: Option<u64>,
 }
 
 impl Places {
@@ -110,6 +113,8 @@ impl Places {
                 }
             }
             0x7fe0_0001 => &mut self.offset_table,
+            // In whatever block of private elements.
+            _ if tag & 0xffff_00ff == 0x0065_0051 && tag & 0xff00 != 0 => &mut self.frame_set,
             _ => return,
         };
         slot.get_or_insert(at);
@@ -222,6 +227,12 @@ pub struct DicomHeader {
     pub converted: bool,
     /// Is there a Modality LUT Sequence? Then values are not linear.
     pub modality_lut: bool,
+    /// The first attribute that places the image, or scales its values, and is infinite or not a number.
+    pub not_finite: Option<Attribute>,
+    /// Does Dimension Organization Type say that frames are tiles?
+    pub tiled: bool,
+    /// Total Pixel Matrix Columns and Rows of a picture whose frames are tiles.
+    pub total_matrix: [Option<u32>; 2],
     /// How elements are written.
     pub encoding: Encoding,
     /// Where the elements after the meta header begin. In a deflated file, offsets from here on count
@@ -286,6 +297,9 @@ impl DicomHeader {
             burned_in: false,
             converted: false,
             modality_lut: false,
+            not_finite: None,
+            tiled: false,
+            total_matrix: [None; 2],
             encoding: Encoding { explicit: true, endian: Endian::Little },
             dataset: 0,
             places: Places::default(),
@@ -322,6 +336,16 @@ impl DicomHeader {
             _ => return format!("{} object", self.modality),
         };
         known.into()
+    }
+
+    /// Are its frames tiles of a larger picture, not slices: those of a whole slide, say, or of what was found on
+    /// one?
+    pub fn is_tiled(&self) -> bool {
+        let sides = [self.columns, self.rows].map(|side| side.map(u32::from));
+        let larger = |(total, side): (&Option<u32>, Option<u32>)| total.zip(side).is_some_and(|(a, b)| a > b);
+        self.tiled
+            || self.sop_class == "1.2.840.10008.5.1.4.1.1.77.1.6"
+            || self.total_matrix.iter().zip(sides).any(larger)
     }
 
     /// Is it an RT dose? Its values are scaled by Dose Grid Scaling, and by nothing else (PS3.3 C.8.8.3).
@@ -367,6 +391,9 @@ impl DicomHeader {
     /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
     pub(crate) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
         let word = || word_of(value, endian);
+        if let Some(attribute) = decimal(tag).filter(|_| is_not_finite(value)) {
+            self.not_finite.get_or_insert(attribute);
+        }
         match tag {
             0x0008_0008 => self.image_type = text(value),
             0x0008_0016 => self.sop_class = text(value),
@@ -427,6 +454,9 @@ impl DicomHeader {
             0x0028_1053 => self.slope = number(value),
             0x0028_3000 => self.modality_lut = true,
             0x3004_000e => self.dose_scaling = number(value),
+            0x0020_9311 => self.tiled = text(value).starts_with("TILED"),
+            0x0048_0006 => self.total_matrix[0] = long_of(value, endian),
+            0x0048_0007 => self.total_matrix[1] = long_of(value, endian),
             _ => self.private.keep(tag, value, endian),
         }
     }
@@ -466,6 +496,7 @@ impl DicomHeader {
                 | 0x0020_0032
                 | 0x0020_0037
                 | 0x0020_0100
+                | 0x0020_9311
                 | 0x0028_0002
                 | 0x0028_0004
                 | 0x0028_0006
@@ -481,9 +512,31 @@ impl DicomHeader {
                     | 0x0028_1052
                     | 0x0028_1053
                     | 0x0028_3000
+                    | 0x0048_0006
+                    | 0x0048_0007
                     | 0x3004_000e
         )
     }
+}
+
+/// What a decimal string that matters for place and values states.
+pub(super) fn decimal(tag: Tag) -> Option<Attribute> {
+    Some(match tag {
+        0x0018_0050 => Attribute::SliceThickness,
+        0x0018_0088 => Attribute::SliceSpacing,
+        0x0020_0032 => Attribute::Position,
+        0x0020_0037 => Attribute::Orientation,
+        0x0028_0030 => Attribute::PixelSpacing,
+        0x0028_1052 | 0x0028_1053 => Attribute::Rescale,
+        0x3004_000e => Attribute::DoseScaling,
+        _ => return None,
+    })
+}
+
+/// One 32-bit number.
+fn long_of(value: &[u8], endian: Endian) -> Option<u32> {
+    let bytes = *value.first_chunk::<4>()?;
+    Some(if endian == Endian::Big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
 }
 
 #[cfg(test)]
@@ -494,8 +547,10 @@ mod tests {
     fn every_kept_tag_is_wanted() {
         let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
         let untouched = header.clone();
-        for tag in
-            (0x0002_0000..0x0030_0000).chain(0x3004_0000..0x3005_0000).filter(|tag| !DicomHeader::wants(*tag))
+        for tag in (0x0002_0000..0x0030_0000)
+            .chain(0x0048_0000..0x0049_0000)
+            .chain(0x3004_0000..0x3005_0000)
+            .filter(|tag| !DicomHeader::wants(*tag))
         {
             // Long enough for a binary double, and a text that is a number.
             header.keep(tag, b"1\0", Endian::Little);

@@ -8,7 +8,7 @@
 use std::io;
 
 use super::deflated::Inflated;
-use super::element::{META, Parser, length_form};
+use super::element::{Element, META, Parser, length_form};
 use super::header::{DicomHeader, Encoding, PixelData, PixelElement};
 use super::value::{Tag, text};
 use super::window::{ReadAt, Window};
@@ -18,6 +18,9 @@ use crate::volume::Endian;
 /// Media Storage SOP Class UID and Transfer Syntax UID in the meta header.
 const META_SOP_CLASS: Tag = 0x0002_0002;
 const META_SYNTAX: Tag = 0x0002_0010;
+
+/// Modality LUT Sequence.
+const MODALITY_LUT: Tag = 0x0028_3000;
 
 /// Longest value accepted as the first one of a file without preamble and VRs.
 const MAX_PLAUSIBLE_FIRST: u32 = 1024;
@@ -132,6 +135,21 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
         Ok(Encoding { explicit: big || length_form(&[v0, v1]).is_some(), endian })
     }
 
+    /// Has a Modality LUT Sequence a table, or a part of one? What cannot be followed counts as one, and is told
+    /// of when it is used.
+    fn holds_lut(&mut self, sequence: &Element, at: u64, encoding: Encoding) -> bool {
+        const DESCRIPTOR: Tag = 0x0028_3002;
+        const DATA: Tag = 0x0028_3006;
+        let mut holds = false;
+        let walked = self.parser.items(sequence, at, encoding, &mut |parser, at, end, encoding| {
+            parser.elements(at, end, encoding, &mut |_, element, _| {
+                holds |= matches!(element.tag, DESCRIPTOR | DATA) && element.length != Some(0);
+                Ok(None)
+            })
+        });
+        holds || walked.is_err()
+    }
+
     /// The main dataset, up to the pixels or the end of the file.
     fn dataset(&mut self, mut at: u64, encoding: Encoding) -> Result<(), ScanError> {
         self.header.encoding = encoding;
@@ -153,6 +171,11 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
                     words: !encoding.explicit || &element.vr == b"OW",
                 });
                 return Ok(());
+            }
+            if element.tag == MODALITY_LUT && !self.holds_lut(&element, at, encoding) {
+                // The sequence is there for form's sake: other readers pass it over, too.
+                at = self.parser.skip(&element, at, encoding)?;
+                continue;
             }
             self.header.places.keep(element.tag, at);
             if self.header.private.is_csa(element.tag) {

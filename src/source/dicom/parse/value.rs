@@ -25,6 +25,16 @@ pub(crate) fn number(value: &[u8]) -> Option<f64> {
     text(value).split('\\').next().and_then(|part| part.trim().parse().ok()).filter(|v: &f64| v.is_finite())
 }
 
+/// Is one of several decimals infinite, or NaN? That is no missing value, but a wrong one.
+pub(super) fn is_not_finite(value: &[u8]) -> bool {
+    text(value).split('\\').any(|part| part.trim().parse::<f64>().is_ok_and(|v| !v.is_finite()))
+}
+
+/// Is one of several binary doubles infinite, or NaN?
+pub(super) fn are_not_finite(value: &[u8], endian: Endian) -> bool {
+    value.chunks_exact(8).any(|bytes| raw_double(bytes, endian).is_some_and(|v| !v.is_finite()))
+}
+
 /// The time of day of a date and time (VR DT), as the number HHMMSS.FFFFFF.
 pub(crate) fn time_of(value: &[u8]) -> Option<f64> {
     const DATE: usize = 8;
@@ -87,6 +97,10 @@ mod tests {
         for bad in [&b"1\\2"[..], b"1\\2\\3\\4", b"1\\\\3", b"1\\nan\\3", b"1\\inf\\3", b"", b"\xff\\1\\2"] {
             assert_eq!(numbers::<3>(bad), None, "{bad:?}");
         }
+        for wrong in [&b"nan"[..], b"1\\inf\\3", b"1\\-Infinity ", b"1e999", b"NaN\0"] {
+            assert!(is_not_finite(wrong) && numbers::<3>(wrong).is_none(), "{wrong:?}");
+        }
+        assert!(!is_not_finite(b"1\\\\3") && !is_not_finite(b"") && !is_not_finite(b"none"));
         assert_eq!(number(b" -1024\0"), Some(-1024.0));
         assert_eq!(text(b"MONOCHROME2 \0"), "MONOCHROME2");
     }

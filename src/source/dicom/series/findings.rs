@@ -9,7 +9,7 @@ use super::layer::Stack;
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
-use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageName, SeriesFault, SetApart};
+use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageFault, ImageName, SeriesFault, SetApart};
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
@@ -18,6 +18,9 @@ use crate::volume::{SourceError, VolumeSource};
 
 /// Attributes named in one note.
 const NAMED: usize = 4;
+
+/// Files of dropped images that are named in a note.
+const NAMED_COPIES: usize = 32;
 
 /// The volumes of a series, refused ones included; `facts` are size and time of change of each file.
 pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenOptions) -> Vec<Finding> {
@@ -46,6 +49,8 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             size: None,
             files: InputFiles::default(),
             burned_in: None,
+            at: 0,
+            more: 0,
             volume: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
         });
     }
@@ -129,6 +134,8 @@ fn finding(
         size: Some(opened.unwrap_or([shared.size[0], shared.size[1], images])),
         files,
         burned_in: shared.burned_in,
+        at: 0,
+        more: 0,
         volume: volume.map(|v| Box::new(v) as Box<dyn VolumeSource>),
     }
 }
@@ -156,6 +163,11 @@ fn open(
             // Without it the volume would silently lack a slice.
             _ => refuse(&file, DicomFault::OneImage(fault)),
         };
+    }
+    // Another image of the series may be one of these: without it the volume would silently lack a slice.
+    if let Some((file, attribute)) = series.not_finite {
+        let fault = DicomFault::OneImage(ImageFault::NotFinite(attribute));
+        return refuse(&series.files.path(file as usize), fault);
     }
     let frames = slices.iter().any(|s| s.frame > 0);
     let name = |s: &Slice| ImageName {
@@ -203,8 +215,12 @@ fn id(shared: &Shared, label: &str) -> String {
 /// What was dropped, and by which attributes a series was split.
 fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<DicomNote> {
     let mut notes = Vec::new();
-    if series.duplicates > 0 {
-        notes.push(DicomNote::Duplicates { images: series.duplicates });
+    if !series.duplicates.is_empty() {
+        let name = |file: &u32| series.files.name(*file as usize).to_path_buf();
+        notes.push(DicomNote::Duplicates {
+            images: series.duplicates.len() as u64,
+            files: series.duplicates.iter().take(NAMED_COPIES).map(name).collect(),
+        });
     }
     if let Some((path, error)) = &series.lost {
         let file = path.file_name().map(PathBuf::from).unwrap_or_default();

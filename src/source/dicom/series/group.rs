@@ -304,8 +304,11 @@ pub(crate) struct Series {
     pub(crate) layouts: Vec<PixelLayout>,
     pub(crate) image_types: Vec<String>,
     pub(crate) obstacles: Vec<ImageFault>,
-    /// Images that were dropped, because they are in the series twice.
-    pub(crate) duplicates: u64,
+    /// Images that were dropped, because they are in the series twice: the numbers of their files.
+    pub(crate) duplicates: Vec<u32>,
+    /// The first file with an image that cannot be placed or scaled, as its header states numbers that are none:
+    /// which of the others it belongs to is not known, either.
+    pub(crate) not_finite: Option<(u32, Attribute)>,
     /// Files that were images when they were found, and are not any more.
     pub(crate) lost: Option<(PathBuf, ScanError)>,
     directions: Vec<[i64; 3]>,
@@ -323,7 +326,8 @@ impl Series {
             layouts: Vec::new(),
             image_types: Vec::new(),
             obstacles: Vec::new(),
-            duplicates: 0,
+            duplicates: Vec::new(),
+            not_finite: None,
             lost: None,
             directions: Vec::new(),
             stacks: Vec::new(),
@@ -419,8 +423,9 @@ impl Series {
         }
         let files = &self.files;
         for group in &mut self.groups {
-            self.duplicates += drop_copies(&mut group.slices, files);
+            drop_copies(&mut group.slices, files, &mut self.duplicates);
         }
+        self.duplicates.sort_unstable();
         self.groups.retain(|g| !g.slices.is_empty());
         self.groups.sort_by_key(|g| {
             let first = g.slices.first().map(|s| (s.instance, s.identity, s.frame));
@@ -431,11 +436,16 @@ impl Series {
 
 /// Drops images that are there twice: with one SOP Instance UID at one position, or with the same numbers
 /// at one position and equal pixels. Of copies the one that can be read stays, then the one that needs
-/// no decoding. Returns how many were dropped.
-fn drop_copies(slices: &mut Vec<Slice>, files: &FileList) -> u64 {
-    let before = slices.len();
+/// no decoding. The files of those that were dropped are noted.
+fn drop_copies(slices: &mut Vec<Slice>, files: &FileList, duplicates: &mut Vec<u32>) {
     let identity = |s: &Slice| (s.identity, s.frame, s.place(), s.instance);
-    slices.dedup_by(|s, kept| s.identity != 0 && identity(s) == identity(kept));
+    slices.dedup_by(|s, kept| {
+        let copy = s.identity != 0 && identity(s) == identity(kept);
+        if copy {
+            duplicates.push(s.file);
+        }
+        copy
+    });
     // Pixels are read only where all the numbers agree.
     let mut alike: Vec<(u64, usize)> = Vec::new();
     for (i, s) in slices.iter().enumerate() {
@@ -462,11 +472,14 @@ fn drop_copies(slices: &mut Vec<Slice>, files: &FileList) -> u64 {
         }
     }
     let mut at = 0;
-    slices.retain(|_| {
+    slices.retain(|slice| {
         at += 1;
-        !dropped.contains(&(at - 1))
+        let copy = dropped.contains(&(at - 1));
+        if copy {
+            duplicates.push(slice.file);
+        }
+        !copy
     });
-    (before - slices.len()) as u64
 }
 
 const PIECE: usize = 16 << 10;

@@ -1,4 +1,5 @@
-//! Siemens mosaics: one picture that holds the slices of a volume as tiles.
+//! Mosaics: one picture that holds the slices of a volume as tiles. Those of Siemens are read; those of other
+//! vendors are refused by name, as pictures of tiles must not become slices.
 //!
 //! ```text
 //!   tile 0 | tile 1 | tile 2        as many tiles in a row as in a column: the square root of the number
@@ -50,16 +51,26 @@ pub(crate) struct Found {
     pub(crate) notes: Vec<DicomNote>,
 }
 
-/// Is the image a mosaic?
+/// Is the image a mosaic, of whichever vendor?
 pub(crate) fn is_one(header: &DicomHeader) -> bool {
     let enhanced = header.places.frame_groups.is_some() || header.places.shared_groups.is_some();
-    !enhanced && header.image_type.split('\\').any(|part| part.trim() == "MOSAIC")
+    !enhanced && (header.image_type.split('\\').any(|part| part.trim() == "MOSAIC") || is_frame_set(header))
+}
+
+/// Do tiles lie in one picture as United Imaging lays them: the image type names a frame set, or a private sequence
+/// lists its frames? Where each tile lies is in that sequence only.
+fn is_frame_set(header: &DicomHeader) -> bool {
+    (header.places.frame_set.is_some() && header.modality == "MR")
+        || header.image_type.split('\\').any(|part| part.split('_').any(|word| word.trim() == "VFRAME"))
 }
 
 /// How the slices lie in an image that [`is_one`]; or why that is not known.
 pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Found, MosaicFault> {
     if header.frames.is_some_and(|frames| frames != Ok(1)) {
         return Err(MosaicFault::SeveralFrames);
+    }
+    if is_frame_set(header) {
+        return Err(MosaicFault::OtherVendor);
     }
     let mut notes = Vec::new();
     let (csa, fault) = match private_header(input, header) {

@@ -79,6 +79,9 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
     let mut obstacle = image.as_ref().err().cloned().map(ImageFault::Pixels);
+    if header.is_tiled() {
+        obstacle = obstacle.or(Some(ImageFault::Tiles));
+    }
     let mut mosaic = None;
     if is_one(header) {
         match look(input, header) {
@@ -86,9 +89,12 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
             Err(fault) => obstacle = obstacle.or(Some(ImageFault::Mosaic(fault))),
         }
     }
+    let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
+    if plain {
+        obstacle = obstacle.or(header.not_finite.map(ImageFault::NotFinite));
+    }
     let image = image.ok().filter(|_| obstacle.is_none());
     let note = image.as_ref().and_then(|image| end_note(input, header, image));
-    let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
     if plain || image.is_none() {
         let mut own = FrameGeometry::of_file(header);
         if let Some(mosaic) = &mosaic {
@@ -109,7 +115,9 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
-        add_frame(series, file, header, image.as_ref(), None, frame, None).note(note.clone());
+        let fault = frame.not_finite.map(ImageFault::NotFinite);
+        let image = image.as_ref().filter(|_| fault.is_none());
+        add_frame(series, file, header, image, None, frame, fault.as_ref()).note(note.clone());
         seen += 1;
         seen < frames
     });
@@ -151,6 +159,9 @@ fn add_frame<'s>(
     frame: &FrameGeometry,
     obstacle: Option<&ImageFault>,
 ) -> &'s mut Shared {
+    if let (Some(attribute), Ok(file)) = (frame.not_finite, u32::try_from(file)) {
+        series.not_finite.get_or_insert((file, attribute));
+    }
     let kind = kind_of(&frame.frame_type);
     let mut key = StableHash::new().part(header.series_uid.as_bytes());
     let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };

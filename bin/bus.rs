@@ -1,0 +1,53 @@
+//! A mapped file that is cut short: one sentence and the exit code of its kind, instead of a process that is gone.
+//!
+//! Reading a page of a mapping that the file does not reach any more raises SIGBUS. There is no way back into the
+//! traversal from there, so the handler says what was written down before and ends the process. Nothing is left
+//! behind: pictures are written when they are finished, and under a name only when they are whole.
+#![allow(unsafe_code)]
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use infobyte::ExitKind;
+use infobyte::jobs::shown;
+use infobyte::jobs::wording::foreign;
+use signal_hook::consts::SIGBUS;
+use signal_hook::low_level;
+
+use crate::failure::json_of;
+
+/// Sees to it that a bus error ends the process with a sentence about the file at `path`, which is about to be
+/// mapped.
+///
+/// Under `--json` it is an object on stdout as well, as every failure is. Costs nothing until then. Where the
+/// handler cannot be set, the system's way stays.
+pub(crate) fn tell_of(path: &Path, as_json: bool) {
+    let sentence = format!(
+        "{}: was cut short while it was in use, or its disk failed, so that nothing was made of it; copy it again",
+        shown(path)
+    );
+    let object =
+        if as_json { foreign::json(&json_of(&sentence, ExitKind::Input)) + "\n" } else { String::new() };
+    let told: [(i32, Box<[u8]>); 2] = [
+        (libc::STDOUT_FILENO, object.into_bytes().into()),
+        (libc::STDERR_FILENO, format!("oct: {sentence}\n").into_bytes().into()),
+    ];
+    let begun = AtomicBool::new(false);
+    let tell = move || {
+        // Several threads read the file. One of them tells; the others come here again until it has.
+        if !begun.swap(true, Ordering::Relaxed) {
+            for (to, text) in &told {
+                // SAFETY: `write` and `_exit` may be called in a signal handler; the bytes were written down before
+                // it was set, live as long as it does, and are as many as is said. Nothing is allocated or locked.
+                let _ = unsafe { libc::write(*to, text.as_ptr().cast(), text.len()) };
+            }
+            low_level::exit(ExitKind::Input.code().into());
+        }
+    };
+    // The runtime has a handler for overflows of the stack, which are told by another signal here. It would be
+    // called first, and set the system's way back: the second thread would end the process before the first spoke.
+    // SAFETY: the system's way is no function, and nothing waits for what was there.
+    let _ = unsafe { libc::signal(SIGBUS, libc::SIG_DFL) };
+    // SAFETY: the action calls nothing that may not be called in a signal handler, see there.
+    let _ = unsafe { low_level::register(SIGBUS, tell) };
+}

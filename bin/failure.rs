@@ -1,0 +1,174 @@
+//! Why the command ends without success, and how that is told: one sentence on stderr, and under `--json` one
+//! object on stdout as well.
+
+use std::fmt;
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use infobyte::jobs::shown;
+use infobyte::jobs::wording::foreign;
+use infobyte::{Error, ExitKind};
+use serde_json::{Value, json};
+
+/// Why the command ends without success.
+pub(crate) enum Failure {
+    /// Its arguments do not belong together.
+    Arguments(Refusal),
+    /// The library's error.
+    Job(Error),
+}
+
+/// Arguments that cannot be met, whatever the files hold.
+pub(crate) enum Refusal {
+    SkipAlone,
+    NoDims,
+    NoType,
+    /// This flag says something about a volume, and the input is a mesh.
+    ForVolumes(&'static str),
+    /// The other way round.
+    ForMeshes(&'static str),
+    /// Standard input, or output, where it cannot be used.
+    Dash(Dash),
+    /// A name that says the file is of another kind than what is written.
+    Suffix {
+        path: PathBuf,
+        written: Written,
+    },
+}
+
+/// What `-` was given for in vain.
+#[derive(Clone, Copy)]
+pub(crate) enum Dash {
+    /// A volume that states its own size.
+    Volume,
+    /// One file of several.
+    AmongFiles,
+    /// A place to be searched.
+    Search,
+    /// A model that is built.
+    Model,
+    /// Folder or file of something else.
+    Folder,
+    /// A second picture.
+    Layer,
+    /// Output and report at once.
+    WithJson,
+    /// Output on a terminal.
+    Terminal,
+}
+
+/// What a command writes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Written {
+    Model,
+    Picture,
+}
+
+impl From<Refusal> for Failure {
+    fn from(refusal: Refusal) -> Self {
+        Self::Arguments(refusal)
+    }
+}
+
+impl From<Dash> for Failure {
+    fn from(dash: Dash) -> Self {
+        Self::Arguments(Refusal::Dash(dash))
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(cause: Error) -> Self {
+        Self::Job(cause)
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Job(cause) => cause.fmt(f),
+            Self::Arguments(refusal) => refusal.fmt(f),
+        }
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::SkipAlone => {
+                "--skip is for raw volumes, with --dims and --dtype; other files say where their voxels begin"
+            }
+            Self::NoDims => "a raw volume needs --dims NXxNYxNZ as well",
+            Self::NoType => "a raw volume needs --dtype as well, for example --dtype u16",
+            Self::ForVolumes("--dims") => {
+                "--dims of a mesh needs --voxel and --origin as well; --grid N alone chooses all of them"
+            }
+            Self::ForVolumes(flag) => {
+                return write!(f, "{flag} is for volumes, and the input is a mesh; leave it out");
+            }
+            Self::ForMeshes(flag) => {
+                return write!(
+                    f,
+                    "{flag} is for meshes (STL, PLY, OBJ, OFF), and the input is a volume; leave it out"
+                );
+            }
+            Self::Dash(dash) => match dash {
+                Dash::Volume => {
+                    "standard input (-) is read as headerless voxels only; add --dims and --dtype, or name a file"
+                }
+                Dash::AmongFiles => "standard input (-) cannot be one of several inputs; name files",
+                Dash::Search => "standard input (-) cannot be searched; name files and folders",
+                Dash::Model => {
+                    "a model is put in its place whole and cannot go to standard output (-); name a file"
+                }
+                Dash::Folder => "standard output (-) cannot take several files; name a folder",
+                Dash::Layer => "only one picture can go to standard output (-), that of --output; name a file",
+                Dash::WithJson => {
+                    "standard output cannot take both the file (-o -) and the report (--json); name a file"
+                }
+                Dash::Terminal => "the output is not for a terminal; send it into a file or another command",
+            },
+            Self::Suffix { path, written } => {
+                let (this, other) = match written {
+                    Written::Model => ("a model", "MODEL.oct"),
+                    Written::Picture => ("a PNG picture", "IMAGE.png"),
+                };
+                return write!(
+                    f,
+                    "{}: is named as another kind of file, and {this} would be written; name it {other}, or add --force",
+                    shown(path)
+                );
+            }
+        })
+    }
+}
+
+impl Failure {
+    /// Whose turn it is.
+    pub(crate) fn kind(&self) -> ExitKind {
+        match self {
+            Self::Arguments(_) => ExitKind::Usage,
+            Self::Job(cause) => cause.kind(),
+        }
+    }
+}
+
+/// The keys of a failure under `--json`.
+pub(crate) fn json_of(sentence: &str, kind: ExitKind) -> Value {
+    json!({ "error": sentence, "kind": kind.name(), "exit_code": kind.code() })
+}
+
+/// Tells a failure on stderr, and as an object on stdout if that was asked for. Nobody may be listening.
+pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
+    let sentence = one_line(sentence);
+    if as_json {
+        let _ = writeln!(io::stdout(), "{}", foreign::json(&json_of(&sentence, kind)));
+    }
+    let _ = writeln!(io::stderr(), "oct: {sentence}");
+    ExitCode::from(kind.code())
+}
+
+/// Errors are one sentence on one line, whatever a file's name contains.
+pub(crate) fn one_line(text: &str) -> String {
+    shown(text).to_string()
+}

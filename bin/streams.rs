@@ -1,0 +1,162 @@
+//! `-` for standard input and output, and names that say what kind of file they are.
+
+use std::fs::File;
+use std::io::{self, IsTerminal};
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use infobyte::Error;
+use tempfile::TempDir;
+
+use crate::failure::{Dash, Failure, Refusal, Written};
+
+/// Standard input or output, where the name of a file is expected.
+pub(crate) fn is_dash(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
+/// A file to be read: the one that was named, or all of standard input.
+pub(crate) struct Input {
+    path: PathBuf,
+    /// Standard input has no places to go back to, so it is spooled into a file without a name: nothing of it
+    /// stays, whatever ends the process. A link by which it is opened stands in a folder of its own.
+    _spooled: Option<(File, TempDir)>,
+}
+
+impl Input {
+    /// The file named, or standard input spooled into the system's folder for temporary files.
+    pub(crate) fn of(named: &Path) -> Result<Self, Error> {
+        Self::within(named, &std::env::temp_dir())
+    }
+
+    /// The file named, or standard input spooled into a file in `folder`.
+    pub(crate) fn within(named: &Path, folder: &Path) -> Result<Self, Error> {
+        if !is_dash(named) {
+            return Ok(Self { path: named.to_path_buf(), _spooled: None });
+        }
+        let failed = |cause| Error::Output { path: folder.to_path_buf(), cause };
+        let mut file = tempfile::tempfile_in(folder).map_err(failed)?;
+        io::copy(&mut io::stdin().lock(), &mut file).map_err(failed)?;
+        let link = tempfile::tempdir_in(folder).map_err(failed)?;
+        let path = link.path().join("standard input");
+        symlink(format!("/dev/fd/{}", file.as_raw_fd()), &path).map_err(failed)?;
+        Ok(Self { path, _spooled: Some((file, link)) })
+    }
+
+    /// Where it can be opened.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// A file to be written: the one that was named, or one that is sent to standard output when it is whole.
+pub(crate) struct Output {
+    path: PathBuf,
+    held: Option<TempDir>,
+}
+
+impl Output {
+    /// Checks what was named for the output before anything is done.
+    pub(crate) fn of(named: &Path, written: Written, force: bool, as_json: bool) -> Result<Self, Failure> {
+        if !is_dash(named) {
+            check_suffix(named, written, force)?;
+            return Ok(Self { path: named.to_path_buf(), held: None });
+        }
+        if as_json {
+            return Err(Dash::WithJson.into());
+        }
+        if io::stdout().is_terminal() {
+            return Err(Dash::Terminal.into());
+        }
+        let failed = |cause| Error::Output { path: std::env::temp_dir(), cause };
+        let folder = tempfile::tempdir().map_err(failed)?;
+        Ok(Self { path: folder.path().join("standard output"), held: Some(folder) })
+    }
+
+    /// Where it is written.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Sends what was written on, or lets the report be printed.
+    pub(crate) fn finish(
+        self,
+        report: impl FnOnce() -> Result<ExitCode, Error>,
+    ) -> Result<ExitCode, Failure> {
+        match &self.held {
+            None => Ok(report()?),
+            Some(_) => Ok(copy_to_stdout(&self.path)?),
+        }
+    }
+}
+
+/// Copies a file to standard output. A reader that has gone away is no error.
+pub(crate) fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
+    let copied = File::open(path).and_then(|mut file| io::copy(&mut file, &mut io::stdout().lock()));
+    match copied {
+        Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::Output { path: "standard output".into(), cause })
+        }
+        _ => Ok(ExitCode::SUCCESS),
+    }
+}
+
+/// Suffixes of files that are neither models nor PNG pictures.
+const OTHERS: &[&str] = &[
+    "avi", "bmp", "bz2", "csv", "dcm", "dicom", "gif", "glb", "gz", "hdr", "heic", "htm", "html", "ima",
+    "img", "jp2", "jpeg", "jpg", "json", "md", "mgh", "mgz", "mha", "mhd", "mp4", "nhdr", "nii", "npy",
+    "npz", "nrrd", "obj", "off", "pdf", "ply", "raw", "stl", "svg", "tar", "tif", "tiff", "toml", "txt",
+    "webp", "xml", "zip", "zst",
+];
+
+/// Refuses a name that says that the file is something else.
+fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Refusal> {
+    let suffix = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let foreign = match written {
+        Written::Model => "png",
+        Written::Picture => "oct",
+    };
+    if !force && (suffix == foreign || OTHERS.contains(&suffix.as_str())) {
+        return Err(Refusal::Suffix { path: path.to_path_buf(), written });
+    }
+    Ok(())
+}
+
+/// Refuses `-` among names where it would be the name of a file.
+pub(crate) fn refuse_dash<'a>(paths: impl IntoIterator<Item = &'a Path>, dash: Dash) -> Result<(), Failure> {
+    if paths.into_iter().any(is_dash) { Err(dash.into()) } else { Ok(()) }
+}
+
+/// Refuses names of models or pictures that say something else.
+pub(crate) fn check_suffixes<'a>(
+    paths: impl IntoIterator<Item = &'a Path>,
+    written: Written,
+    force: bool,
+) -> Result<(), Failure> {
+    paths.into_iter().try_for_each(|path| Ok(check_suffix(path, written, force)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_other_kinds_are_refused_unless_insisted_on() {
+        let refused = |name: &str, written, force| check_suffix(Path::new(name), written, force).is_err();
+        for name in ["a.png", "a.PNG", "b/c.nii.gz", "x.jpg"] {
+            assert!(refused(name, Written::Model, false) && !refused(name, Written::Model, true), "{name}");
+        }
+        for name in ["a.jpg", "a.TIFF", "m.oct"] {
+            assert!(
+                refused(name, Written::Picture, false) && !refused(name, Written::Picture, true),
+                "{name}"
+            );
+        }
+        for name in ["a.oct", "noname", "a.packed", ".hidden", "v1.2"] {
+            assert!(!refused(name, Written::Model, false), "{name}");
+        }
+        assert!(!refused("a.png", Written::Picture, false) && !refused("tmp.XyZ", Written::Picture, false));
+    }
+}

@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# The hard cases, the oracle and the reference with more rays and volumes than a test run takes.
+# usage: scripts/hard_cases.sh [TIMES]     as many times as much as usual; 20 by default, some 15 minutes on 2 cores
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+times=${1:-20}
+[[ $times =~ ^[1-9][0-9]*$ ]] || { echo "'$times' is not a number of times; give 1 or more" >&2; exit 2; }
+export INFOBYTE_HARD=$times INFOBYTE_RAYS=$((30000 * times)) INFOBYTE_ORACLE_RAYS=$((1200 * times))
+tests=(hard_cases oracle traversal traversal_forms normals synthetic)
+
+bar() {
+    local done=$1 all=$2 width=30
+    local full=$((done * width / all))
+    printf '\r[%s%s] %d/%d %-20s' "$(printf '%*s' "$full" '' | tr ' ' '#')" \
+        "$(printf '%*s' $((width - full)) '' | tr ' ' '.')" "$done" "$all" "${3:-}" >&2
+}
+
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+bar 0 ${#tests[@]} building
+cargo test --locked --release --no-run "${tests[@]/#/--test=}" >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
+start=$SECONDS
+for i in "${!tests[@]}"; do
+    bar "$i" ${#tests[@]} "${tests[$i]}"
+    cargo test --locked --release --test "${tests[$i]}" >"$log" 2>&1 || { echo >&2; cat "$log" >&2; exit 1; }
+done
+bar ${#tests[@]} ${#tests[@]} ""
+printf '\nall of %s passed, %d times as much as usual, in %d s\n' "${tests[*]}" "$times" $((SECONDS - start))

@@ -1,0 +1,58 @@
+//! `oct build` of triangle meshes.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::build::{BuildSummary, refuse_own_input};
+use super::info::read_info;
+use super::wording::foreign::data;
+use crate::builder::{BuildOptions, Progress};
+use crate::error::Error;
+use crate::facts::{Misuse, SourceError};
+use crate::mesh::{MeshOptions, build_mesh};
+use crate::resident::give_back;
+
+/// Suffixes of the formats that are read.
+const SUFFIXES: [&str; 4] = ["stl", "ply", "obj", "off"];
+
+/// Are these meshes, by their names? Several are parts of one model.
+pub fn are_meshes(inputs: &[PathBuf]) -> bool {
+    let is_mesh = |path: &PathBuf| {
+        let named = |e: &std::ffi::OsStr| SUFFIXES.iter().any(|suffix| e.eq_ignore_ascii_case(suffix));
+        path.extension().is_some_and(named) && !path.is_dir()
+    };
+    !inputs.is_empty() && inputs.iter().all(is_mesh)
+}
+
+/// Builds the model of a mesh.
+///
+/// # Errors
+/// As [`build_mesh`]; without options for the grid, a sentence that says what to add.
+pub fn convert(
+    inputs: &[PathBuf],
+    mesh: Option<&MeshOptions>,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<BuildSummary, Error> {
+    let started = Instant::now();
+    give_back();
+    refuse_own_input(inputs, output)?;
+    let Some(mesh) = mesh else {
+        let path = inputs.first().cloned().unwrap_or_default();
+        return Err(SourceError::Usage { path, misuse: Misuse::NoGrid }.into());
+    };
+    let report = build_mesh(inputs, mesh, options, output, progress)?;
+    let wall_s = started.elapsed().as_secs_f64();
+    Ok(BuildSummary {
+        input: inputs.iter().map(|p| data(p)).collect::<Vec<_>>().join(" "),
+        output: output.to_path_buf(),
+        memory_bytes: options.memory.bytes(),
+        report: report.build,
+        info: read_info(output)?,
+        cleaning: None,
+        warnings: vec![report.facts.to_string()],
+        hints: Vec::new(),
+        wall_s,
+    })
+}

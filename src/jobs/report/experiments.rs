@@ -1,0 +1,312 @@
+//! What is tried: on a body with a known surface, on any volume, on a finished model.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::rays::{self, Line, Met};
+use super::rows::{Costs, Errors, Experiment, Metric, Row};
+use crate::budget::{Bytes, MemoryCap};
+use crate::builder::{BuildError, BuildOptions, BuildReport, Gradient, Silent, Threshold, build_volume};
+use crate::error::Error;
+use crate::format::{Channel, Channels};
+use crate::load::{Model, NodeView};
+use crate::render::GridSpace;
+use crate::synthetic::{self, AnalyticVolume, SyntheticHead};
+use crate::volume::VolumeSource;
+
+/// Where and how things are tried.
+pub(super) struct Bench<'a> {
+    /// A folder for models.
+    pub(super) folder: &'a Path,
+    pub(super) threads: usize,
+    pub(super) pixels: u32,
+}
+
+/// Builds of which the fastest counts.
+const BUILDS: u32 = 3;
+/// Caps that are tried, in MiB.
+const BUDGETS_MIB: [u64; 6] = [1, 2, 4, 8, 16, 64];
+/// Coarsest boxes that are shown: edges of 2^4 voxels.
+const COARSEST: u32 = 4;
+
+/// What rays are held against.
+enum Reference<'a> {
+    Body(&'a AnalyticVolume),
+    Frame(&'a [Option<Met>]),
+}
+
+/// A model in its file, and how it was built.
+struct Built {
+    model: Model,
+    costs: Costs,
+}
+
+impl Bench<'_> {
+    /// All experiments that make sense on a synthetic volume.
+    pub(super) fn of_synthetic(&self, input: &str) -> Result<Vec<Experiment>, Error> {
+        let subject = input.strip_prefix("synthetic:").unwrap_or(input);
+        let source = synthetic::open(Path::new(input))?;
+        // The head is in Hounsfield units; bodies are densities.
+        let body = synthetic::analytic(input).ok();
+        let iso = if body.is_some() { 0.5 } else { SyntheticHead::BONE_ISO_HU };
+        let options = BuildOptions {
+            threshold: Threshold::Iso(iso),
+            threads: self.threads,
+            memory: MemoryCap::Share(256 << 20),
+            scratch: Some(self.folder.to_path_buf()),
+            ..BuildOptions::default()
+        };
+        let usual = self.build(&*source, &options)?;
+        let mut found = Vec::new();
+        match &body {
+            Some(body) if body.body().is_smooth() => {
+                found.push(self.surface(subject, &usual, body)?);
+                found.push(self.gradients(subject, &*source, &options, body)?);
+                found.push(self.detail(subject, &usual.model, &Reference::Body(body))?);
+            }
+            _ => {
+                let frame = self.frame(&usual.model)?;
+                found.push(self.detail(subject, &usual.model, &Reference::Frame(&frame))?);
+            }
+        }
+        found.push(self.channels(subject, &*source, &options)?);
+        found.push(self.budgets(subject, &*source, &options, &usual)?);
+        found.push(self.thread_counts(subject, &*source, &options, &usual)?);
+        Ok(found)
+    }
+
+    /// What can be known of a finished model without the truth.
+    pub(super) fn of_model(
+        &self,
+        model: &Model<impl AsRef<[u8]> + Sync>,
+        subject: &str,
+    ) -> Result<Vec<Experiment>, Error> {
+        let frame = self.frame(model)?;
+        Ok(vec![self.detail(subject, model, &Reference::Frame(&frame))?])
+    }
+
+    fn path(&self) -> PathBuf {
+        self.folder.join("model.oct")
+    }
+
+    /// Builds a model and opens it; the time is that of the fastest of some builds.
+    fn build(&self, source: &dyn VolumeSource, options: &BuildOptions) -> Result<Built, Error> {
+        let path = self.path();
+        let mut seconds = f64::INFINITY;
+        let mut last: Option<BuildReport> = None;
+        for _ in 0..BUILDS {
+            let started = Instant::now();
+            last = Some(build_volume(source, options, &path, &Silent)?);
+            seconds = seconds.min(started.elapsed().as_secs_f64());
+        }
+        let costs = Costs {
+            build_s: Some(seconds),
+            ns_per_ray: None,
+            memory_bytes: last.as_ref().map(|r| r.plan_bytes),
+            file_bytes: last.map(|r| r.file_bytes),
+        };
+        // The name is free again: the open file is what is looked at.
+        let model = Model::open(&path)?;
+        let _ = fs::remove_file(&path);
+        Ok(Built { model, costs })
+    }
+
+    fn lines(&self, model: &Model<impl AsRef<[u8]>>) -> Result<(GridSpace, Vec<Line>), Error> {
+        let space = GridSpace::new(model.dims(), &model.affine())?;
+        let lines = rays::lines(&space, model, self.pixels)?;
+        Ok((space, lines))
+    }
+
+    /// The full-quality frame.
+    fn frame(&self, model: &Model<impl AsRef<[u8]> + Sync>) -> Result<Vec<Option<Met>>, Error> {
+        let (_, lines) = self.lines(model)?;
+        rays::cast(model, &lines, self.threads)
+    }
+
+    fn row(subject: &str, choice: impl Into<String>, usual: bool, costs: Costs, errors: Errors) -> Row {
+        Row { subject: subject.into(), choice: choice.into(), usual, on_front: false, costs, errors }
+    }
+
+    fn surface(&self, subject: &str, built: &Built, body: &AnalyticVolume) -> Result<Experiment, Error> {
+        let (space, lines) = self.lines(&built.model)?;
+        let met = rays::cast(&built.model, &lines, self.threads)?;
+        let (_, ns) = rays::cast_boxes(&space, &built.model, &lines, 0);
+        let costs = Costs { ns_per_ray: Some(ns), ..built.costs };
+        let errors = rays::against_body(&met, &lines, body, self.threads)?;
+        Ok(Experiment {
+            id: "surface",
+            title: "Where a hit lies",
+            about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures.",
+            cost: 3,
+            metric: Metric::DepthRms,
+            rows: vec![Self::row(subject, "skin", true, costs, errors)],
+        })
+    }
+
+    fn gradients(
+        &self,
+        subject: &str,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        body: &AnalyticVolume,
+    ) -> Result<Experiment, Error> {
+        let mut rows = Vec::new();
+        for gradient in Gradient::ALL {
+            let built = self.build(source, &BuildOptions { gradient, ..options.clone() })?;
+            let (_, lines) = self.lines(&built.model)?;
+            let met = rays::cast(&built.model, &lines, self.threads)?;
+            let all = rays::against_body(&met, &lines, body, self.threads)?;
+            // Where hits lie does not depend on it.
+            let errors = [Metric::NormalMean, Metric::NormalP99]
+                .into_iter()
+                .fold(Errors::default(), |e, m| all.get(m).map_or(e, |v| e.with(m, v)));
+            rows.push(Self::row(
+                subject,
+                gradient.name(),
+                gradient == Gradient::default(),
+                built.costs,
+                errors,
+            ));
+        }
+        Ok(Experiment {
+            id: "gradient",
+            title: "How normals are estimated",
+            about: "Angle between the normal at the hit, read back from the file, and the body's true normal at the nearest point of its surface.",
+            cost: 0,
+            metric: Metric::NormalMean,
+            rows,
+        })
+    }
+
+    fn detail(
+        &self,
+        subject: &str,
+        model: &Model<impl AsRef<[u8]>>,
+        reference: &Reference<'_>,
+    ) -> Result<Experiment, Error> {
+        let (space, lines) = self.lines(model)?;
+        let voxel_mm = model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+        let mut rows = Vec::new();
+        for k in 0..=COARSEST.min(model.view().depth()) {
+            let (met, ns) = rays::cast_boxes(&space, model, &lines, k);
+            let errors = match reference {
+                Reference::Body(body) => rays::against_body(&met, &lines, body, self.threads)?,
+                Reference::Frame(frame) => rays::against_frame(&met, frame, &lines, voxel_mm),
+            };
+            let costs = Costs {
+                ns_per_ray: Some(ns),
+                file_bytes: Some(model.header().file_bytes),
+                ..Costs::default()
+            };
+            let edge = 1_u32 << k;
+            let choice = if k == 0 { "voxels".to_owned() } else { format!("boxes of {edge}") };
+            rows.push(Self::row(subject, choice, k == 0, costs, errors));
+        }
+        let about = match reference {
+            Reference::Body(_) => {
+                "Rays that stop at boxes of several voxels, against the body's true surface; one ray after the other, on one thread. Boxes of 2 voxels have no normals of their own."
+            }
+            Reference::Frame(_) => {
+                "Rays that stop at boxes of several voxels, against the full-quality frame of the same model: the true surface is not known here, so the first row is 0 by definition. One ray after the other, on one thread."
+            }
+        };
+        let id = match reference {
+            Reference::Body(_) => "detail",
+            Reference::Frame(_) => "detail_of_frame",
+        };
+        Ok(Experiment { id, title: "Level of detail", about, cost: 1, metric: Metric::DepthRms, rows })
+    }
+
+    fn channels(
+        &self,
+        subject: &str,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+    ) -> Result<Experiment, Error> {
+        let (normal, value) = (Channel::Normal, Channel::Value);
+        let mut rows = Vec::new();
+        for (choice, channels, lod) in [
+            ("structure alone", Channels::NONE, false),
+            ("normals, no means", Channels::NONE.with(normal), false),
+            ("normals", Channels::NONE.with(normal), true),
+            ("values", Channels::NONE.with(value), true),
+            ("normals and values", Channels::NONE.with(normal).with(value), true),
+        ] {
+            let built = self.build(source, &BuildOptions { channels, lod, ..options.clone() })?;
+            rows.push(Self::row(subject, choice, choice == "normals", built.costs, Errors::default()));
+        }
+        Ok(Experiment {
+            id: "channels",
+            title: "What is stored",
+            about: "Bytes and time of what a model may hold; means are those of coarse nodes, for small pictures. Geometry is the same in all of them.",
+            cost: 3,
+            metric: Metric::DepthRms,
+            rows,
+        })
+    }
+
+    /// Bytes in which two models differ, the shorter one's missing ones included.
+    #[expect(clippy::cast_precision_loss, reason = "a size far below 2^53")]
+    fn difference(a: &Model, b: &Model) -> f64 {
+        let (a, b) = (a.bytes(), b.bytes());
+        let other = a.iter().zip(b).filter(|(a, b)| a != b).count();
+        (other + a.len().abs_diff(b.len())) as f64
+    }
+
+    fn budgets(
+        &self,
+        subject: &str,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        usual: &Built,
+    ) -> Result<Experiment, Error> {
+        let mut rows = Vec::new();
+        for mib in BUDGETS_MIB {
+            let memory = MemoryCap::Share(mib << 20);
+            let built = match self.build(source, &BuildOptions { memory, ..options.clone() }) {
+                Ok(built) => built,
+                Err(Error::Build(BuildError::BudgetTooSmall { .. })) => continue,
+                Err(error) => return Err(error),
+            };
+            let errors =
+                Errors::default().with(Metric::DifferentBytes, Self::difference(&built.model, &usual.model));
+            let costs = Costs { file_bytes: None, ..built.costs };
+            rows.push(Self::row(subject, Bytes(mib << 20).to_string(), mib == 64, costs, errors));
+        }
+        Ok(Experiment {
+            id: "budget",
+            title: "How little memory a build takes",
+            about: "Time of a build within a cap on its own memory; the model is the same, byte for byte. Caps that are too small are left out.",
+            cost: 0,
+            metric: Metric::DifferentBytes,
+            rows,
+        })
+    }
+
+    fn thread_counts(
+        &self,
+        subject: &str,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        usual: &Built,
+    ) -> Result<Experiment, Error> {
+        let counts = std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < self.threads);
+        let mut rows = Vec::new();
+        for threads in counts.chain([self.threads]) {
+            let built = self.build(source, &BuildOptions { threads, ..options.clone() })?;
+            let errors =
+                Errors::default().with(Metric::DifferentBytes, Self::difference(&built.model, &usual.model));
+            let costs = Costs { file_bytes: None, ..built.costs };
+            rows.push(Self::row(subject, threads.to_string(), threads == self.threads, costs, errors));
+        }
+        Ok(Experiment {
+            id: "threads",
+            title: "What more threads bring",
+            about: "Time of a build by the number of its threads; the model is the same, byte for byte.",
+            cost: 0,
+            metric: Metric::DifferentBytes,
+            rows,
+        })
+    }
+}

@@ -1,0 +1,237 @@
+//! Drawings of costs against errors as SVG, in the colours of the page.
+
+use std::fmt::Write;
+
+/// A point of a drawing.
+pub(super) struct Point {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) label: String,
+    /// Is it what the program does if nothing is said?
+    pub(super) usual: bool,
+    pub(super) on_front: bool,
+}
+
+/// Points of one subject.
+pub(super) struct Series {
+    pub(super) name: String,
+    pub(super) points: Vec<Point>,
+}
+
+/// Sides of a drawing, and of what lies around its frame: left, top, right, bottom.
+const SIZE: [f64; 2] = [720.0, 380.0];
+const MARGIN: [f64; 4] = [74.0, 16.0, 24.0, 52.0];
+/// Colours of the page that series take in turn.
+const COLOURS: usize = 7;
+/// Least distance of two labels, up or down.
+const LABEL: f64 = 14.0;
+
+/// An axis: logarithmic where all values are above 0 and differ much.
+struct Axis {
+    low: f64,
+    high: f64,
+    log: bool,
+}
+
+impl Axis {
+    fn new(values: &[f64]) -> Self {
+        let (least, most) =
+            values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        let log = least > 0.0 && most > 5.0 * least;
+        let (low, high) = if log {
+            (least.log10() - 0.06, most.log10() + 0.06)
+        } else {
+            (0.0_f64.min(least), if most > 0.0 { 1.08 * most } else { 1.0 })
+        };
+        let least_room = 0.3;
+        let missing = if log { (least_room - (high - low)).max(0.0) } else { 0.0 };
+        Self { low: low - missing / 2.0, high: high + missing / 2.0, log }
+    }
+
+    /// 0 at the low end, 1 at the high one.
+    fn part(&self, value: f64) -> f64 {
+        let value = if self.log { value.log10() } else { value };
+        ((value - self.low) / (self.high - self.low)).clamp(0.0, 1.0)
+    }
+
+    /// Values at which a line is drawn: 1, 2, 5 of every power of ten that they lie in.
+    fn ticks(&self) -> Vec<f64> {
+        if self.log {
+            let mut all = Vec::new();
+            let mut power = self.low.floor();
+            while power <= self.high {
+                all.extend([1.0, 2.0, 5.0].map(|m| m * 10_f64.powf(power)));
+                power += 1.0;
+            }
+            all.retain(|v| (self.low..=self.high).contains(&v.log10()));
+            if all.len() > 8 {
+                all.retain(|v| (v.log10() - v.log10().round()).abs() < 1e-9);
+            }
+            return all;
+        }
+        let rough = (self.high - self.low) / 5.0;
+        let power = 10_f64.powf(rough.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0].into_iter().find(|m| m * power >= rough).unwrap_or(10.0) * power;
+        let mut all = Vec::new();
+        let mut at = (self.low / step).ceil() * step;
+        while at <= self.high && all.len() < 20 {
+            all.push(at);
+            at += step;
+        }
+        all
+    }
+}
+
+/// A number as short as it can be read.
+pub(super) fn short(value: f64) -> String {
+    let size = value.abs();
+    match size {
+        _ if size == 0.0 => "0".into(),
+        _ if size >= 1e9 => format!("{:.3}G", value / 1e9),
+        _ if size >= 1e6 => format!("{:.3}M", value / 1e6),
+        _ if size >= 1e4 => format!("{:.1}k", value / 1e3),
+        _ if size >= 100.0 => format!("{value:.0}"),
+        _ if size >= 1.0 => format!("{value:.2}"),
+        _ if size >= 1e-3 => format!("{value:.4}"),
+        _ => format!("{value:.1e}"),
+    }
+}
+
+/// A tick: as short as it can be without being another number.
+fn tick(value: f64) -> String {
+    let (scaled, unit) = match value.abs() {
+        size if size >= 1e9 => (value / 1e9, "G"),
+        size if size >= 1e6 => (value / 1e6, "M"),
+        size if size >= 1e4 => (value / 1e3, "k"),
+        _ => (value, ""),
+    };
+    let text = format!("{scaled:.6}");
+    let plain = text.trim_end_matches('0').trim_end_matches('.');
+    format!("{}{unit}", if plain.is_empty() || plain == "-0" { "0" } else { plain })
+}
+
+/// Text for a page.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The drawing, or nothing if fewer than two points have both coordinates.
+pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option<String> {
+    let all = || series.iter().flat_map(|s| &s.points);
+    if all().count() < 2 {
+        return None;
+    }
+    let x_axis = Axis::new(&all().map(|p| p.x).collect::<Vec<_>>());
+    let y_axis = Axis::new(&all().map(|p| p.y).collect::<Vec<_>>());
+    let [left, top, right, bottom] = MARGIN;
+    let (width, height) = (SIZE[0] - left - right, SIZE[1] - top - bottom);
+    let x = |v: f64| left + width * x_axis.part(v);
+    let y = |v: f64| top + height * (1.0 - y_axis.part(v));
+    let mut svg = format!(
+        "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{} against {}\">",
+        SIZE[0],
+        SIZE[1],
+        escaped(y_title),
+        escaped(x_title)
+    );
+    // Writing to a string cannot fail.
+    for value in x_axis.ticks() {
+        let at = x(value);
+        let _ = write!(
+            svg,
+            "<line class=\"grid\" x1=\"{at:.1}\" y1=\"{top}\" x2=\"{at:.1}\" y2=\"{:.1}\"/><text class=\"tick\" x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+            top + height,
+            top + height + 18.0,
+            tick(value)
+        );
+    }
+    for value in y_axis.ticks() {
+        let at = y(value);
+        let _ = write!(
+            svg,
+            "<line class=\"grid\" x1=\"{left}\" y1=\"{at:.1}\" x2=\"{:.1}\" y2=\"{at:.1}\"/><text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            left + width,
+            left - 8.0,
+            at + 4.0,
+            tick(value)
+        );
+    }
+    let _ = write!(
+        svg,
+        "<rect class=\"frame\" x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\"/><text class=\"axis\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text><text class=\"axis\" transform=\"translate(16 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
+        left + width / 2.0,
+        SIZE[1] - 10.0,
+        escaped(x_title),
+        top + height / 2.0,
+        escaped(y_title)
+    );
+    // Where labels stand already.
+    let mut taken: Vec<[f64; 2]> = Vec::new();
+    for (i, series) in series.iter().enumerate() {
+        let colour = i % COLOURS;
+        let mut front: Vec<&Point> = series.points.iter().filter(|p| p.on_front).collect();
+        front.sort_by(|a, b| a.x.total_cmp(&b.x));
+        if front.len() > 1 {
+            let way: Vec<String> = front.iter().map(|p| format!("{:.1},{:.1}", x(p.x), y(p.y))).collect();
+            let _ = write!(svg, "<polyline class=\"front c{colour}\" points=\"{}\"/>", way.join(" "));
+        }
+        for point in &series.points {
+            let (px, py) = (x(point.x), y(point.y));
+            let kind = if point.usual { "dot usual" } else { "dot" };
+            let radius = if point.on_front { 5.0 } else { 3.5 };
+            let _ = write!(
+                svg,
+                "<circle class=\"{kind} c{colour}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"{radius}\"><title>{}, {}: {} at {}</title></circle>",
+                escaped(&series.name),
+                escaped(&point.label),
+                short(point.y),
+                short(point.x)
+            );
+            // Beside the point, on the side with room; left out where another label stands.
+            let to_left = px > left + 0.72 * width;
+            let (tx, anchor) = if to_left { (px - 9.0, "end") } else { (px + 9.0, "start") };
+            let near = |at: &[f64; 2]| (at[0] - tx).abs() < 96.0 && (at[1] - py).abs() < LABEL;
+            if !taken.iter().any(near) {
+                taken.push([tx, py]);
+                let _ = write!(
+                    svg,
+                    "<text class=\"label\" x=\"{tx:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
+                    py + 4.0,
+                    escaped(&point.label)
+                );
+            }
+        }
+    }
+    svg.push_str("</svg>");
+    Some(svg)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_are_logarithmic_where_values_differ_much() {
+        let axis = Axis::new(&[0.001, 10.0]);
+        assert!(axis.log && axis.part(0.1) > 0.4 && axis.part(0.1) < 0.6);
+        assert!(axis.ticks().len() <= 8 && axis.ticks().contains(&1.0));
+        let plain = Axis::new(&[0.0, 10.0]);
+        assert!(!plain.log && plain.part(0.0) == 0.0 && plain.ticks().contains(&4.0));
+        // Nothing but zeros, or a single value, is drawn, too.
+        assert!(Axis::new(&[0.0, 0.0]).part(0.0).is_finite() && Axis::new(&[3.0, 3.0]).ticks().len() > 1);
+        assert_eq!(
+            [0.0, 2.5, 1_234_567.0, 0.25, 1e-7].map(short),
+            ["0", "2.50", "1.235M", "0.2500", "1.0e-7"]
+        );
+        assert_eq!([0.0, 2.5, 2e6, 0.25, 50_000.0].map(tick), ["0", "2.5", "2M", "0.25", "50k"]);
+    }
+
+    #[test]
+    fn names_cannot_break_the_page() {
+        let point = |x| Point { x, y: x, label: "<b>\"&".into(), usual: true, on_front: true };
+        let svg = scatter(&[Series { name: "<i>".into(), points: vec![point(1.0), point(2.0)] }], "a<b", "c");
+        let svg = svg.unwrap();
+        assert!(!svg.contains("<b>") && !svg.contains("<i>") && svg.contains("&lt;b&gt;&quot;&amp;"));
+        assert!(scatter(&[], "a", "b").is_none());
+    }
+}

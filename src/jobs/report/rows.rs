@@ -1,0 +1,239 @@
+//! What is measured, as values: experiments of rows with costs and errors.
+
+use serde_json::{Map, Value, json};
+
+/// A choice is tried in several ways, everything else left alike.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// Short name, the same in every version.
+    pub id: &'static str,
+    /// Headline.
+    pub title: &'static str,
+    /// What is measured, and against what.
+    pub about: &'static str,
+    /// Which of [`Costs::NAMES`] is drawn from left to right.
+    pub cost: usize,
+    /// What is drawn upwards.
+    pub metric: Metric,
+    /// The measurements.
+    pub rows: Vec<Row>,
+}
+
+/// One measurement.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// What it was tried on.
+    pub subject: String,
+    /// The choice.
+    pub choice: String,
+    /// Is it what the program does if nothing is said?
+    pub usual: bool,
+    /// Is no other row of the subject both cheaper and truer?
+    pub on_front: bool,
+    /// What it took.
+    pub costs: Costs,
+    /// How wrong it is.
+    pub errors: Errors,
+}
+
+/// What a choice takes; what was not measured is `None`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Costs {
+    /// Seconds of the build, the best of some.
+    pub build_s: Option<f64>,
+    /// Nanoseconds for each ray, on one thread.
+    pub ns_per_ray: Option<f64>,
+    /// Bytes that the build reserved.
+    pub memory_bytes: Option<u64>,
+    /// Bytes of the model.
+    pub file_bytes: Option<u64>,
+}
+
+impl Costs {
+    /// Names of the costs, in the order of [`Costs::values`].
+    pub const NAMES: [&'static str; 4] = ["build_s", "ns_per_ray", "memory_bytes", "file_bytes"];
+    /// The same for people.
+    pub const TITLES: [&'static str; 4] = ["build, s", "ray, ns", "memory, bytes", "file, bytes"];
+
+    /// All as numbers.
+    #[expect(clippy::cast_precision_loss, reason = "sizes far below 2^53")]
+    pub fn values(&self) -> [Option<f64>; 4] {
+        [
+            self.build_s,
+            self.ns_per_ray,
+            self.memory_bytes.map(|b| b as f64),
+            self.file_bytes.map(|b| b as f64),
+        ]
+    }
+}
+
+/// Kinds of errors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Metric {
+    /// Root of the mean square of the distance to the reference, in voxels of the finest spacing.
+    DepthRms,
+    /// Its 99th percentile.
+    DepthP99,
+    /// Its greatest value.
+    DepthMax,
+    /// Pixels that hit where the reference does not or the other way round, in percent of its pixels.
+    WrongPixels,
+    /// Mean angle of the normal at the hit to the reference's, in degrees.
+    NormalMean,
+    /// Its 99th percentile.
+    NormalP99,
+    /// Bytes of the model that differ from those of the usual choice.
+    DifferentBytes,
+}
+
+impl Metric {
+    /// All of them, in the order of tables.
+    pub const ALL: [Self; 7] = [
+        Self::DepthRms,
+        Self::DepthP99,
+        Self::DepthMax,
+        Self::WrongPixels,
+        Self::NormalMean,
+        Self::NormalP99,
+        Self::DifferentBytes,
+    ];
+
+    /// Its name in files.
+    pub fn key(self) -> &'static str {
+        [
+            "depth_rms_voxels",
+            "depth_p99_voxels",
+            "depth_max_voxels",
+            "wrong_pixels_percent",
+            "normal_mean_deg",
+            "normal_p99_deg",
+            "different_bytes",
+        ][self as usize]
+    }
+
+    /// The same for people.
+    pub fn title(self) -> &'static str {
+        [
+            "distance RMS, voxels",
+            "distance p99, voxels",
+            "distance max, voxels",
+            "wrong pixels, %",
+            "normal mean, deg",
+            "normal p99, deg",
+            "bytes that differ",
+        ][self as usize]
+    }
+}
+
+/// Errors by [`Metric`]; what does not apply is `None`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors([Option<f64>; Metric::ALL.len()]);
+
+impl Errors {
+    /// With one error more.
+    #[must_use]
+    pub fn with(mut self, metric: Metric, value: f64) -> Self {
+        self.0[metric as usize] = Some(value);
+        self
+    }
+
+    /// One of them.
+    pub fn get(&self, metric: Metric) -> Option<f64> {
+        self.0[metric as usize]
+    }
+}
+
+/// Adds rows to the experiment of the same name, or the whole experiment behind the others.
+pub(super) fn join(all: &mut Vec<Experiment>, found: Experiment) {
+    match all.iter_mut().find(|e| e.id == found.id) {
+        Some(known) => known.rows.extend(found.rows),
+        None => all.push(found),
+    }
+}
+
+/// Marks the rows that no other of the same subject beats in both cost and error.
+pub(super) fn mark_fronts(all: &mut [Experiment]) {
+    for experiment in all {
+        let at = |row: &Row| Some((row.costs.values()[experiment.cost]?, row.errors.get(experiment.metric)?));
+        let places: Vec<_> = experiment.rows.iter().map(|row| (row.subject.clone(), at(row))).collect();
+        for (row, (subject, place)) in experiment.rows.iter_mut().zip(&places) {
+            let Some((cost, error)) = *place else { continue };
+            let beaten = places
+                .iter()
+                .filter(|(other, _)| other == subject)
+                .filter_map(|(_, p)| *p)
+                .any(|(c, e)| c <= cost && e <= error && (c < cost || e < error));
+            row.on_front = !beaten;
+        }
+    }
+}
+
+impl Experiment {
+    /// One JSON object.
+    pub fn json(&self) -> Value {
+        let rows: Vec<Value> = self.rows.iter().map(Row::json).collect();
+        json!({
+            "id": self.id, "title": self.title, "about": self.about,
+            "drawn": [Costs::NAMES[self.cost], self.metric.key()], "rows": rows,
+        })
+    }
+}
+
+impl Row {
+    fn json(&self) -> Value {
+        let mut costs = Map::new();
+        for (name, value) in Costs::NAMES.iter().zip(self.costs.values()) {
+            costs.extend(value.map(|v| ((*name).to_owned(), json!(v))));
+        }
+        let mut errors = Map::new();
+        for metric in Metric::ALL {
+            errors.extend(self.errors.get(metric).map(|v| (metric.key().to_owned(), json!(v))));
+        }
+        json!({
+            "subject": self.subject, "choice": self.choice, "default": self.usual, "on_front": self.on_front,
+            "costs": costs, "errors": errors,
+        })
+    }
+
+    pub(super) fn csv(&self, experiment: &str) -> String {
+        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+        let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
+        let mut fields = vec![
+            experiment.to_owned(),
+            quoted(&self.subject),
+            quoted(&self.choice),
+            self.usual.to_string(),
+            self.on_front.to_string(),
+        ];
+        fields.extend(self.costs.values().map(number));
+        fields.extend(Metric::ALL.map(|m| number(self.errors.get(m))));
+        format!("{}\n", fields.join(","))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_front_holds_what_nothing_beats() {
+        let row = |subject: &str, cost: f64, error: f64| Row {
+            subject: subject.into(),
+            choice: String::new(),
+            usual: false,
+            on_front: false,
+            costs: Costs { build_s: Some(cost), ..Costs::default() },
+            errors: Errors::default().with(Metric::DepthRms, error),
+        };
+        let rows = vec![row("a", 1.0, 3.0), row("a", 2.0, 3.0), row("a", 3.0, 1.0), row("b", 9.0, 9.0)];
+        let mut all =
+            vec![Experiment { id: "x", title: "", about: "", cost: 0, metric: Metric::DepthRms, rows }];
+        mark_fronts(&mut all);
+        let front: Vec<bool> = all[0].rows.iter().map(|r| r.on_front).collect();
+        assert_eq!(front, [true, false, true, true]);
+        let more = all[0].clone();
+        join(&mut all, more);
+        assert_eq!((all.len(), all[0].rows.len()), (1, 8));
+        assert!(all[0].rows[0].csv("x").starts_with("x,\"a\",\"\",false,true,1,,,,3,"));
+    }
+}

@@ -1,0 +1,149 @@
+//! The one way in which text from outside is printed: names of files, texts of headers, metadata of models, what
+//! the system and other programs say.
+//!
+//! Such text may hold anything that whoever made it liked: an escape sequence that recolours a terminal or types
+//! for its user, a line feed that forges a line of a report, an override of the direction of writing that makes
+//! `gpj.exe` of `exe.jpg`. All of these are shown as U+FFFD, as bytes that are no text are. What is data (JSON,
+//! file names that are opened) keeps them; [`json`] escapes them, which says the same.
+
+use std::borrow::Cow;
+use std::ffi::OsStr;
+use std::fmt::{self, Display, Formatter, Write};
+use std::path::Path;
+
+use serde_json::Value;
+
+/// What stands for a character that is not shown.
+const REPLACEMENT: char = char::REPLACEMENT_CHARACTER;
+
+/// Would a character do something else than show itself? Controls (C0, DEL, C1), separators of lines and
+/// paragraphs, and what turns the direction of writing.
+fn is_active(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{061c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// What can hold foreign text.
+pub trait Foreign {
+    /// The text; bytes that are none are replaced.
+    fn text(&self) -> Cow<'_, str>;
+}
+
+impl Foreign for str {
+    fn text(&self) -> Cow<'_, str> {
+        self.into()
+    }
+}
+
+impl Foreign for String {
+    fn text(&self) -> Cow<'_, str> {
+        self.as_str().into()
+    }
+}
+
+impl Foreign for OsStr {
+    fn text(&self) -> Cow<'_, str> {
+        self.to_string_lossy()
+    }
+}
+
+impl Foreign for Path {
+    fn text(&self) -> Cow<'_, str> {
+        self.as_os_str().to_string_lossy()
+    }
+}
+
+impl Foreign for std::path::PathBuf {
+    fn text(&self) -> Cow<'_, str> {
+        self.as_os_str().to_string_lossy()
+    }
+}
+
+/// Foreign text on one line, fit for people: see [`shown`].
+pub struct Shown<'a, T: Foreign + ?Sized>(&'a T);
+
+/// Foreign text as it is printed: nothing in it acts, and it ends no line.
+pub fn shown<T: Foreign + ?Sized>(text: &T) -> Shown<'_, T> {
+    Shown(text)
+}
+
+impl<T: Foreign + ?Sized> Display for Shown<'_, T> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        plain(&self.0.text(), false).fmt(f)
+    }
+}
+
+/// A path as data, for JSON and CSV: as it is, but for bytes that are no text. Who prints it prints it [`shown`].
+pub fn data(path: &Path) -> String {
+    path.as_os_str().to_string_lossy().into_owned()
+}
+
+/// A text without characters that act; line feeds are kept if it may have `lines`.
+///
+/// What ends up on a terminal, in HTML or in CSV goes through here a last time, so that a text that was forgotten
+/// does no harm.
+pub fn plain(text: &str, lines: bool) -> Cow<'_, str> {
+    let acts = |c: char| is_active(c) && !(lines && c == '\n');
+    if text.chars().any(acts) {
+        text.chars().map(|c| if acts(c) { REPLACEMENT } else { c }).collect::<String>().into()
+    } else {
+        text.into()
+    }
+}
+
+/// A value as JSON on one line, in which everything that acts is escaped: the same value, whoever reads it.
+pub fn json(value: &Value) -> String {
+    escaped(value.to_string())
+}
+
+/// As [`json`], of a value that is written down already.
+pub fn escaped(text: String) -> String {
+    if !text.contains(is_active) {
+        return text;
+    }
+    let mut escaped = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        // Outside of strings there are none.
+        if is_active(c) {
+            for unit in c.encode_utf16(&mut [0; 2]) {
+                // Writing to a string does not fail.
+                let _ = write!(escaped, "\\u{unit:04x}");
+            }
+        } else {
+            escaped.push(c);
+        }
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json as value;
+
+    const ACTIVE: &str = "a\u{1b}[31m\n\r\t\u{7f}\u{9b}2J\u{202e}gpj\u{2066}\u{2069}\u{200f}\u{2028}b";
+
+    #[test]
+    fn nothing_acts_and_nothing_else_is_changed() {
+        let text = shown(ACTIVE).to_string();
+        assert!(!text.contains(is_active), "{text:?}");
+        assert_eq!(text.chars().count(), ACTIVE.chars().count());
+        assert_eq!(text.replace(REPLACEMENT, ""), "a[31m2Jgpjb");
+        for sound in ["", "Gehirn-\u{e4}\u{f6}.nii", "\u{8133}/\u{1f9e0} \u{200d}", "a b"] {
+            assert!(matches!(plain(sound, false), Cow::Borrowed(same) if same == sound));
+            assert_eq!(shown(Path::new(sound)).to_string(), sound);
+        }
+        assert_eq!(plain("a\nb\r\n", true), "a\nb\u{fffd}\n");
+        use std::os::unix::ffi::OsStrExt;
+        assert_eq!(shown(OsStr::from_bytes(b"a\xff\nb")).to_string(), "a\u{fffd}\u{fffd}b");
+    }
+
+    #[test]
+    fn json_says_the_same() {
+        let data = value!({ "path": ACTIVE, "plain": "\u{e4}\\\"", ACTIVE: [1.5, null] });
+        let text = json(&data);
+        assert!(!text.contains(is_active), "{text:?}");
+        assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), data);
+        assert_eq!(json(&value!([1, "x"])), value!([1, "x"]).to_string());
+    }
+}

@@ -1,0 +1,90 @@
+//! Numbers for people: as many digits as mean something. JSON has them in full.
+
+use std::fmt;
+
+/// Digits of a number that is not whole.
+const DIGITS: i32 = 6;
+
+/// A number of which at most six digits are shown; whole numbers below 10^15 are shown whole.
+#[derive(Clone, Copy, Debug)]
+pub struct Short(
+    /// The number.
+    pub f64,
+);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let value = self.0;
+        if !value.is_finite() || (value.fract() == 0.0 && value.abs() < 1e15) {
+            return write!(f, "{value}");
+        }
+        write_rounded(f, value, DIGITS - 1 - power(value))
+    }
+}
+
+/// A number and its error, rounded alike: the error to two digits.
+#[derive(Clone, Copy, Debug)]
+pub struct WithError {
+    /// The number.
+    pub value: f64,
+    /// How far it may be off, to either side.
+    pub error: f64,
+}
+
+impl fmt::Display for WithError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { value, error } = *self;
+        if !(error > 0.0 && error.is_finite() && value.is_finite()) {
+            return Short(value).fmt(f);
+        }
+        let places = 1 - power(error);
+        write_rounded(f, value, places)?;
+        f.write_str(" ± ")?;
+        write_rounded(f, error, places)
+    }
+}
+
+/// Power of ten of the first digit.
+fn power(value: f64) -> i32 {
+    let text = format!("{value:e}");
+    text.split_once('e').and_then(|(_, power)| power.parse().ok()).unwrap_or(0)
+}
+
+/// Rounded to a place after (or, below 0, before) the decimal point, without zeros at the end.
+fn write_rounded(f: &mut fmt::Formatter<'_>, value: f64, places: i32) -> fmt::Result {
+    if !(-12..=12).contains(&places) {
+        return write!(f, "{value:.0$e}", usize::try_from(DIGITS - 1).unwrap_or(0));
+    }
+    if places <= 0 {
+        let unit = 10_f64.powi(-places);
+        return write!(f, "{:.0}", (value / unit).round() * unit);
+    }
+    let text = format!("{value:.0$}", usize::try_from(places).unwrap_or(0));
+    f.write_str(text.trim_end_matches('0').trim_end_matches('.'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_mean_something() {
+        for (value, text) in [
+            (471.435_653_235_652_47, "471.436"),
+            (0.488_281_25, "0.488281"),
+            (-1024.0, "-1024"),
+            (0.1 + 0.2, "0.3"),
+            (1e9, "1000000000"),
+            (123_456_789.25, "123457000"),
+            (1.0e-20, "1.00000e-20"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(Short(value).to_string(), text);
+        }
+        let both = |value, error| WithError { value, error }.to_string();
+        assert_eq!(both(2827.433_388, 61.83), "2827 ± 62");
+        assert_eq!(both(14_137.166, 1234.5), "14100 ± 1200");
+        assert_eq!(both(0.012_346, 0.000_67), "0.01235 ± 0.00067");
+        assert_eq!(both(5.0, 0.0), "5");
+    }
+}

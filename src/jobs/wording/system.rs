@@ -1,0 +1,55 @@
+//! What to do about what the operating system refuses.
+
+use std::io;
+
+use rustix::io::Errno;
+
+/// What to do where a file cannot be read; `usual` where the reason says no more.
+pub(super) fn reading<'a>(cause: &io::Error, usual: &'a str) -> &'a str {
+    if too_many_open(cause) { RAISE_LIMIT } else { usual }
+}
+
+/// What to do where an output file cannot be written.
+pub(super) fn writing(cause: &io::Error) -> &'static str {
+    use io::ErrorKind as Kind;
+    if too_many_open(cause) {
+        return RAISE_LIMIT;
+    }
+    match cause.kind() {
+        Kind::NotFound => "its folder does not exist; make it first, or choose another one",
+        Kind::NotADirectory => "a part of its path is a file; choose a folder",
+        Kind::PermissionDenied => "you may not write there; choose another folder",
+        Kind::ReadOnlyFilesystem => "nothing can be written there; choose another folder",
+        Kind::StorageFull | Kind::QuotaExceeded => "free some space, or choose another folder",
+        _ => "check the folder and its free space",
+    }
+}
+
+const RAISE_LIMIT: &str = "too many files are open; raise the limit, for example with `ulimit -n 4096`";
+
+fn too_many_open(cause: &io::Error) -> bool {
+    let code = cause.raw_os_error();
+    [Errno::MFILE, Errno::NFILE].iter().any(|errno| code == Some(errno.raw_os_error()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cure_fits_the_cause() {
+        let of = |errno: Errno| io::Error::from_raw_os_error(errno.raw_os_error());
+        assert!(reading(&of(Errno::MFILE), "as usual").contains("ulimit"));
+        assert_eq!(reading(&of(Errno::NOENT), "as usual"), "as usual");
+        for (errno, word) in [
+            (Errno::NOENT, "does not exist"),
+            (Errno::ACCESS, "may not write"),
+            (Errno::NOSPC, "free some space"),
+            (Errno::ROFS, "nothing can be written"),
+            (Errno::NFILE, "ulimit"),
+            (Errno::IO, "check the folder"),
+        ] {
+            assert!(writing(&of(errno)).contains(word), "{errno:?}");
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! The lattice on which everything about a mesh is decided: 2^-12 voxel, whole numbers.
+//!
+//! ```text
+//!   model units --x unit--> mm --(x - origin) / voxel--> voxels --x 4096, rounded once--> i32
+//! ```
+//!
+//! Voxel i spans `[4096 i, 4096 (i + 1))` along each axis; its centre is at `4096 i + 2048`. After the one rounding
+//! all decisions are made in integers, so that they do not depend on order, memory or threads.
+
+use crate::facts::MeshFault;
+use crate::geom::Dims;
+
+/// Lattice steps of a voxel.
+pub(super) const STEPS: i32 = 1 << 12;
+/// Steps from the corner of a voxel to its centre.
+pub(super) const HALF: i32 = STEPS / 2;
+/// Coordinates beyond this are refused: products of two differences, and sums of two products, stay within i64.
+const LIMIT: f64 = (1 << 29) as f64;
+/// Most voxels of a coordinate from the grid's corner.
+pub(super) const MOST_VOXELS: u64 = 1 << 17;
+/// 1.5 x 2^52: added and taken away again, it rounds to a whole number, halves to the even one.
+const ROUNDER: f64 = 6_755_399_441_055_744.0;
+
+/// A triangle on the lattice: x, y, z of its three vertices, the smallest first.
+pub(super) type Triangle = [i32; 9];
+
+/// How fine a grid is and where it lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GridChoice {
+    /// So many voxels along the longest side of the mesh, margins included.
+    Side {
+        /// Voxels.
+        voxels: u32,
+        /// Voxels left free at every side.
+        margin: u32,
+    },
+    /// Voxels of so many mm around the mesh.
+    Voxel {
+        /// Edge in mm.
+        edge_mm: f64,
+        /// Voxels left free at every side.
+        margin: u32,
+    },
+    /// The grid in full: nothing is moved or scaled.
+    Exact {
+        /// Edge in mm.
+        edge_mm: f64,
+        /// Low corner of voxel (0, 0, 0) in mm.
+        origin_mm: [f64; 3],
+        /// Size in voxels.
+        dims: Dims,
+    },
+}
+
+/// Lowest and highest coordinates, in units of the file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Bounds {
+    pub(super) low: [f64; 3],
+    pub(super) high: [f64; 3],
+}
+
+impl Bounds {
+    pub(super) const EMPTY: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
+
+    #[inline]
+    pub(super) fn add(&mut self, point: [f64; 3]) {
+        for ((low, high), c) in self.low.iter_mut().zip(&mut self.high).zip(point) {
+            *low = if c < *low { c } else { *low };
+            *high = if c > *high { c } else { *high };
+        }
+    }
+
+    fn extent(&self) -> f64 {
+        (0..3).map(|a| self.high[a] - self.low[a]).fold(0.0, f64::max)
+    }
+}
+
+/// A grid in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Size in voxels.
+    pub dims: Dims,
+    /// Edge of a voxel in mm.
+    pub voxel_mm: f64,
+    /// Low corner of voxel (0, 0, 0) in mm.
+    pub origin_mm: [f64; 3],
+    /// Lattice steps of a unit of the file, and of the corner.
+    scale: f64,
+    shift: [f64; 3],
+}
+
+/// Longest side of a grid.
+const MOST_SIDE: f64 = 16384.0;
+
+impl Grid {
+    /// The grid of a choice around a mesh of these bounds, whose units are so many mm.
+    ///
+    /// # Errors
+    /// The mesh is a point, or the grid would be too large.
+    pub(super) fn new(choice: GridChoice, bounds: &Bounds, unit_mm: f64) -> Result<Self, MeshFault> {
+        if let GridChoice::Exact { edge_mm, origin_mm, dims } = choice {
+            return Self::checked(dims, edge_mm, origin_mm, unit_mm);
+        }
+        let extent_mm = bounds.extent() * unit_mm;
+        if extent_mm <= 0.0 || !extent_mm.is_finite() {
+            return Err(MeshFault::Point);
+        }
+        let (edge_mm, margin) = match choice {
+            GridChoice::Side { voxels, margin } => {
+                let within = f64::from(voxels) - 2.0 * f64::from(margin);
+                (extent_mm / within.max(1.0), margin)
+            }
+            GridChoice::Voxel { edge_mm, margin } => (edge_mm, margin),
+            GridChoice::Exact { edge_mm, .. } => (edge_mm, 0),
+        };
+        let mut sides = [0; 3];
+        let mut origin_mm = [0.0; 3];
+        for axis in 0..3 {
+            let length = (bounds.high[axis] - bounds.low[axis]) * unit_mm;
+            // A side that divides evenly but for rounding does not get a voxel more.
+            let voxels = (length / edge_mm - 1e-9).ceil().max(1.0) + 2.0 * f64::from(margin);
+            if voxels > MOST_SIDE || voxels.is_nan() {
+                return Err(MeshFault::GridSize { side: voxels });
+            }
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
+            let side = voxels as u32;
+            sides[axis] = side;
+            let middle = (bounds.high[axis] / 2.0 + bounds.low[axis] / 2.0) * unit_mm;
+            origin_mm[axis] = middle - voxels / 2.0 * edge_mm;
+        }
+        let dims = Dims::new(sides[0], sides[1], sides[2]).ok_or(MeshFault::GridSize { side: MOST_SIDE })?;
+        Self::checked(dims, edge_mm, origin_mm, unit_mm)
+    }
+
+    fn checked(dims: Dims, voxel_mm: f64, origin_mm: [f64; 3], unit_mm: f64) -> Result<Self, MeshFault> {
+        let side = dims.to_array().into_iter().max().map_or(0.0, f64::from);
+        let scale = unit_mm / voxel_mm * f64::from(STEPS);
+        let shift = origin_mm.map(|o| o / voxel_mm * f64::from(STEPS));
+        let sound = scale.is_finite() && scale > 0.0 && shift.iter().all(|s| s.is_finite());
+        if side > MOST_SIDE || !sound {
+            return Err(MeshFault::GridSize { side });
+        }
+        Ok(Self { dims, voxel_mm, origin_mm, scale, shift })
+    }
+
+    /// Nearest lattice point.
+    ///
+    /// # Errors
+    /// It lies beyond the lattice.
+    #[inline]
+    pub(super) fn point(&self, p: [f64; 3]) -> Result<[i32; 3], MeshFault> {
+        let mut out = [0; 3];
+        for ((out, c), shift) in out.iter_mut().zip(p).zip(self.shift) {
+            let at = c * self.scale - shift;
+            if !(at > -LIMIT && at < LIMIT) {
+                return Err(MeshFault::TooLarge { most_voxels: MOST_VOXELS });
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "checked above")]
+            let whole = ((at + ROUNDER) - ROUNDER) as i32;
+            *out = whole;
+        }
+        Ok(out)
+    }
+
+    /// A triangle on the lattice, turned so that its smallest vertex comes first: what is computed of it does not
+    /// depend on where the file begins it.
+    ///
+    /// # Errors
+    /// It lies beyond the lattice.
+    #[inline]
+    pub(super) fn triangle(&self, t: &[[f64; 3]; 3]) -> Result<Triangle, MeshFault> {
+        Ok(turned([self.point(t[0])?, self.point(t[1])?, self.point(t[2])?]))
+    }
+}
+
+/// The triangle of three points, its smallest vertex first.
+#[inline]
+pub(super) fn turned([a, b, c]: [[i32; 3]; 3]) -> Triangle {
+    let [a, b, c] = if a <= b && a <= c {
+        [a, b, c]
+    } else if b <= c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    };
+    [a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]]
+}
+
+/// First slice (row, column) whose centre is at or beyond a coordinate.
+#[inline]
+pub(super) fn first_centre(at: i32) -> i32 {
+    (at - HALF + STEPS - 1) >> 12
+}
+
+/// Last slice (row, column) whose centre is at or before a coordinate.
+#[inline]
+pub(super) fn last_centre(at: i32) -> i32 {
+    (at - HALF) >> 12
+}
+
+/// Lowest and highest coordinate along an axis.
+#[inline]
+pub(super) fn span(t: &Triangle, axis: usize) -> (i32, i32) {
+    let (a, b, c) = (t[axis], t[axis + 3], t[axis + 6]);
+    (a.min(b).min(c), a.max(b).max(c))
+}
+
+/// Slices (rows, columns) whose centres lie between the ends of a triangle: empty if the second is less.
+#[inline]
+pub(super) fn centres(t: &Triangle, axis: usize) -> (i32, i32) {
+    let (low, high) = span(t, axis);
+    (first_centre(low), last_centre(high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn centres_are_between_the_ends_of_a_triangle() {
+        assert_eq!((first_centre(2048), last_centre(2048)), (0, 0));
+        assert_eq!((first_centre(2049), last_centre(2047)), (1, -1));
+        assert_eq!((first_centre(-2048), last_centre(-2049)), (-1, -2));
+    }
+
+    #[test]
+    fn the_longest_side_fills_the_grid_but_for_the_margin() {
+        let bounds = Bounds { low: [-1.0, 0.0, 0.0], high: [1.0, 0.5, 0.1] };
+        let grid = Grid::new(GridChoice::Side { voxels: 12, margin: 1 }, &bounds, 10.0).unwrap();
+        assert_eq!(grid.dims.to_array(), [12, 5, 3]);
+        assert_eq!(grid.voxel_mm, 2.0);
+        assert_eq!(grid.point([-1.0, 0.0, 0.05]).unwrap(), [4096, 4096 + 1024 * 3 - 4096 + 1024, 6144]);
+        assert_eq!(grid.point([1e9, 0.0, 0.0]), Err(MeshFault::TooLarge { most_voxels: MOST_VOXELS }));
+        assert_eq!(grid.point([f64::NAN, 0.0, 0.0]), Err(MeshFault::TooLarge { most_voxels: MOST_VOXELS }));
+        let point = Bounds { low: [1.0; 3], high: [1.0; 3] };
+        assert_eq!(
+            Grid::new(GridChoice::Side { voxels: 9, margin: 1 }, &point, 1.0).unwrap_err(),
+            MeshFault::Point
+        );
+    }
+}

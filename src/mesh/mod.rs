@@ -1,0 +1,323 @@
+//! Triangle meshes as solids: any size, in a fixed amount of memory, every voxel decided in integers.
+//!
+//! ```text
+//! file --bounds--> grid --triangles on the lattice--> bins (scratch) --rows--> bits --builder--> .oct
+//!                              └─> census: closed? ──no──> open edges ──> caps ──┘
+//! ```
+//!
+//! A voxel is inside if its centre is. That is decided on a lattice of 2^-12 voxel, to which vertices are rounded
+//! once; so the model depends neither on the order of triangles nor on memory or threads, and formats that hold the
+//! same numbers give the same bytes. Which rule applies follows from what the mesh is:
+//!
+//! | mesh | inside is |
+//! |---|---|
+//! | closed, directions agree | what it winds around (nonzero winding): overlapping parts are one |
+//! | closed, directions disagree | where a ray meets it an odd number of times (parity) |
+//! | open | as above, once caps close the loops of its open edges |
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | `read` | triangles from files |
+//! | `lattice` | the grid, and whole numbers for coordinates |
+//! | `census`, `boundary` | closed or not, told by sums; open edges and caps |
+//! | `bins` | triangles sorted by place, in a nameless file |
+//! | `raster` | rows that cross triangles, bits from crossings |
+//! | `resident`, `nearest` | triangles at hand; the nearest of a voxel |
+//! | `solid` | all of it as a solid of the builder |
+//!
+//! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one
+//! for the bins, and one or two more where a mesh is open. Temporary disk: some 40 bytes a triangle, 36 more for
+//! every triangle and vertex of formats of text, and about the size of the model.
+
+mod bins;
+mod boundary;
+mod census;
+mod lattice;
+mod nearest;
+mod raster;
+mod read;
+mod resident;
+mod solid;
+
+pub use lattice::{Grid, GridChoice};
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
+use crate::budget::{Budget, MemoryCap};
+use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Tile, build_solid};
+use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
+use crate::stamp::stamp;
+use bins::{BINNING_BYTES, Binner, Bins};
+use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
+use census::{Census, Closed};
+use lattice::{Bounds, Triangle};
+use raster::Rule;
+use read::{MeshFile, READER_BYTES};
+use resident::Resident;
+use solid::{MeshSolid, fixed_bytes};
+
+/// How a mesh is made a solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshOptions {
+    /// How fine the grid is.
+    pub grid: GridChoice,
+    /// Millimetres of a unit of the files.
+    pub unit_mm: f64,
+    /// What is inside; what fits the mesh, if not given.
+    pub fill: Option<Fill>,
+}
+
+/// What was built, and what was found about the mesh.
+#[derive(Clone, Debug)]
+pub struct MeshReport {
+    /// Figures of the build; the time of reading the mesh is in the scan's.
+    pub build: BuildReport,
+    /// What was found and chosen.
+    pub facts: MeshFacts,
+}
+
+/// Fewest triangles that a worker has room for.
+const LEAST_RESIDENT: usize = 2048;
+/// Bytes of a worker of the builder beside its part of the solid, about.
+const COLUMN_BYTES: u64 = 768 << 10;
+
+/// Builds the skin octree of a mesh, which several files may hold together, into `output`.
+///
+/// # Errors
+/// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
+pub fn build_mesh(
+    inputs: &[PathBuf],
+    mesh: &MeshOptions,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<MeshReport, BuildError> {
+    let started = Instant::now();
+    let front = Front { inputs, mesh, options, scratch: options.scratch_folder(output), progress };
+    let (solid, facts) = front.solid()?;
+    let reading_s = started.elapsed().as_secs_f64();
+    // In a share nobody else counts what the solid holds.
+    let memory = match options.memory {
+        MemoryCap::Share(bytes) => {
+            MemoryCap::Share(bytes.saturating_sub(Bins::memory_bytes(solid.grid.dims)))
+        }
+        whole => whole,
+    };
+    let options = BuildOptions { memory, ..options.clone() };
+    let mut build = build_solid(&solid, &options, output, progress)?;
+    build.scratch_bytes += solid.bins.bytes();
+    build.seconds.scan += reading_s;
+    build.seconds.read += reading_s;
+    Ok(MeshReport { build, facts })
+}
+
+/// From files to a solid.
+struct Front<'a> {
+    inputs: &'a [PathBuf],
+    mesh: &'a MeshOptions,
+    options: &'a BuildOptions,
+    scratch: PathBuf,
+    progress: &'a dyn Progress,
+}
+
+/// What one pass over all triangles on the lattice found.
+#[derive(Default)]
+struct Counted {
+    triangles: u64,
+    flat: u64,
+    census: Census,
+}
+
+impl Front<'_> {
+    fn name(&self) -> String {
+        self.inputs.first().map(|p| p.display().to_string()).unwrap_or_default()
+    }
+
+    fn unusable(&self, fault: MeshFault) -> SourceError {
+        let path = self.inputs.first().cloned().unwrap_or_default();
+        SourceError::Unusable { path, fault: Fault::MeshFile(fault) }
+    }
+
+    fn solid(&self) -> Result<(MeshSolid, MeshFacts), BuildError> {
+        let inputs = self.inputs.iter().map(|path| (path.clone(), stamp(path))).collect();
+        let budget = Budget::of_job(self.options.memory);
+        let reading = self.reserve(&budget, READER_BYTES)?;
+        let files = self.open()?;
+        let grid = self.grid(&files)?;
+        let held = self.reserve(&budget, Bins::memory_bytes(grid.dims))?;
+        let binning = self.reserve(&budget, BINNING_BYTES)?;
+        let mut binner = Binner::new(grid.dims, &self.scratch)?;
+        let counted = self.count(&files, &grid, &mut |t| binner.add(t))?;
+        if counted.triangles == 0 {
+            return Err(self.unusable(MeshFault::NoTriangles).into());
+        }
+        let closed = counted.census.closed();
+        let mut is_closed = true;
+        let (boundary, rule) = match closed {
+            Closed::Oriented => (Boundary::Oriented, Rule::NonZero),
+            Closed::Mixed => (Boundary::Mixed, Rule::Odd),
+            Closed::No => {
+                // The pool makes room for the table of edges.
+                let bins = binner.finish()?;
+                drop(binning);
+                let closing = self.reserve(&budget, BOUNDARY_BYTES)?;
+                let (edges, sums) = match self.open_edges(&files, &grid)? {
+                    Some(found) => found,
+                    // Whoever says what is inside takes the mesh as it is.
+                    None if self.mesh.fill.is_some() => {
+                        is_closed = false;
+                        (Vec::new(), Sums::Signed)
+                    }
+                    None => return Err(self.unusable(boundary::too_open()).into()),
+                };
+                let open = edges.len() as u64;
+                let mut caps = Vec::new();
+                let loops = boundary::close(edges, sums, &mut |t| {
+                    caps.push(t);
+                    Ok(())
+                })?;
+                drop(closing);
+                let _binning = self.reserve(&budget, BINNING_BYTES)?;
+                binner = Binner::go_on(bins);
+                for cap in &caps {
+                    binner.add(cap)?;
+                }
+                let rule = if sums == Sums::Signed { Rule::NonZero } else { Rule::Odd };
+                (Boundary::Open { edges: open, loops }, rule)
+            }
+        };
+        let bins = binner.finish()?;
+        drop((reading, held));
+        let fill = |rule| if rule == Rule::NonZero { Fill::Winding } else { Fill::Parity };
+        let (rule, asked_for) = match self.mesh.fill {
+            Some(Fill::Winding) => {
+                // Caps of odd edges, or directions that disagree, leave sums behind the last crossing.
+                is_closed &= rule == Rule::NonZero;
+                (Rule::NonZero, true)
+            }
+            Some(Fill::Parity) => (Rule::Odd, true),
+            None => (rule, false),
+        };
+        let facts = MeshFacts {
+            triangles: counted.triangles,
+            flat: counted.flat,
+            files: self.inputs.len() as u64,
+            boundary,
+            fill: fill(rule),
+            asked_for,
+            voxel_mm: grid.voxel_mm,
+            origin_mm: grid.origin_mm,
+        };
+        let resident = self.resident(&bins, &grid);
+        Ok((MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident, inputs }, facts))
+    }
+
+    /// Takes memory for a part of the work.
+    fn reserve(&self, budget: &Budget, bytes: u64) -> Result<crate::budget::Reservation, BuildError> {
+        let refused = |_| {
+            let dry = Budget::dry(self.options.memory);
+            let _most = dry.reserve(READER_BYTES + BINNING_BYTES.max(BOUNDARY_BYTES));
+            let limit_bytes = self.options.memory.bytes();
+            BuildError::BudgetTooSmall {
+                name: self.name(),
+                limit_bytes,
+                minimum_bytes: dry.smallest_limit(1).max(limit_bytes + 1),
+            }
+        };
+        budget.reserve(bytes).map_err(refused)
+    }
+
+    fn open(&self) -> Result<Vec<MeshFile>, SourceError> {
+        self.inputs.iter().map(|path| MeshFile::open(path, &self.scratch)).collect()
+    }
+
+    /// The grid of the choice; the bounds are those of triangles, not of vertices that no face names.
+    fn grid(&self, files: &[MeshFile]) -> Result<Grid, SourceError> {
+        let mut bounds = Bounds::EMPTY;
+        if !matches!(self.mesh.grid, GridChoice::Exact { .. }) {
+            self.progress.stage("bounds", files.len() as u64);
+            let mut triangles = 0_u64;
+            for file in files {
+                file.for_each(&self.scratch, &mut |t| {
+                    triangles += 1;
+                    t.iter().for_each(|p| bounds.add(*p));
+                    Ok(())
+                })?;
+                self.progress.advance(1);
+            }
+            if triangles == 0 {
+                return Err(self.unusable(MeshFault::NoTriangles));
+            }
+        }
+        Grid::new(self.mesh.grid, &bounds, self.mesh.unit_mm).map_err(|fault| self.unusable(fault))
+    }
+
+    /// Brings every triangle onto the lattice, counts it, and hands it on.
+    fn count(
+        &self,
+        files: &[MeshFile],
+        grid: &Grid,
+        each: &mut dyn FnMut(&Triangle) -> Result<(), SourceError>,
+    ) -> Result<Counted, SourceError> {
+        self.progress.stage("triangles", files.len() as u64);
+        let mut counted = Counted::default();
+        let mut stopped = None;
+        for file in files {
+            let read = file.for_each(&self.scratch, &mut |t| {
+                let t = grid.triangle(t)?;
+                counted.triangles += 1;
+                counted.flat += u64::from(t[0..3] == t[3..6] || t[3..6] == t[6..9] || t[0..3] == t[6..9]);
+                counted.census.add(&t);
+                each(&t).map_err(|failed| {
+                    stopped = Some(failed);
+                    MeshFault::CutShort
+                })
+            });
+            if let Some(failed) = stopped.take() {
+                return Err(failed);
+            }
+            read?;
+            self.progress.advance(1);
+        }
+        Ok(counted)
+    }
+
+    /// The open edges, and how they are counted: with their direction, unless that disagrees with its neighbours;
+    /// `None` if they are too many.
+    fn open_edges(
+        &self,
+        files: &[MeshFile],
+        grid: &Grid,
+    ) -> Result<Option<(Vec<OpenEdge>, Sums)>, SourceError> {
+        let find = |sums| {
+            let mut table = Table::new(sums);
+            self.count(files, grid, &mut |t| {
+                table.add(t);
+                Ok(())
+            })?;
+            Ok::<_, SourceError>(table.open_edges())
+        };
+        let signed = find(Sums::Signed)?;
+        match signed {
+            Some(edges) if !boundary::disagree(&edges) => Ok(Some((edges, Sums::Signed))),
+            signed => {
+                let most = signed.as_ref().map_or(usize::MAX, Vec::len);
+                drop(signed);
+                Ok(find(Sums::Odd)?.filter(|edges| edges.len() < most).map(|edges| (edges, Sums::Odd)))
+            }
+        }
+    }
+
+    /// How many triangles a worker may have at hand: those of the fullest bin, if the budget has room.
+    fn resident(&self, bins: &Bins, grid: &Grid) -> usize {
+        let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels };
+        let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(LEAST_WORKER) + WORKER_OVERHEAD;
+        let left = Budget::of_job(self.options.memory).left_bytes();
+        let each = (left / self.options.threads.max(1) as u64).saturating_sub(own);
+        let bytes = Resident::bytes(1 << 10, 0) >> 10;
+        let fit = usize::try_from(each / bytes.max(1)).unwrap_or(usize::MAX);
+        fit.clamp(LEAST_RESIDENT, LEAST_RESIDENT.max(bins.fullest() as usize))
+    }
+}

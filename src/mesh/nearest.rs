@@ -1,0 +1,244 @@
+//! The nearest triangle of a voxel, and its normal.
+//!
+//! Which triangle is nearest does not depend on the order in which they are asked, nor on how a face is cut into
+//! triangles: squared distances are rounded to 2^-28 voxel^2, far above the error of f64, so that triangles that
+//! meet at the nearest point tie; of these the one wins that faces the voxel most, then that with the smallest code.
+//! Distances: Ericson 2005, *Real-Time Collision Detection*, 5.1.5, with the dot products shared among voxels.
+
+use super::lattice::Triangle;
+use crate::format::normal;
+
+/// Added to a squared distance in lattice steps and taken away again, it rounds to 2^-28 voxel^2.
+const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
+/// Below this part of its terms a sum of products in f64 has an uncertain sign.
+const UNSURE: f64 = 1e-12;
+
+/// A triangle made ready for many voxels.
+pub(super) struct Facet {
+    a: [f64; 3],
+    ab: [f64; 3],
+    ac: [f64; 3],
+    normal: [f64; 3],
+    normal_squared: f64,
+    abab: f64,
+    abac: f64,
+    acac: f64,
+    /// The box around it.
+    pub(super) low: [f64; 3],
+    pub(super) high: [f64; 3],
+    corners: Triangle,
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The best triangle of a voxel so far: squared distance, and the normal towards the outside.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nearest {
+    /// Lattice steps, squared and rounded.
+    squared: f64,
+    /// Squared distance of the triangle's plane, rounded; below 0 without a triangle.
+    height: f64,
+    /// Of any length.
+    pub(super) normal: [f32; 3],
+}
+
+impl Nearest {
+    /// No triangle within a distance (lattice steps, squared).
+    pub(super) fn within(squared: f64) -> Self {
+        Self { squared, height: -1.0, normal: [0.0; 3] }
+    }
+
+    /// Was one found?
+    pub(super) fn found(&self) -> bool {
+        self.height >= 0.0
+    }
+
+    /// Takes a triangle if it comes before the best so far: nearer, or as near and facing the voxel more, or with
+    /// the smaller code.
+    #[inline]
+    pub(super) fn offer(&mut self, facet: &Facet, p: [f64; 3]) {
+        if facet.box_distance(p) > self.squared {
+            return;
+        }
+        let ap = [p[0] - facet.a[0], p[1] - facet.a[1], p[2] - facet.a[2]];
+        let along = dot(facet.normal, ap);
+        // No point of a triangle is nearer than its plane.
+        if along * along > (self.squared + 1.0) * facet.normal_squared {
+            return;
+        }
+        let squared = (facet.squared_distance(ap, along) + ROUNDER) - ROUNDER;
+        if squared > self.squared {
+            return;
+        }
+        let height = (along * along / facet.normal_squared + ROUNDER) - ROUNDER;
+        let normal = facet.outward(p, along);
+        if squared == self.squared {
+            let behind = height < self.height;
+            if behind || (height == self.height && normal::encode(normal) >= normal::encode(self.normal)) {
+                return;
+            }
+        }
+        *self = Self { squared, height, normal };
+    }
+}
+
+impl Facet {
+    /// The triangle made ready; `None` if it has no area.
+    #[inline]
+    pub(super) fn new(t: &Triangle) -> Option<Self> {
+        let f = t.map(f64::from);
+        let a = [f[0], f[1], f[2]];
+        let (b, c) = ([f[3], f[4], f[5]], [f[6], f[7], f[8]]);
+        let ab = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+        let ac = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
+        let normal =
+            [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
+        let normal_squared = dot(normal, normal);
+        if normal_squared == 0.0 {
+            return None;
+        }
+        let low = std::array::from_fn(|k| a[k].min(b[k]).min(c[k]));
+        let high = std::array::from_fn(|k| a[k].max(b[k]).max(c[k]));
+        let (abab, abac, acac) = (dot(ab, ab), dot(ab, ac), dot(ac, ac));
+        Some(Self { a, ab, ac, normal, normal_squared, abab, abac, acac, low, high, corners: *t })
+    }
+
+    /// At most the squared distance of a point.
+    #[inline]
+    pub(super) fn box_distance(&self, p: [f64; 3]) -> f64 {
+        let beyond = |k: usize| (self.low[k] - p[k]).max(p[k] - self.high[k]).max(0.0);
+        let d = [beyond(0), beyond(1), beyond(2)];
+        dot(d, d)
+    }
+
+    #[inline]
+    fn squared_distance(&self, ap: [f64; 3], along: f64) -> f64 {
+        let (d1, d2) = (dot(self.ab, ap), dot(self.ac, ap));
+        // The nearest point is a + v ab + w ac.
+        let at = |v: f64, w: f64| {
+            let d: [f64; 3] = std::array::from_fn(|k| ap[k] - v * self.ab[k] - w * self.ac[k]);
+            dot(d, d)
+        };
+        if d1 <= 0.0 && d2 <= 0.0 {
+            return dot(ap, ap);
+        }
+        let (d3, d4) = (d1 - self.abab, d2 - self.abac);
+        if d3 >= 0.0 && d4 <= d3 {
+            return at(1.0, 0.0);
+        }
+        let vc = d1 * d4 - d3 * d2;
+        if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+            return at(d1 / self.abab, 0.0);
+        }
+        let (d5, d6) = (d1 - self.abac, d2 - self.acac);
+        if d6 >= 0.0 && d5 <= d6 {
+            return at(0.0, 1.0);
+        }
+        let vb = d5 * d2 - d1 * d6;
+        if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+            return at(0.0, d2 / self.acac);
+        }
+        let va = d3 * d6 - d5 * d4;
+        if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+            let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+            return at(1.0 - w, w);
+        }
+        along * along / self.normal_squared
+    }
+
+    /// The normal that leads from an inside voxel through the triangle's plane; `along` is how far the voxel is
+    /// along the normal as it stands, times its length.
+    #[inline]
+    fn outward(&self, p: [f64; 3], along: f64) -> [f32; 3] {
+        let [nx, ny, nz] = self.normal;
+        let mut towards = -along;
+        let terms = (nx * (self.a[0] - p[0])).abs()
+            + (ny * (self.a[1] - p[1])).abs()
+            + (nz * (self.a[2] - p[2])).abs();
+        if towards.abs() <= UNSURE * terms {
+            towards = self.exact_side(p);
+        }
+        let sign = if towards > 0.0 {
+            1.0
+        } else if towards < 0.0 {
+            -1.0
+        } else {
+            // In the plane: the centre is moved by (-e, e^2, e^3).
+            [nx, -ny, -nz].into_iter().find(|c| *c != 0.0).map_or(1.0, f64::signum)
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+        let normal = self.normal.map(|c| (sign * c) as f32);
+        normal
+    }
+
+    /// On which side of the plane a lattice point lies, in integers.
+    fn exact_side(&self, p: [f64; 3]) -> f64 {
+        let t = self.corners.map(i128::from);
+        #[expect(clippy::cast_possible_truncation, reason = "lattice points are whole numbers")]
+        let p = p.map(|c| i128::from(c as i64));
+        let (ab, ac) = ([t[3] - t[0], t[4] - t[1], t[5] - t[2]], [t[6] - t[0], t[7] - t[1], t[8] - t[2]]);
+        let normal =
+            [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
+        let along: i128 = (0..3).map(|k| normal[k] * (t[k] - p[k])).sum();
+        #[expect(clippy::cast_precision_loss, reason = "its sign and size are wanted")]
+        let along = along as f64;
+        along
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_those_of_a_dense_search() {
+        let mut state = 3_u32;
+        let mut next = |n: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            i32::try_from((state >> 9) % n).unwrap()
+        };
+        for _ in 0..300 {
+            let t: Triangle = std::array::from_fn(|_| next(9000));
+            let Some(facet) = Facet::new(&t) else { continue };
+            let p: [f64; 3] = std::array::from_fn(|_| f64::from(next(12_000) - 1500));
+            let mut best = f64::INFINITY;
+            let steps = 60;
+            for i in 0..=steps {
+                for j in 0..=steps - i {
+                    let (v, w) = (f64::from(i) / f64::from(steps), f64::from(j) / f64::from(steps));
+                    let d: [f64; 3] =
+                        std::array::from_fn(|k| facet.a[k] + v * facet.ab[k] + w * facet.ac[k] - p[k]);
+                    best = best.min(dot(d, d));
+                }
+            }
+            let ap = [p[0] - facet.a[0], p[1] - facet.a[1], p[2] - facet.a[2]];
+            let got = facet.squared_distance(ap, dot(facet.normal, ap));
+            assert!(got <= best * (1.0 + 1e-9) + 1e-6, "{t:?} {p:?}: {got} {best}");
+            assert!(best.sqrt() - got.sqrt() < 260.0, "{t:?} {p:?}: {got} {best}");
+            assert!(facet.box_distance(p) <= got * (1.0 + 1e-12) + 1e-6);
+        }
+    }
+
+    #[test]
+    fn the_order_of_triangles_and_of_their_vertices_does_not_matter() {
+        // A roof seen from within: the nearest point is its ridge.
+        let roof = [
+            [0, 0, 5000, 9000, 0, 5000, 0, 4000, 1000],
+            [9000, 0, 5000, 0, 0, 5000, 0, -4000, 1000],
+            [9000, 0, 5000, 0, -4000, 1000, 9000, -4000, 1000],
+        ];
+        let p = [4500.0, 0.0, 9000.0];
+        let seek = |order: &[usize]| {
+            let mut best = Nearest::within(1e9);
+            order.iter().for_each(|k| best.offer(&Facet::new(&roof[*k]).unwrap(), p));
+            assert!(best.found());
+            best.normal
+        };
+        let first = seek(&[0, 1, 2]);
+        for order in [[0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+            assert_eq!(seek(&order), first);
+        }
+    }
+}

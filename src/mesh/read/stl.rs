@@ -1,0 +1,98 @@
+//! STL: binary if and only if its length is that of the triangles that it states, else text.
+
+use std::fs::File;
+
+use super::stop::{Each, Stop};
+use super::stream::{Stream, Token, Words};
+use crate::facts::MeshFault;
+
+/// Bytes before the first triangle, and of each.
+const HEADER: u64 = 84;
+const RECORD: u64 = 50;
+
+/// Triangles of a binary file, if it is one.
+pub(super) fn binary_triangles(head: &[u8], bytes: u64) -> Option<u64> {
+    let stated = stated(head)?;
+    (HEADER + RECORD * stated == bytes).then_some(stated)
+}
+
+fn stated(head: &[u8]) -> Option<u64> {
+    let count = head.get(80..84)?.first_chunk::<4>()?;
+    Some(u32::from_le_bytes(*count).into())
+}
+
+/// What is wrong with a file that is neither.
+pub(super) fn count_lies(head: &[u8], bytes: u64) -> MeshFault {
+    match stated(head) {
+        Some(stated) => MeshFault::CountLies { stated, held: bytes.saturating_sub(HEADER) / RECORD },
+        None => MeshFault::CutShort,
+    }
+}
+
+/// Does it begin like text?
+pub(super) fn is_text(head: &[u8]) -> bool {
+    let start = head.trim_ascii_start();
+    start.starts_with(b"solid") && !start.contains(&0)
+}
+
+pub(super) fn for_each_binary(file: &File, triangles: u64, each: &mut Each<'_>) -> Result<(), Stop> {
+    let mut stream = Stream::new(file, HEADER);
+    for at in 0..triangles {
+        let record: [u8; RECORD as usize] = stream.take()?;
+        let single =
+            |k: usize| f64::from(f32::from_le_bytes(std::array::from_fn(|i| record[12 + 4 * k + i])));
+        let t: [[f64; 3]; 3] = std::array::from_fn(|v| std::array::from_fn(|c| single(3 * v + c)));
+        if !t.iter().flatten().all(|c| c.is_finite()) {
+            return Err(MeshFault::NotFinite { triangle: at + 1 }.into());
+        }
+        each(&t)?;
+    }
+    Ok(())
+}
+
+pub(super) fn for_each_text(file: &File, each: &mut Each<'_>) -> Result<(), Stop> {
+    let mut words = Words::new(file, 0);
+    let mut triangle = [[0.0; 3]; 3];
+    let (mut vertices, mut read) = (0, 0);
+    let mut first = true;
+    loop {
+        match words.next()? {
+            Token::LineEnd => {
+                first = true;
+                continue;
+            }
+            Token::End if vertices > 0 => return Err(MeshFault::CutShort.into()),
+            Token::End => return Ok(()),
+            Token::Word => {}
+        }
+        // Keywords begin a line; names after `solid` may be anything.
+        let word = words.word();
+        if first && (word.eq_ignore_ascii_case(b"solid") || word.eq_ignore_ascii_case(b"endsolid")) {
+            words.skip_line()?;
+            continue;
+        }
+        first = false;
+        if word.eq_ignore_ascii_case(b"vertex") {
+            if vertices == 3 {
+                return Err(words.wrong());
+            }
+            triangle[vertices] = [words.number()?, words.number()?, words.number()?];
+            if !triangle[vertices].iter().all(|c| c.is_finite()) {
+                return Err(MeshFault::NotFinite { triangle: read + 1 }.into());
+            }
+            vertices += 1;
+        } else if word.eq_ignore_ascii_case(b"endloop") {
+            if vertices != 3 {
+                return Err(words.wrong());
+            }
+            each(&triangle)?;
+            read += 1;
+            vertices = 0;
+        } else if word.eq_ignore_ascii_case(b"facet") || word.eq_ignore_ascii_case(b"outer") {
+            words.skip_line()?;
+            first = true;
+        } else if !word.eq_ignore_ascii_case(b"endfacet") {
+            return Err(words.wrong());
+        }
+    }
+}

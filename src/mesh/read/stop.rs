@@ -1,0 +1,31 @@
+//! What is called with triangles, and what stops a reader.
+
+use crate::facts::MeshFault;
+
+/// Is called with the vertices of one triangle after the other.
+pub(in crate::mesh) type Each<'a> = dyn FnMut(&[[f64; 3]; 3]) -> Result<(), MeshFault> + 'a;
+
+/// What stops a reader: the file is wrong, or it cannot be read, or the scratch file cannot.
+#[derive(Debug)]
+pub(super) enum Stop {
+    Mesh(MeshFault),
+    Read(std::io::Error),
+    Scratch(std::io::Error),
+}
+
+impl From<MeshFault> for Stop {
+    fn from(fault: MeshFault) -> Self {
+        Self::Mesh(fault)
+    }
+}
+
+impl Stop {
+    /// Of a failure to read: where the file ended, it was cut short.
+    pub(super) fn reading(cause: std::io::Error) -> Self {
+        if cause.kind() == std::io::ErrorKind::UnexpectedEof {
+            Self::Mesh(MeshFault::CutShort)
+        } else {
+            Self::Read(cause)
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! A file from a place to its end: bytes, or the words and numbers of text.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+
+use super::stop::Stop;
+use crate::facts::MeshFault;
+
+/// Bytes read at a time.
+const BUFFER: usize = 64 << 10;
+/// Bytes that tell what a file is.
+pub(super) const HEAD: usize = 512;
+/// Longest word that means something; of longer ones the beginning is kept.
+const WORD: usize = 64;
+
+/// The first bytes of a file.
+pub(super) fn head(file: &File) -> io::Result<Vec<u8>> {
+    let mut head = vec![0; HEAD];
+    let mut have = 0;
+    while have < HEAD {
+        match file.read_at(&mut head[have..], have as u64) {
+            Ok(0) => break,
+            Ok(n) => have += n,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    head.truncate(have);
+    Ok(head)
+}
+
+/// Bytes one after the other.
+pub(super) struct Stream<'a> {
+    file: &'a File,
+    next: u64,
+    buffer: Vec<u8>,
+    at: usize,
+}
+
+impl<'a> Stream<'a> {
+    pub(super) fn new(file: &'a File, from: u64) -> Self {
+        Self { file, next: from, buffer: Vec::with_capacity(BUFFER), at: 0 }
+    }
+
+    /// Has more bytes in the buffer; `false` at the end.
+    #[cold]
+    fn fill(&mut self) -> io::Result<bool> {
+        self.buffer.drain(..self.at);
+        self.at = 0;
+        let have = self.buffer.len();
+        self.buffer.resize(BUFFER, 0);
+        let read = loop {
+            match self.file.read_at(&mut self.buffer[have..], self.next) {
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+                read => break read,
+            }
+        };
+        let read = read.inspect_err(|_| self.buffer.truncate(have))?;
+        self.buffer.truncate(have + read);
+        self.next += read as u64;
+        Ok(read > 0)
+    }
+
+    /// The next `N` bytes.
+    #[inline]
+    pub(super) fn take<const N: usize>(&mut self) -> Result<[u8; N], Stop> {
+        loop {
+            if let Some(bytes) = self.buffer[self.at..].first_chunk::<N>() {
+                self.at += N;
+                return Ok(*bytes);
+            }
+            if !self.fill().map_err(Stop::Read)? {
+                return Err(MeshFault::CutShort.into());
+            }
+        }
+    }
+
+    /// The next byte, which is read again.
+    #[inline]
+    pub(super) fn peek(&mut self) -> Result<u8, Stop> {
+        let [byte] = self.take()?;
+        self.at -= 1;
+        Ok(byte)
+    }
+
+    /// Leaves bytes out.
+    pub(super) fn skip(&mut self, bytes: u64) {
+        let here = (self.buffer.len() - self.at) as u64;
+        if bytes <= here {
+            self.at += usize::try_from(bytes).unwrap_or(0);
+        } else {
+            self.buffer.clear();
+            self.at = 0;
+            self.next = self.next.saturating_add(bytes - here);
+        }
+    }
+
+    #[inline]
+    fn byte(&mut self) -> Result<Option<u8>, Stop> {
+        if self.at == self.buffer.len() && !self.fill().map_err(Stop::Read)? {
+            return Ok(None);
+        }
+        let byte = self.buffer[self.at];
+        self.at += 1;
+        Ok(Some(byte))
+    }
+
+    /// Offset of the next byte.
+    pub(super) fn offset(&self) -> u64 {
+        self.next - (self.buffer.len() - self.at) as u64
+    }
+}
+
+/// What stands in a text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Token {
+    Word,
+    LineEnd,
+    End,
+}
+
+/// Words and ends of lines; comments from `#` on are left out.
+pub(super) struct Words<'a> {
+    stream: Stream<'a>,
+    /// Line of the next byte, counted from 1.
+    line: u64,
+    word: [u8; WORD],
+    length: usize,
+    ended: bool,
+}
+
+impl<'a> Words<'a> {
+    pub(super) fn new(file: &'a File, from: u64) -> Self {
+        Self { stream: Stream::new(file, from), line: 1, word: [0; WORD], length: 0, ended: false }
+    }
+
+    /// Reads on; the word is [`Words::word`] then.
+    #[inline]
+    pub(super) fn next(&mut self) -> Result<Token, Stop> {
+        self.length = 0;
+        let mut comment = false;
+        loop {
+            let Some(byte) = self.stream.byte()? else {
+                return Ok(match (self.length, std::mem::replace(&mut self.ended, true)) {
+                    (1.., _) => {
+                        self.ended = false;
+                        Token::Word
+                    }
+                    (0, false) => Token::LineEnd,
+                    (0, true) => Token::End,
+                });
+            };
+            match byte {
+                b'\n' if self.length == 0 => {
+                    self.line += 1;
+                    return Ok(Token::LineEnd);
+                }
+                b'\n' => {
+                    self.stream.at -= 1;
+                    return Ok(Token::Word);
+                }
+                _ if comment => {}
+                b' ' | b'\t' | b'\r' | 0x0b | 0x0c if self.length == 0 => {}
+                b' ' | b'\t' | b'\r' | 0x0b | 0x0c => return Ok(Token::Word),
+                b'#' if self.length == 0 => comment = true,
+                _ if self.length < WORD => {
+                    self.word[self.length] = byte;
+                    self.length += 1;
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// The word that was read last.
+    #[inline]
+    pub(super) fn word(&self) -> &[u8] {
+        &self.word[..self.length]
+    }
+
+    /// What is wrong in this line.
+    pub(super) fn wrong(&self) -> Stop {
+        MeshFault::BadText { line: self.line }.into()
+    }
+
+    /// Reads on to the next line.
+    pub(super) fn skip_line(&mut self) -> Result<(), Stop> {
+        while self.next()? == Token::Word {}
+        Ok(())
+    }
+
+    /// The last word as a number.
+    #[inline]
+    pub(super) fn as_number(&self) -> Result<f64, Stop> {
+        let text = std::str::from_utf8(self.word()).map_err(|_| self.wrong())?;
+        text.parse().map_err(|_| self.wrong())
+    }
+
+    /// The last word as a whole number.
+    #[inline]
+    pub(super) fn as_whole(&self) -> Result<i64, Stop> {
+        let (negative, digits) = match self.word().split_first() {
+            Some((b'-', rest)) => (true, rest),
+            Some((b'+', rest)) => (false, rest),
+            _ => (false, self.word()),
+        };
+        if digits.is_empty() || digits.len() > 18 || !digits.iter().all(u8::is_ascii_digit) {
+            return Err(self.wrong());
+        }
+        let value = digits.iter().fold(0, |n, d| 10 * n + i64::from(d - b'0'));
+        Ok(if negative { -value } else { value })
+    }
+
+    /// The next word, which must be in this line.
+    #[inline]
+    pub(super) fn must(&mut self) -> Result<(), Stop> {
+        match self.next()? {
+            Token::Word => Ok(()),
+            Token::LineEnd => Err(MeshFault::BadText { line: self.line - 1 }.into()),
+            Token::End => Err(MeshFault::CutShort.into()),
+        }
+    }
+
+    /// The next word in this line or a later one.
+    pub(super) fn must_anywhere(&mut self) -> Result<(), Stop> {
+        loop {
+            match self.next()? {
+                Token::Word => return Ok(()),
+                Token::LineEnd => {}
+                Token::End => return Err(MeshFault::CutShort.into()),
+            }
+        }
+    }
+
+    /// The next number in this line.
+    #[inline]
+    pub(super) fn number(&mut self) -> Result<f64, Stop> {
+        self.must()?;
+        self.as_number()
+    }
+
+    /// Offset of what is read next.
+    pub(super) fn offset(&self) -> u64 {
+        self.stream.offset()
+    }
+}

@@ -1,0 +1,462 @@
+//! The side of a surface that is shown: normals that the skin around a hit contradicts give way to its own.
+//!
+//! A stored normal is the gradient of the values. Within a sheet one voxel thick, such as a scanner's table or
+//! the wall of a label, and in a single slice, the values are alike on both sides: the gradient is noise, or it
+//! lies in the sheet, and shading by it gives dark and light bands. The skin itself shows what is the case. A
+//! ray comes in by a face of a voxel that is open towards the eye; of a surface of voxels only faces near its
+//! direction are open wide. So where the stored normal is far from that face's, a plane is fitted to the skin
+//! within two boxes of the hit that hangs together with it, and as far as the stored normal lies in that plane
+//! the plane's takes its place.
+//!
+//! All this is counted in boxes, not in millimetres: in thick slices a steep surface shows wide treads of a stair
+//! whose stored normals are right, and they stay. Memory: a few hundred bytes of stack. Cost: nothing where the
+//! stored normal is near the face's, else a walk to the boxes around, some half a microsecond.
+
+use crate::geom::{BoxIndex, NodeIndex, Octant};
+use crate::load::NodeView;
+
+use super::ray::Face;
+use super::space::dot;
+
+/// How far two stored normals are apart that agree, as the sum of the differences of their parts, whose sizes add
+/// up to 1: some 25 degrees.
+const AGREE: f64 = 0.5;
+
+/// Of the normals of four boxes before and four behind in the order of the file, which lie around the box for the
+/// most part, at most this many agree with its own where all of them are noise: four do on either side of an edge.
+const MOST_BY_CHANCE: usize = 3;
+
+/// What the normals of the boxes around say of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Company {
+    /// They are as it is.
+    Calm,
+    /// Some differ: an edge, a narrow bend, or a sheet.
+    Mixed,
+    /// Hardly any is as it is.
+    Noise,
+}
+
+/// What the boxes before and behind one in the order of the file say of its normal; `of` gives theirs, by their
+/// distance in that order.
+#[inline]
+pub(super) fn company(stored: [f64; 3], of: impl Fn(i64) -> Option<[f64; 3]>) -> Company {
+    let stored = scaled(stored);
+    let agrees = |distance: i64| {
+        of(distance).is_none_or(|other| {
+            let other = scaled(other);
+            let apart = |sign: f64| (0..3).map(|a| (stored[a] - sign * other[a]).abs()).sum::<f64>();
+            apart(1.0) < AGREE || apart(-1.0) < AGREE
+        })
+    };
+    if agrees(1) && agrees(-1) && (agrees(2) || agrees(-2)) {
+        return Company::Calm;
+    }
+    let agreeing = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().filter(|at| agrees(*at)).count();
+    if agreeing <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
+}
+
+/// At a sum of sizes of 1.
+#[inline]
+fn scaled(n: [f64; 3]) -> [f64; 3] {
+    let size = n[0].abs() + n[1].abs() + n[2].abs();
+    n.map(|c| c / size)
+}
+
+/// Cosine between a stored normal and the face's from which on it is taken as it is: some axis is that near to
+/// any direction (1 / sqrt 3), so the widest face of a sound surface never asks for more. In mixed company more is
+/// asked for.
+const NEAR_FACE: f64 = 0.57;
+const NEAR_FACE_MIXED: f64 = 0.85;
+
+/// Over this much below [`NEAR_FACE`] the fitted plane gains its say, so that no edge shows where it sets in.
+const FADE: f64 = 0.15;
+
+/// The same for the cosine between the stored normal and that of the plane: a fit to some twenty boxes is within
+/// 30 degrees of a sound surface's normal.
+const NEAR_PLANE: f64 = 0.85;
+const FAR_FROM_PLANE: f64 = 0.6;
+
+/// Part of the boxes' scatter that is along the plane's normal: up to the first they form a plane, from the second
+/// on a rod or a lump, whose stored normals are better than a plane.
+const FLAT: f64 = 0.1;
+const NOT_FLAT: f64 = 0.18;
+
+/// Reach of the fit in boxes, and the boxes along a side of its window.
+const REACH: i64 = 2;
+const SIDE: u32 = 5;
+
+/// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.
+const FACE_WEIGHT: f64 = 1e-3;
+
+/// A box that a ray hit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Struck {
+    /// Its breadth-first number.
+    pub(super) number: u64,
+    /// Where the ray came in, in boxes of its size.
+    pub(super) at: [f64; 3],
+    /// Base-2 logarithm of its edge.
+    pub(super) edge_log2: u32,
+    /// The face by which the ray came in.
+    pub(super) face: Face,
+}
+
+/// The normal that is shown of a stored one, both in the frame of the boxes (any length, each axis in its own
+/// spacing); `None` where the stored one stays. `struck` is asked for what was hit only where that matters.
+#[inline]
+pub(super) fn shown<V: NodeView>(
+    view: &V,
+    face: Face,
+    struck: impl FnOnce() -> Struck,
+    stored: [f64; 3],
+    company: Company,
+) -> Option<[f64; 3]> {
+    let axis = usize::from(face.axis % 3);
+    let outward = if face.high { 1.0 } else { -1.0 };
+    let length = dot(stored, stored).sqrt();
+    let along = stored[axis] * outward / length;
+    let near = if company == Company::Calm { NEAR_FACE } else { NEAR_FACE_MIXED };
+    if company != Company::Noise {
+        if along >= near {
+            return None;
+        }
+        if along <= -near {
+            // The stored normal tells of the far side of something thin.
+            return Some(stored.map(|c| -c));
+        }
+    }
+    let mut face = [0.0; 3];
+    face[axis] = outward;
+    let (plane, scatter) = Around::of(view, &struck())?.plane(face);
+    let toward = if dot(stored, plane) < 0.0 { -1.0 } else { 1.0 };
+    let cosine = dot(stored, plane) * toward / length;
+    let mut share = ramp(scatter, FLAT, NOT_FLAT);
+    if company != Company::Noise {
+        share *= ramp(along.abs(), near - FADE, near) * ramp(cosine, FAR_FROM_PLANE, NEAR_PLANE);
+    }
+    (share > 0.0)
+        .then(|| std::array::from_fn(|a| stored[a] * toward / length * (1.0 - share) + plane[a] * share))
+}
+
+/// 1 up to `all`, 0 from `none` on, and straight between.
+fn ramp(value: f64, all: f64, none: f64) -> f64 {
+    ((none - value) / (none - all)).clamp(0.0, 1.0)
+}
+
+/// Which boxes within [`REACH`] of one are skin: bit `x + 5 y + 25 z`.
+struct Around(u128);
+
+/// What is looked for below a node.
+struct Search {
+    /// Lowest box of the window; negative at the grid's border.
+    low: [i64; 3],
+    /// Number of the box in the middle, once it was met.
+    middle: u64,
+    found: u128,
+}
+
+impl Search {
+    /// Adds the boxes of the window below `node`, whose own box begins at `from` and has an edge of 2^level.
+    fn descend<V: NodeView>(&mut self, view: &V, node: NodeIndex, from: [i64; 3], level: u32) {
+        let infobyte = view.infobyte(node);
+        if infobyte == 0 || level == 0 {
+            return;
+        }
+        let half = 1_i64 << (level - 1);
+        // The octants that the window reaches, axis by axis.
+        let mut reached = infobyte;
+        for axis in 0..3 {
+            let middle = from[axis] + half;
+            if self.low[axis] >= middle {
+                reached &= HIGH[axis];
+            } else if self.low[axis] + i64::from(SIDE) <= middle {
+                reached &= !HIGH[axis];
+            }
+        }
+        if reached == 0 {
+            return;
+        }
+        let first = view.first_child(node);
+        while reached != 0 {
+            let octant = Octant::low_bits(reached.trailing_zeros());
+            reached &= reached - 1;
+            let high = octant.high();
+            let at = [0, 1, 2].map(|a: usize| from[a] + i64::from(high[a]) * half);
+            let child = first.after(octant.rank_in(infobyte));
+            if level > 1 {
+                self.descend(view, child.node(), at, level - 1);
+                continue;
+            }
+            let [x, y, z] = [0, 1, 2].map(|a: usize| at[a] - self.low[a]);
+            self.found |= 1 << (x + 5 * y + 25 * z);
+            if [x, y, z] == [REACH; 3] {
+                self.middle = child.get();
+            }
+        }
+    }
+}
+
+impl Around {
+    /// The boxes around the one that was struck; `None` where it is not found: a hit's place is rounded, and may
+    /// come out in a neighbour.
+    fn of<V: NodeView>(view: &V, struck: &Struck) -> Option<Self> {
+        let axis = usize::from(struck.face.axis % 3);
+        let levels = view.depth().checked_sub(struck.edge_log2)?;
+        let limit = (1_i64 << levels) - 1;
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
+        let cell: [i64; 3] = std::array::from_fn(|a| {
+            let at = struck.at[a];
+            let at = if a != axis {
+                at.floor()
+            } else {
+                (at + 0.5).floor() - f64::from(u8::from(struck.face.high))
+            };
+            (at as i64).clamp(0, limit)
+        });
+        if levels == 0 {
+            return Some(Self(1 << 62));
+        }
+        let look = |cell: [i64; 3]| {
+            let mut search = Search { low: cell.map(|c| c - REACH), middle: u64::MAX, found: 0 };
+            search.descend(view, BoxIndex::ROOT.node(), [0; 3], levels);
+            (search.middle == struck.number).then_some(Self(search.found))
+        };
+        // On an edge of the box, the neighbour across it.
+        let beside = (0..3).filter(|a| *a != axis).map(|a| {
+            let mut next = cell;
+            let within = struck.at[a] - struck.at[a].floor();
+            next[a] += if within < 0.5 { -1 } else { 1 };
+            next
+        });
+        look(cell).or_else(|| beside.filter_map(look).next())
+    }
+
+    /// The boxes that hang together with the middle one, by faces, edges and corners.
+    fn connected(&self) -> u128 {
+        let mut piece = 1_u128 << 62;
+        loop {
+            let mut wider = piece;
+            for (step, low, high) in [(1, ROW_LOW, ROW_HIGH), (5, COLUMN_LOW, COLUMN_HIGH), (25, 0, 0)] {
+                wider |= (wider & !high) << step | (wider & !low) >> step;
+            }
+            wider &= self.0;
+            if wider | piece == piece {
+                return piece;
+            }
+            piece |= wider;
+        }
+    }
+
+    /// Unit normal of the plane nearest to the connected boxes (least squares), on the side of `face`, and the part
+    /// of their scatter that is along it.
+    ///
+    /// The normal is the eigenvector of the greatest eigenvalue of the adjugate of their scatter, by repeated
+    /// squaring: sums and products in one order, the same on every machine.
+    fn plane(&self, face: [f64; 3]) -> ([f64; 3], f64) {
+        let mut packed = [0_u64; 2];
+        let mut boxes = self.connected();
+        while boxes != 0 {
+            let moments = MOMENTS[(boxes.trailing_zeros() & 127) as usize];
+            boxes &= boxes - 1;
+            packed = [packed[0] + moments[0], packed[1] + moments[1]];
+        }
+        // At most 125 boxes of moments up to 16: 12 bits hold every sum.
+        let field = |k: usize| (packed[k / 5] >> (12 * (k % 5)) & 0xfff) as f64;
+        let products = [0, 1, 2, 3, 4, 5].map(field);
+        let sum = [6, 7, 8].map(field);
+        let count = field(9);
+        // Times the count squared, all whole numbers.
+        let s: [f64; 6] = std::array::from_fn(|k| count * products[k] - sum[PAIRS[k].0] * sum[PAIRS[k].1]);
+        let [xx, yy, zz, xy, xz, yz] = s;
+        let adjugate = [
+            yy * zz - yz * yz,
+            xx * zz - xz * xz,
+            xx * yy - xy * xy,
+            xz * yz - xy * zz,
+            xy * yz - xz * yy,
+            xy * xz - yz * xx,
+        ];
+        let size = (adjugate[0] + adjugate[1] + adjugate[2]).max(1.0);
+        let mut m: [f64; 6] =
+            std::array::from_fn(|k| adjugate[k] / size + FACE_WEIGHT * face[PAIRS[k].0] * face[PAIRS[k].1]);
+        for _ in 0..5 {
+            let [xx, yy, zz, xy, xz, yz] = m;
+            let square = [
+                xx * xx + xy * xy + xz * xz,
+                xy * xy + yy * yy + yz * yz,
+                xz * xz + yz * yz + zz * zz,
+                xx * xy + xy * yy + xz * yz,
+                xx * xz + xy * yz + xz * zz,
+                xy * xz + yy * yz + yz * zz,
+            ];
+            let trace = square[0] + square[1] + square[2];
+            m = square.map(|v| v / trace);
+        }
+        let [xx, yy, zz, xy, xz, yz] = m;
+        let column = if xx >= yy && xx >= zz {
+            [xx, xy, xz]
+        } else if yy >= zz {
+            [xy, yy, yz]
+        } else {
+            [xz, yz, zz]
+        };
+        let length = dot(column, column).sqrt();
+        let side = if dot(column, face) < 0.0 { -length } else { length };
+        let n = column.map(|c| c / side);
+        let along: f64 = (0..6)
+            .map(|k| if k < 3 { s[k] * n[k] * n[k] } else { 2.0 * s[k] * n[PAIRS[k].0] * n[PAIRS[k].1] })
+            .sum();
+        (n, along / (s[0] + s[1] + s[2]).max(1.0))
+    }
+}
+
+/// Axes of the six different elements of a symmetric matrix.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
+/// For each box of the window, counted from its low corner: products of its coordinates as in [`PAIRS`], its
+/// coordinates, and 1, five in a word, 12 bits each. (128 entries, so that an index is masked.)
+const MOMENTS: [[u64; 2]; 128] = {
+    let mut table = [[0; 2]; 128];
+    let mut bit = 0;
+    while bit < 125 {
+        let p = [bit % 5, bit / 5 % 5, bit / 25];
+        let fields = [
+            p[0] * p[0],
+            p[1] * p[1],
+            p[2] * p[2],
+            p[0] * p[1],
+            p[0] * p[2],
+            p[1] * p[2],
+            p[0],
+            p[1],
+            p[2],
+            1,
+        ];
+        let mut k = 0;
+        while k < 10 {
+            table[bit as usize][k / 5] |= fields[k] << (12 * (k % 5));
+            k += 1;
+        }
+        bit += 1;
+    }
+    table
+};
+
+/// Octants on the high side along x, y and z, as bits of an infobyte.
+const HIGH: [u8; 3] = [0b1010_1010, 0b1100_1100, 0b1111_0000];
+
+/// Boxes at the ends of the window's rows along x, and of its columns along y.
+const ROW_LOW: u128 = ends(1, 0);
+const ROW_HIGH: u128 = ends(1, 4);
+const COLUMN_LOW: u128 = ends(5, 0);
+const COLUMN_HIGH: u128 = ends(5, 4);
+
+const fn ends(step: u32, at: u32) -> u128 {
+    let mut bits = 0;
+    let mut bit = 0;
+    while bit < SIDE * SIDE * SIDE {
+        if bit / step % SIDE == at {
+            bits |= 1 << bit;
+        }
+        bit += 1;
+    }
+    bits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::{Dims, morton};
+    use crate::load::MemoryTree;
+
+    const UP: Face = Face { axis: 2, high: true };
+
+    fn sheet(height: impl Fn(u32, u32) -> u32) -> MemoryTree {
+        let dims = Dims::new(16, 16, 16).unwrap();
+        let mut codes: Vec<u64> =
+            (0..256).map(|i| morton::encode(i % 16, i / 16, height(i % 16, i / 16))).collect();
+        codes.sort_unstable();
+        MemoryTree::new(dims, &codes).unwrap()
+    }
+
+    /// The box of a cell, as a ray from above meets it.
+    fn struck(tree: &MemoryTree, [x, y, z]: [u32; 3]) -> Struck {
+        let mut number = BoxIndex::ROOT;
+        for level in (0..4).rev() {
+            let octant = (x >> level & 1) | (y >> level & 1) << 1 | (z >> level & 1) << 2;
+            number = tree.child(number.node(), Octant::new(octant).unwrap()).unwrap();
+        }
+        let at = [f64::from(x) + 0.5, f64::from(y) + 0.5, f64::from(z) + 1.0];
+        Struck { number: number.get(), at, edge_log2: 0, face: UP }
+    }
+
+    fn of(tree: &MemoryTree, hit: Struck, stored: [f64; 3]) -> Option<[f64; 3]> {
+        shown(tree, hit.face, || hit, stored, Company::Calm)
+    }
+
+    #[test]
+    fn a_normal_within_a_sheet_gives_way_to_the_sheets() {
+        let flat = sheet(|_, _| 5);
+        for stored in [[1.0, 0.0, 0.0], [0.0, -3.0, 0.1], [0.6, 0.6, -0.3]] {
+            let n = of(&flat, struck(&flat, [7, 8, 5]), stored).unwrap();
+            assert!(n[2] / dot(n, n).sqrt() > 0.95, "{stored:?}: {n:?}");
+        }
+        // At the border of the sheet and of the grid as well.
+        let n = of(&flat, struck(&flat, [0, 15, 5]), [1.0, 0.0, 0.0]).unwrap();
+        assert!(n[2] > 0.99, "{n:?}");
+        // A slope of 45 degrees.
+        let slope = sheet(|x, _| x);
+        let n = of(&slope, struck(&slope, [7, 8, 7]), [0.0, 1.0, 0.0]).unwrap();
+        assert!((n[0] + 0.707).abs() < 0.01 && (n[2] - 0.707).abs() < 0.01, "{n:?}");
+    }
+
+    #[test]
+    fn sound_normals_stay_and_those_of_the_far_side_are_turned() {
+        let flat = sheet(|_, _| 5);
+        let hit = struck(&flat, [7, 8, 5]);
+        assert_eq!(of(&flat, hit, [0.3, 0.3, 0.9]), None);
+        assert_eq!(of(&flat, hit, [0.0, 0.1, -0.9]), Some([0.0, -0.1, 0.9]));
+        // The tread of a gentle slope, met by its rise: the normal is far from that face, and right.
+        let steps = sheet(|x, _| x / 4);
+        let mut rise = struck(&steps, [7, 8, 1]);
+        rise.face = Face { axis: 0, high: true };
+        rise.at = [8.0, 8.5, 1.5];
+        assert_eq!(of(&steps, rise, [-0.25, 0.0, 1.0]), None);
+    }
+
+    #[test]
+    fn noise_is_told_from_edges_and_bends() {
+        let up = [0.0, 0.0, 1.0];
+        let side = [1.0, 0.0, 0.0];
+        let of = |others: [[f64; 3]; 8]| {
+            company(up, |at| Some(others[(at + if at < 0 { 4 } else { 3 }).unsigned_abs() as usize]))
+        };
+        assert_eq!(of([up; 8]), Company::Calm);
+        // The far side of a thin sheet is no other direction.
+        assert_eq!(of([up.map(|c| -c); 8]), Company::Calm);
+        assert_eq!(of([side; 8]), Company::Noise);
+        assert_eq!(of([up, up, up, up, side, side, side, side]), Company::Mixed);
+        assert_eq!(company(up, |_| None), Company::Calm);
+    }
+
+    #[test]
+    fn a_place_on_an_edge_is_found_again_or_left_alone() {
+        let flat = sheet(|_, _| 5);
+        let mut hit = struck(&flat, [7, 8, 5]);
+        hit.at[0] = 8.000_001;
+        assert!(of(&flat, hit, [1.0, 0.0, 0.0]).is_some());
+        hit.at[0] = 12.5;
+        assert_eq!(of(&flat, hit, [1.0, 0.0, 0.0]), None);
+        // Boxes of a line and a single one: the face decides.
+        let dims = Dims::new(16, 16, 16).unwrap();
+        let mut line: Vec<u64> = (0..16).map(|y| morton::encode(7, y, 5)).collect();
+        line.sort_unstable();
+        let line = MemoryTree::new(dims, &line).unwrap();
+        let n = of(&line, struck(&line, [7, 8, 5]), [1.0, 0.0, 0.0]).unwrap();
+        assert!(n[2] > 0.99, "{n:?}");
+        let point = MemoryTree::new(dims, &[morton::encode(7, 8, 5)]).unwrap();
+        let n = of(&point, struck(&point, [7, 8, 5]), [1.0, 0.0, 0.0]).unwrap();
+        assert!(n[2] > 0.99, "{n:?}");
+    }
+}

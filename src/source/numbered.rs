@@ -1,0 +1,280 @@
+//! Slices numbered by the names of their files: which numbers are missing, and what is done about that.
+//!
+//! Names that differ in numbers only (`ct_007.png`, `ct_8.png`) are numbered alike. Where the numbers of three or
+//! more such files go on by the same step most of the time, what lies between is missing: a gap, to be refused,
+//! filled or kept as the gaps of any other series. Numbers that follow no step (times, identifiers) say nothing.
+
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+
+use super::GapPolicy;
+use super::files::FileList;
+use super::stable_hash::StableHash;
+use crate::facts::Note;
+use crate::facts::numbered::{NumberFault, NumberGaps, NumberNote};
+use crate::volume::{Filled, VolumeSource};
+
+/// Numbers of a name that are looked at; names have few.
+const FIELDS: usize = 16;
+
+/// Longest number: what is longer is no count of slices.
+const MAX_DIGITS: usize = 15;
+
+/// Slices that are made at most for each one that is there: more would be a picture of the interpolation.
+const MOST_MADE: u64 = 10;
+
+/// Numbers that lie at most so many times as far apart as files do, on average, count slices even where no
+/// step between them is the usual one.
+const DENSE: u64 = 3;
+
+/// What to do with the slices of a stack.
+#[derive(Debug, PartialEq)]
+pub(super) enum Order {
+    /// One after the other.
+    AsTheyAre(Option<Note>),
+    /// So much of the way from this file to the next; 0 is the file itself.
+    Filled(Vec<(u32, f64)>, Note),
+}
+
+impl Order {
+    /// A volume of slices in the order of their files, with what is to be made between them.
+    pub(super) fn apply(self, volume: Box<dyn VolumeSource>) -> Box<dyn VolumeSource> {
+        match self {
+            Self::AsTheyAre(note) => Filled::noted(volume, note),
+            Self::Filled(places, note) => Filled::between(volume, places, note),
+        }
+    }
+}
+
+/// A name with its numbers taken out, as a hash; and the numbers.
+fn parts(name: &Path) -> (u64, [Option<u64>; FIELDS]) {
+    let mut hash = StableHash::new();
+    let mut fields = [None; FIELDS];
+    let mut free = fields.iter_mut();
+    for run in name.as_os_str().as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()) {
+        let significant = run.iter().position(|digit| *digit != b'0').map_or(0, |at| run.len() - at);
+        let number = std::str::from_utf8(run).ok().and_then(|digits| digits.parse::<u64>().ok());
+        match number.filter(|_| significant <= MAX_DIGITS).and_then(|number| Some((free.next()?, number))) {
+            Some((slot, number)) => {
+                *slot = Some(number);
+                hash = hash.number(1);
+            }
+            None => hash = hash.part(run),
+        }
+    }
+    (hash.finish(), fields)
+}
+
+/// Files that are numbered alike.
+#[derive(Debug)]
+struct Set {
+    template: u64,
+    first: [Option<u64>; FIELDS],
+    /// Which numbers differ from those of the first file.
+    varies: [bool; FIELDS],
+    files: usize,
+}
+
+/// Sets that are kept apart; folders have one or two.
+const MAX_SETS: usize = 64;
+
+fn sets(list: &FileList) -> Vec<Set> {
+    let mut sets: Vec<Set> = Vec::new();
+    for index in 0..list.len() {
+        let (template, fields) = parts(list.name(index));
+        let full = sets.len() == MAX_SETS;
+        match sets.iter_mut().find(|set| set.template == template) {
+            Some(set) => {
+                set.files += 1;
+                for (varies, (a, b)) in set.varies.iter_mut().zip(set.first.iter().zip(&fields)) {
+                    *varies |= a != b;
+                }
+            }
+            None if !full => {
+                sets.push(Set { template, first: fields, varies: [false; FIELDS], files: 1 });
+            }
+            None => {}
+        }
+    }
+    sets
+}
+
+/// Judges the numbers of files, which are in natural order.
+///
+/// Memory: 16 bytes a file meanwhile.
+///
+/// # Errors
+/// Numbers are missing and the policy is to refuse that, or the gaps cannot be filled.
+pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, NumberFault> {
+    let sets = sets(list);
+    let mut found = None;
+    for set in sets.iter().filter(|set| set.files > 2) {
+        if let Some(gaps) = set.gaps(list, sets.len() == 1)? {
+            found = Some((set, gaps));
+            break;
+        }
+    }
+    let Some((set, gaps)) = found else { return Ok(Order::AsTheyAre(None)) };
+    match policy {
+        GapPolicy::Error => Err(NumberFault::Gaps(gaps)),
+        GapPolicy::Keep => Ok(Order::AsTheyAre(Some(Note::Numbers(NumberNote::Kept(gaps))))),
+        GapPolicy::Fill if gaps.can_fill => set.fill(list, gaps),
+        GapPolicy::Fill => Err(NumberFault::Gaps(gaps)),
+    }
+}
+
+/// The step that occurs most often between sorted numbers, of several the smallest; and how often it does.
+fn usual(steps: &[u64]) -> (u64, usize) {
+    let mut sorted = steps.to_vec();
+    sorted.sort_unstable();
+    let mut best = (1, 0);
+    for run in sorted.chunk_by(|a, b| a == b) {
+        if let Some(step) = run.first()
+            && run.len() > best.1
+        {
+            best = (*step, run.len());
+        }
+    }
+    best
+}
+
+impl Set {
+    /// The files of the set with their numbers, in the order of these; `None` if no number of the names can be
+    /// that of the slice.
+    fn numbers(&self, list: &FileList) -> Option<Vec<(u64, u32)>> {
+        let field = self.varies.iter().position(|varies| *varies)?;
+        let mut numbers = Vec::with_capacity(self.files);
+        for index in 0..list.len() {
+            let (template, fields) = parts(list.name(index));
+            if template == self.template {
+                numbers.push((fields.get(field).copied().flatten()?, u32::try_from(index).ok()?));
+            }
+        }
+        numbers.sort_unstable();
+        Some(numbers)
+    }
+
+    /// What is missing, if anything is.
+    fn gaps(&self, list: &FileList, alone: bool) -> Result<Option<NumberGaps>, NumberFault> {
+        let Some(numbers) = self.numbers(list) else { return Ok(None) };
+        let single = self.varies.iter().filter(|varies| **varies).count() == 1;
+        let files = |at: usize| {
+            let name = |at: usize| numbers.get(at).map(|(_, i)| list.name(*i as usize).to_path_buf());
+            [at, at + 1].map(|at| name(at).unwrap_or_default())
+        };
+        let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        if let Some(at) = steps.iter().position(|step| *step == 0) {
+            // With several numbers in a name, another one may tell the files apart.
+            return if single { Err(NumberFault::Repeated { files: files(at) }) } else { Ok(None) };
+        }
+        let (step, times) = usual(&steps);
+        let span: u64 = steps.iter().sum();
+        let is_usual = 2 * times >= steps.len();
+        let is_dense = single && step == 1 && span <= DENSE * steps.len() as u64;
+        if !(is_dense || is_usual && (single || 2 * times > steps.len())) {
+            return Ok(None);
+        }
+        let Some(at) = steps.iter().position(|own| *own != step) else { return Ok(None) };
+        let whole = steps.iter().all(|own| own % step == 0);
+        let first = if whole { steps.iter().position(|own| *own > step).unwrap_or(at) } else { at };
+        Ok(Some(NumberGaps {
+            files: numbers.len(),
+            missing: whole.then(|| steps.iter().map(|own| own / step - 1).sum()),
+            places: steps.iter().filter(|own| **own != step).count(),
+            first: files(first),
+            can_fill: whole && alone,
+        }))
+    }
+
+    /// A slice for each number from the first to the last.
+    fn fill(&self, list: &FileList, gaps: NumberGaps) -> Result<Order, NumberFault> {
+        let numbers = self.numbers(list).unwrap_or_default();
+        let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        let (step, _) = usual(&steps);
+        let slices = steps.iter().map(|own| own / step).sum::<u64>() + 1;
+        if slices > MOST_MADE * numbers.len() as u64 {
+            return Err(NumberFault::TooFar { slices, files: numbers.len() });
+        }
+        let mut places = Vec::new();
+        for (at, own) in steps.iter().enumerate() {
+            let many = own / step;
+            // Files in the order of their numbers are in natural order, as they have one number only; exact
+            // below 2^53.
+            #[expect(clippy::cast_precision_loss, reason = "small counts")]
+            places.extend((0..many).map(|k| (numbers[at].1, k as f64 / many as f64)));
+        }
+        places.extend(numbers.last().map(|(_, index)| (*index, 0.0)));
+        let made = slices - numbers.len() as u64;
+        let note = NumberNote::Filled { made, slices: places.len(), first: gaps.first };
+        Ok(Order::Filled(places, Note::Numbers(note)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn list(names: &[&str]) -> FileList {
+        let mut list = FileList::new(Path::new("folder"));
+        names.iter().for_each(|name| list.push(Path::new(name)));
+        let order = list.natural_order();
+        list.select(order.into_iter())
+    }
+
+    fn missing(names: &[&str]) -> Option<Option<u64>> {
+        match judge(&list(names), GapPolicy::Error) {
+            Ok(order) => {
+                assert_eq!(order, Order::AsTheyAre(None));
+                None
+            }
+            Err(NumberFault::Gaps(gaps)) => Some(gaps.missing),
+            Err(other) => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn missing_numbers_are_noticed_and_other_numbers_are_not() {
+        for whole in [
+            &["s1.png", "s2.png", "s3.png"][..],
+            &["s8", "s9", "s10", "s11"],
+            &["z000_10um", "z002_10um", "z004_10um"],
+            &["a.png", "b.png", "d.png"],
+            &["s1", "s5"],
+            // Times and identifiers.
+            &["8713.tif", "9122.tif", "12040.tif", "12900.tif"],
+            &["12-01-33", "12-03-10", "12-04-51", "12-09-02"],
+            &["20190101123059999999999", "20190101123100000000000", "20190101123200000000000"],
+            // The second number tells.
+            &["c1z1", "c1z2", "c2z1", "c2z2"],
+        ] {
+            assert_eq!(missing(whole), None, "{whole:?}");
+        }
+        assert_eq!(missing(&["s1", "s2", "s4", "s5"]), Some(Some(1)));
+        assert_eq!(missing(&["s1", "s2", "s4"]), Some(Some(1)));
+        assert_eq!(missing(&["s1", "s3", "s4", "s7"]), Some(Some(3)));
+        assert_eq!(missing(&["s2", "s4", "s6", "s10", "s12"]), Some(Some(1)));
+        assert_eq!(missing(&["s10", "s20", "s30", "s45"]), Some(None));
+        assert_eq!(missing(&["cover", "s1", "s2", "s4", "s5"]), Some(Some(1)));
+        // A position in the name changes along with the number.
+        let placed = ["s1_0.5mm", "s2_1.0mm", "s3_1.5mm", "s5_2.5mm", "s6_3.0mm", "s7_3.5mm"];
+        assert_eq!(missing(&placed), Some(Some(1)));
+        let repeated = judge(&list(&["s1", "s01", "s2"]), GapPolicy::Keep);
+        assert!(matches!(repeated, Err(NumberFault::Repeated { .. })), "{repeated:?}");
+    }
+
+    #[test]
+    fn gaps_are_filled_where_the_numbers_say_how() {
+        let files = list(&["s1", "s2", "s5", "s6"]);
+        let Ok(Order::Filled(places, _)) = judge(&files, GapPolicy::Fill) else { panic!("not filled") };
+        let third = 1.0 / 3.0;
+        assert_eq!(places, [(0, 0.0), (1, 0.0), (1, third), (1, 2.0 * third), (2, 0.0), (3, 0.0)]);
+        assert!(matches!(judge(&files, GapPolicy::Keep), Ok(Order::AsTheyAre(Some(_)))));
+        for (names, why) in [
+            (&["cover", "s1", "s2", "s4"][..], "several sets"),
+            (&["s10", "s20", "s30", "s45"], "no multiples"),
+            (&["s1", "s2", "s900"], "too far"),
+        ] {
+            assert!(judge(&list(names), GapPolicy::Fill).is_err(), "{why}");
+        }
+    }
+}

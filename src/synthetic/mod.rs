@@ -1,0 +1,108 @@
+//! Volumes that are computed, not read: bodies whose true surface is known, and a head.
+//!
+//! `synthetic:NAME@N?key=value,key=value` is an input like a file, for every command that takes a volume:
+//!
+//! ```text
+//! synthetic:torus@192?noise=0.025          a torus with 2.5 % noise, 192 voxels a side
+//! synthetic:sphere@192?spacing=1x1x6,slab=1   a ball in slices 6 times as thick as their pixels, which they average
+//! synthetic:box@256x256x128?sample=binary  a label map
+//! ```
+//!
+//! | body | what it is | its parameters, with lengths in samples of the finest spacing |
+//! |---|---|---|
+//! | `sphere` | a ball | `radius` |
+//! | `ellipsoid` | | `radii=AxBxC`, `turn=XxYxZ` in degrees about x, then y, then z |
+//! | `torus` | | `ring`, `tube`, `turn` |
+//! | `box` | with sharp edges, turned | `edges=AxBxC`, `turn` |
+//! | `slab` | between two planes, through the whole volume | `thickness` (6), `turn` |
+//! | `gyroid` | the gyroid's one half | `period` |
+//! | `marschner-lobb` | the test signal of Marschner and Lobb (1994), as it is, from 1/2 on | `frequency` (6), `depth` (0.25) |
+//! | `menger` | Menger's sponge | `levels` |
+//! | `checkerboard`, `comb`, `salt` | every other cube; plates that meet at last; cubes by chance | `cell` (1); of salt `share` (0.01) |
+//! | `head` | a CT-like head in Hounsfield units ([`SyntheticHead`]) | none |
+//!
+//! | how it is sampled | |
+//! |---|---|
+//! | `sample` | `density`, 0 in air and 1 in the body with the surface at 1/2, or `binary`: 1 inside, 0 outside |
+//! | `psf` | standard deviation of the point spread in samples of the finest spacing: 0.8 |
+//! | `slab` | thickness that a slice averages, as a part of the distance between slices: 0 |
+//! | `noise`, `seed` | standard deviation of noise as a part of the step: 0; where it starts: 1 |
+//! | `bits` | of a sample: 16; 4 to 16, or 32 for single precision |
+//! | `spacing` | in mm: 1x1x1. With `@N`, a coarser axis has as many samples fewer |
+//!
+//! [`AnalyticVolume`] tells the true surface beside the samples.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `spec` | the text |
+//! | `volume` | samples |
+//! | `body` | distances, normals, rays of any body |
+//! | `smooth`, `wave`, `lattice` | the three kinds of bodies |
+//! | `math` | functions with the same bits everywhere |
+//! | `head` | the head |
+
+mod body;
+mod head;
+mod lattice;
+mod math;
+mod smooth;
+mod spec;
+#[cfg(test)]
+mod tests;
+mod volume;
+mod wave;
+
+use std::path::Path;
+
+pub use body::{Body, TrueSurface};
+pub use head::SyntheticHead;
+pub use spec::Sampling;
+pub use volume::AnalyticVolume;
+
+use crate::facts::{Misuse, SyntheticFault};
+use crate::volume::{SourceError, VolumeSource};
+use spec::{PREFIX, Wanted};
+
+/// Is an input the description of a synthetic volume, and not a file? (`./synthetic:...` is a file.)
+pub fn is_synthetic(input: &Path) -> bool {
+    input.to_str().is_some_and(|text| text.starts_with(PREFIX))
+}
+
+/// The volume that an input describes: a body or the head.
+///
+/// # Errors
+/// [`SourceError::Usage`], with what is wrong and what there is.
+pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
+    let wrong = |fault| usage(input, fault);
+    let given = input.to_string_lossy();
+    match parse(&given).map_err(wrong)? {
+        Wanted::Body(spec) => Ok(Box::new(AnalyticVolume::new(*spec))),
+        Wanted::Head(side) => match SyntheticHead::new(side) {
+            Some(head) => Ok(Box::new(head)),
+            None => Err(wrong(SyntheticFault::Size { given: side.to_string() })),
+        },
+    }
+}
+
+/// The body that a text such as `synthetic:torus@128` describes, with its true surface.
+///
+/// # Errors
+/// [`SourceError::Usage`], as [`open`]; also for the head, whose surface is not known in closed form.
+pub fn analytic(text: &str) -> Result<AnalyticVolume, SourceError> {
+    let wrong = |fault| usage(Path::new(text), fault);
+    match parse(text).map_err(wrong)? {
+        Wanted::Body(spec) => Ok(AnalyticVolume::new(*spec)),
+        Wanted::Head(_) => {
+            Err(wrong(SyntheticFault::Body { name: spec::HEAD.into(), known: spec::BODIES.to_vec() }))
+        }
+    }
+}
+
+/// The refusal of a synthetic input for what is said beside it.
+pub(crate) fn usage(input: &Path, fault: SyntheticFault) -> SourceError {
+    SourceError::Usage { path: input.to_path_buf(), misuse: Misuse::Synthetic(fault) }
+}
+
+fn parse(text: &str) -> Result<Wanted, SyntheticFault> {
+    spec::parse(text.strip_prefix(PREFIX).unwrap_or(text))
+}

@@ -1,0 +1,311 @@
+//! What `synthetic:NAME@N?key=value,key=value` says.
+
+use super::body::{Body, Shape};
+use super::lattice::{Lattice, Pattern};
+use super::math::Vector;
+use super::smooth::{Smooth, Turn};
+use super::wave::Wave;
+use crate::facts::{SyntheticFault, SyntheticValue};
+use crate::geom::Dims;
+
+/// What stands before the name.
+pub(super) const PREFIX: &str = "synthetic:";
+
+/// Name of the head, which is made by other means.
+pub(super) const HEAD: &str = "head";
+
+/// The analytic bodies.
+pub(super) const BODIES: [&str; 11] = [
+    "sphere",
+    "ellipsoid",
+    "torus",
+    "box",
+    "slab",
+    "gyroid",
+    "marschner-lobb",
+    "menger",
+    "checkerboard",
+    "comb",
+    "salt",
+];
+
+/// How a body becomes samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Inside or outside at the sample's place, nothing in between?
+    pub binary: bool,
+    /// Standard deviation of the point spread in units of the finest spacing; 0 for a sharp edge.
+    pub psf: f64,
+    /// Thickness that a slice averages over, as a part of the distance between slices; 0 for points.
+    pub slab: f64,
+    /// Standard deviation of the noise, as a part of the step from air to body.
+    pub noise: f64,
+    /// Where the noise, and salt, start.
+    pub seed: u64,
+    /// Bits of a sample: 1 to 16 (steps of whole numbers), or 32 (single precision).
+    pub bits: u32,
+    /// Distance in mm between samples along x, y, z.
+    pub spacing_mm: [f64; 3],
+}
+
+/// A body and how it is sampled.
+#[derive(Clone, Debug)]
+pub(super) struct Spec {
+    pub(super) body: Body,
+    pub(super) dims: Dims,
+    pub(super) sampling: Sampling,
+}
+
+/// What a text asks for.
+#[derive(Debug)]
+pub(super) enum Wanted {
+    /// The head of so many voxels a side.
+    Head(u32),
+    Body(Box<Spec>),
+}
+
+/// Keys that say how samples are taken.
+const SAMPLING: [&str; 7] = ["sample", "psf", "slab", "noise", "seed", "bits", "spacing"];
+
+/// Keys of a body beside those of the sampling.
+fn own_keys(body: &str) -> &'static [&'static str] {
+    match body {
+        "sphere" => &["radius"],
+        "ellipsoid" => &["radii", "turn"],
+        "torus" => &["ring", "tube", "turn"],
+        "box" => &["edges", "turn"],
+        "slab" => &["thickness", "turn"],
+        "gyroid" => &["period"],
+        "marschner-lobb" => &["frequency", "depth"],
+        "menger" => &["levels"],
+        "checkerboard" | "comb" => &["cell"],
+        "salt" => &["cell", "share"],
+        _ => &[],
+    }
+}
+
+/// Parameters, each taken once.
+struct Keys<'a> {
+    body: &'static str,
+    given: Vec<(&'a str, &'a str)>,
+}
+
+impl<'a> Keys<'a> {
+    /// Reads `key=value` pairs apart by `,` or `&`.
+    fn new(
+        body: &'static str,
+        text: Option<&'a str>,
+        known: &[&'static str],
+    ) -> Result<Self, SyntheticFault> {
+        let mut given: Vec<(&str, &str)> = Vec::new();
+        for part in text.into_iter().flat_map(|t| t.split([',', '&'])) {
+            let (key, value) = part.split_once('=').unwrap_or((part, ""));
+            if !known.contains(&key) {
+                let known = known.to_vec();
+                return Err(SyntheticFault::Key { key: key.to_owned(), body, known });
+            }
+            if given.iter().any(|(other, _)| *other == key) {
+                return Err(SyntheticFault::Twice { key: key.to_owned() });
+            }
+            given.push((key, value));
+        }
+        Ok(Self { body, given })
+    }
+
+    fn text(&self, key: &str) -> Option<&'a str> {
+        self.given.iter().find(|(given, _)| *given == key).map(|(_, value)| *value)
+    }
+
+    fn wrong(key: &str, given: &str, wanted: SyntheticValue) -> SyntheticFault {
+        SyntheticFault::Value { key: key.to_owned(), given: given.to_owned(), wanted }
+    }
+
+    fn number(&self, key: &str, usual: f64, [low, high]: [f64; 2]) -> Result<f64, SyntheticFault> {
+        let Some(text) = self.text(key) else { return Ok(usual) };
+        let value = text.parse::<f64>().ok().filter(|v| (low..=high).contains(v));
+        value.ok_or_else(|| Self::wrong(key, text, SyntheticValue::Number(low, high)))
+    }
+
+    fn whole(&self, key: &str, usual: u64, [low, high]: [u64; 2]) -> Result<u64, SyntheticFault> {
+        let Some(text) = self.text(key) else { return Ok(usual) };
+        let value = text.parse::<u64>().ok().filter(|v| (low..=high).contains(v));
+        value.ok_or_else(|| Self::wrong(key, text, SyntheticValue::Whole(low, high)))
+    }
+
+    fn three(&self, key: &str, usual: Vector, [low, high]: [f64; 2]) -> Result<Vector, SyntheticFault> {
+        let Some(text) = self.text(key) else { return Ok(usual) };
+        let number = |part: &str| part.parse::<f64>().ok().filter(|v| (low..=high).contains(v));
+        let all: Option<Vec<f64>> = text.split('x').map(number).collect();
+        let all = all.and_then(|all| Vector::try_from(all).ok());
+        all.ok_or_else(|| Self::wrong(key, text, SyntheticValue::Three(low, high)))
+    }
+
+    fn word(&self, key: &str, words: &'static [&'static str]) -> Result<usize, SyntheticFault> {
+        let Some(text) = self.text(key) else { return Ok(0) };
+        let at = words.iter().position(|w| *w == text);
+        at.ok_or_else(|| Self::wrong(key, text, SyntheticValue::Word(words)))
+    }
+}
+
+/// Lengths in units that make sense in a volume.
+const LENGTHS: [f64; 2] = [0.01, 65536.0];
+const ANGLES: [f64; 2] = [-360.0, 360.0];
+
+/// Reads the text behind [`PREFIX`].
+pub(super) fn parse(text: &str) -> Result<Wanted, SyntheticFault> {
+    let (front, keys) = match text.split_once('?') {
+        Some((front, keys)) => (front, Some(keys)),
+        None => (text, None),
+    };
+    let (name, size) = match front.split_once('@') {
+        Some((name, size)) => (name, Some(size)),
+        None => (front, None),
+    };
+    let all = || std::iter::once(HEAD).chain(BODIES);
+    let Some(name) = all().find(|known| *known == name) else {
+        return Err(SyntheticFault::Body { name: name.to_owned(), known: all().collect() });
+    };
+    let size = size.ok_or(SyntheticFault::NoSize)?;
+    if name == HEAD {
+        Keys::new(HEAD, keys, &[])?;
+        let side = size.parse::<u32>().ok().filter(|n| (1..=Dims::MAX_SIDE).contains(n));
+        return side.map(Wanted::Head).ok_or_else(|| SyntheticFault::Size { given: size.to_owned() });
+    }
+    let known: Vec<&str> = own_keys(name)
+        .iter()
+        .copied()
+        .chain(SAMPLING)
+        // The signal is sampled as it is, without a step that could be blurred.
+        .filter(|key| !(name == "marschner-lobb" && *key == "psf"))
+        .collect();
+    let keys = Keys::new(name, keys, &known)?;
+    let sampling = sampling(&keys)?;
+    let dims = dims(size, &sampling).ok_or_else(|| SyntheticFault::Size { given: size.to_owned() })?;
+    let body = Body { name, shape: shape(&keys, dims, &sampling)? };
+    Ok(Wanted::Body(Box::new(Spec { body, dims, sampling })))
+}
+
+fn sampling(keys: &Keys<'_>) -> Result<Sampling, SyntheticFault> {
+    let binary = keys.word("sample", &["density", "binary"])? == 1;
+    if binary {
+        for key in ["psf", "slab", "noise", "bits"] {
+            if keys.text(key).is_some() {
+                return Err(SyntheticFault::NotBinary { key });
+            }
+        }
+    }
+    let bits = keys.whole("bits", 16, [4, 32])?;
+    if bits > 16 && bits != 32 {
+        let given = bits.to_string();
+        return Err(Keys::wrong("bits", &given, SyntheticValue::Whole(4, 16)));
+    }
+    Ok(Sampling {
+        binary,
+        psf: keys.number("psf", 0.8, [0.0, 8.0])?,
+        slab: keys.number("slab", 0.0, [0.0, 2.0])?,
+        noise: keys.number("noise", 0.0, [0.0, 1.0])?,
+        seed: keys.whole("seed", 1, [0, u64::MAX])?,
+        bits: u32::try_from(bits).unwrap_or(16),
+        spacing_mm: keys.three("spacing", [1.0; 3], [1e-3, 1e3])?,
+    })
+}
+
+impl Sampling {
+    /// Distance between samples in units of the finest.
+    pub(super) fn spacing(&self) -> Vector {
+        let [x, y, z] = self.spacing_mm;
+        let finest = x.min(y).min(z);
+        self.spacing_mm.map(|s| s / finest)
+    }
+}
+
+/// `N` units a side, which are fewer samples along a coarser axis; or as many samples as stated.
+fn dims(text: &str, sampling: &Sampling) -> Option<Dims> {
+    let side = |text: &str| text.parse::<u32>().ok();
+    let parts: Vec<u32> = text.split('x').map(side).collect::<Option<_>>()?;
+    match parts.as_slice() {
+        [n] => {
+            let samples = sampling.spacing().map(|s| (f64::from(*n) / s).round().max(1.0));
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the side")]
+            let [x, y, z] = samples.map(|s| s as u32);
+            (*n > 0).then(|| Dims::new(x, y, z)).flatten()
+        }
+        [x, y, z] => Dims::new(*x, *y, *z),
+        _ => None,
+    }
+}
+
+/// The body, in units, in a volume of this size. What stands in the middle stands a little beside it, so that
+/// samples do not lie on its planes of symmetry.
+fn shape(keys: &Keys<'_>, dims: Dims, sampling: &Sampling) -> Result<Shape, SyntheticFault> {
+    const BESIDE: Vector = [0.17, -0.31, 0.43];
+    let spacing = sampling.spacing();
+    let counts = dims.to_array();
+    let edge: Vector = std::array::from_fn(|a| f64::from(counts[a]) * spacing[a]);
+    let centre: Vector = std::array::from_fn(|a| 0.5 * edge[a] + BESIDE[a]);
+    let n = edge[0].min(edge[1]).min(edge[2]);
+    let length = |key: &str, part: f64| keys.number(key, part * n, LENGTHS);
+    let turned = |shape: Smooth, usual: Vector| {
+        Ok(Shape::Smooth { shape, centre, turn: Turn::new(keys.three("turn", usual, ANGLES)?) })
+    };
+    let half = |v: Vector| v.map(|c| 0.5 * c);
+    let lattice = |pattern: Pattern, cell: f64| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 65536 / 0.01")]
+        let size = edge.map(|e| ((e / cell).floor() as u32).max(1));
+        Shape::Lattice(Lattice { pattern, cell, origin: [0.0; 3], size })
+    };
+    let cell = || keys.number("cell", 1.0, [0.25, 1024.0]);
+    match keys.body {
+        "sphere" => turned(Smooth::Sphere { radius: length("radius", 0.42)? }, [0.0; 3]),
+        "ellipsoid" => {
+            let radii = keys.three("radii", [0.42 * n, 0.3 * n, 0.2 * n], LENGTHS)?;
+            turned(Smooth::Ellipsoid { radii }, [20.0, 30.0, 40.0])
+        }
+        "torus" => {
+            let (ring, tube) = (length("ring", 0.28)?, length("tube", 0.11)?);
+            turned(Smooth::Torus { ring, tube }, [20.0, 30.0, 0.0])
+        }
+        "box" => {
+            let edges = keys.three("edges", [0.56 * n, 0.42 * n, 0.3 * n], LENGTHS)?;
+            turned(Smooth::Box { half: half(edges) }, [20.0, 30.0, 40.0])
+        }
+        "slab" => {
+            let thickness = keys.number("thickness", 6.0, LENGTHS)?;
+            turned(Smooth::Slab { half: 0.5 * thickness }, [20.0, 30.0, 0.0])
+        }
+        "gyroid" => {
+            let period = length("period", 0.4)?;
+            Ok(Shape::Wave(Wave::Gyroid { frequency: std::f64::consts::TAU / period }))
+        }
+        "marschner-lobb" => {
+            let frequency = keys.number("frequency", 6.0, [0.1, 1000.0])?;
+            let depth = keys.number("depth", 0.25, [0.0, 4.0])?;
+            Ok(Shape::Wave(Wave::MarschnerLobb { edge, frequency, depth }))
+        }
+        "menger" => {
+            let edge = 0.84 * n;
+            // The finest cubes are some samples wide.
+            let fitting =
+                (1..=4).rev().find(|levels| edge / f64::from(3_u32.pow(*levels)) >= 4.0).unwrap_or(1);
+            let levels = keys.whole("levels", u64::from(fitting), [1, 9])?;
+            let levels = u32::try_from(levels).unwrap_or(1);
+            let cubes = 3_u32.saturating_pow(levels);
+            let origin = centre.map(|c| c - 0.5 * edge);
+            let cell = edge / f64::from(cubes);
+            Ok(Shape::Lattice(Lattice {
+                pattern: Pattern::Menger { levels },
+                cell,
+                origin,
+                size: [cubes; 3],
+            }))
+        }
+        "checkerboard" => Ok(lattice(Pattern::Checkerboard, cell()?)),
+        "comb" => Ok(lattice(Pattern::Comb, cell()?)),
+        _ => {
+            let share = keys.number("share", 0.01, [0.0, 1.0])?;
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 2^32")]
+            let chance = (share * 4_294_967_296.0).round() as u64;
+            Ok(lattice(Pattern::Salt { chance, seed: sampling.seed }, cell()?))
+        }
+    }
+}

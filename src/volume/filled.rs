@@ -1,0 +1,97 @@
+//! A volume whose missing slices are made between their neighbours.
+
+use std::ops::Range;
+
+use super::{Noted, SourceError, VolumeInfo, VolumeSource, Wrapper, blend};
+use crate::facts::Note;
+use crate::geom::Dims;
+
+/// Bytes of the second neighbour that are held while a missing slice is made, where a row is not longer.
+const NEIGHBOUR_BYTES: usize = 64 << 10;
+
+/// Slices of another volume and, between them, slices made of their two neighbours: linear in what is delivered,
+/// integers rounded half away from zero.
+///
+/// Holds 16 bytes a slice; while it is read, 64 KiB (or one row) for each thread.
+pub(crate) struct Filled {
+    source: Box<dyn VolumeSource>,
+    info: VolumeInfo,
+    /// For each slice one of `source`, and how much of the way to the next one it lies.
+    places: Vec<(u32, f64)>,
+}
+
+impl Filled {
+    /// The slices of `source` as they are, with a note if there is one.
+    pub(crate) fn noted(source: Box<dyn VolumeSource>, note: Option<Note>) -> Box<dyn VolumeSource> {
+        let Some(note) = note else { return source };
+        let mut info = source.info().clone();
+        info.notes.push(note);
+        Box::new(Noted { source, info })
+    }
+
+    /// The slices that `places` names; as they are where that are too many or none.
+    pub(crate) fn between(
+        source: Box<dyn VolumeSource>,
+        places: Vec<(u32, f64)>,
+        note: Note,
+    ) -> Box<dyn VolumeSource> {
+        let mut info = source.info().clone();
+        let [nx, ny, _] = info.dims.to_array();
+        let Some(dims) = u32::try_from(places.len()).ok().and_then(|nz| Dims::new(nx, ny, nz)) else {
+            return Self::noted(source, Some(note));
+        };
+        info.dims = dims;
+        info.description.bytes = dims.voxels() * info.scalar.bytes() as u64;
+        info.notes.push(note);
+        Box::new(Self { source, info, places })
+    }
+}
+
+impl Wrapper for Filled {
+    fn inner(&self) -> &dyn VolumeSource {
+        &*self.source
+    }
+
+    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
+        Some(&mut *self.source)
+    }
+
+    fn own_info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn own_info_mut(&mut self) -> &mut VolumeInfo {
+        &mut self.info
+    }
+
+    fn own_bytes(&self) -> u64 {
+        NEIGHBOUR_BYTES.max(self.info.dims.nx() as usize * self.info.scalar.bytes()) as u64
+    }
+
+    fn own_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        // A slice out of range is refused by the volume behind.
+        let (at, part) = self.places.get(z as usize).copied().unwrap_or((u32::MAX, 0.0));
+        self.source.read_rows(at, rows.clone(), cols.clone(), out)?;
+        let row_bytes = cols.len() * self.info.scalar.bytes();
+        if part == 0.0 || row_bytes == 0 || rows.is_empty() {
+            return Ok(());
+        }
+        let many = (NEIGHBOUR_BYTES / row_bytes).clamp(1, rows.len());
+        let mut beside = vec![0; many * row_bytes];
+        let mut first = rows.start;
+        for own in out.chunks_mut(many * row_bytes) {
+            let end = first + u32::try_from(own.len() / row_bytes).unwrap_or(0);
+            let other = beside.get_mut(..own.len()).unwrap_or_default();
+            self.source.read_rows(at + 1, first..end, cols.clone(), other)?;
+            blend(self.info.scalar, own, other, part);
+            first = end;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,108 @@
+//! `oct build` of a mesh as a user runs it: what was chosen is told with figures, what does not fit is refused in a
+//! sentence with the cure, and the whole process stays within its memory.
+
+#[path = "support/command.rs"]
+mod command;
+#[path = "support/meshes.rs"]
+mod meshes;
+
+use command::oct;
+use meshes::Body;
+
+fn put(name: &str, bytes: &[u8]) -> (tempfile::TempDir, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    let model = folder.path().join("a.oct");
+    let text = |p: &std::path::Path| p.to_str().unwrap().to_owned();
+    let (path, model) = (text(&path), text(&model));
+    (folder, path, model)
+}
+
+fn ball() -> Body {
+    Body::sphere([10.0, -3.0, 5.0], 20.0, 4)
+}
+
+#[test]
+fn what_was_found_and_chosen_is_told_in_a_sentence_with_figures() {
+    let (_folder, mesh, model) = put("ball.stl", &ball().stl());
+    let run = oct(&["build", &mesh, "-o", &model, "--grid", "102", "--memory", "64MiB", "--json"]);
+    let json = run.json();
+    assert_eq!(json["dims"], serde_json::json!([102, 102, 102]));
+    let told = json["warnings"][0].as_str().unwrap();
+    for words in ["2048 triangles", "closed", "winds around", "voxels of 0.4 mm from -10.4, -23.4, -15.4"] {
+        assert!(told.contains(words), "{words:?} is missing: {told}");
+    }
+    let info = oct(&["info", &model, "--json"]).json();
+    assert_eq!(info["spacing_mm"], serde_json::json!([0.4, 0.4, 0.4]));
+    oct(&["verify", &model, "--json"]).json();
+    let picture = model.replace("a.oct", "a.png");
+    oct(&["thumbnail", &model, "-o", &picture, "--json"]).json();
+    // Neither the name of the file nor its format travels with the model.
+    let bytes = std::fs::read(&model).unwrap();
+    for name in ["ball", "stl", "STL"] {
+        assert!(!bytes.windows(name.len()).any(|part| part == name.as_bytes()), "{name}");
+    }
+}
+
+#[test]
+fn flags_that_do_not_fit_are_refused_by_name() {
+    let (_folder, mesh, model) = put("ball.ply", &ball().ply("ascii"));
+    let build = |more: &[&str]| {
+        let mut args = vec!["build", &mesh, "-o", &model];
+        args.extend(more);
+        oct(&args)
+    };
+    build(&[]).refused(2, &["is a mesh", "--grid N", "--voxel MM"]);
+    build(&["--grid", "64", "--iso", "3"]).refused(2, &["--iso is for volumes"]);
+    build(&["--grid", "64", "--keep-largest", "1"]).refused(2, &["--keep-largest is for volumes"]);
+    build(&["--voxel", "1", "--dims", "9x9x9"]).refused(2, &["--dims of a mesh needs --voxel and --origin"]);
+    build(&["--grid", "64", "--voxel", "1"]).refused(2, &["--grid"]);
+    build(&["--grid", "0"]).refused(2, &["1 to 16384"]);
+    build(&["--voxel", "-1"]).refused(2, &["above 0"]);
+    build(&["--voxel", "1e-9"]).refused(3, &["16384"]);
+    build(&["--grid", "64", "--unit", "furlong"]).refused(2, &["mm"]);
+    build(&["--grid", "64", "--memory", "2MiB"]).refused(4, &["--memory"]);
+    build(&["--grid", "64", "--channels", "value"]).refused(2, &["value"]);
+    let (_folder, raw, model) = put("a.raw", &[1; 64]);
+    oct(&["build", &raw, "-o", &model, "--dims", "4x4x4", "--dtype", "u8", "--grid", "64"])
+        .refused(2, &["--grid is for meshes"]);
+}
+
+#[test]
+fn the_grid_in_full_moves_and_scales_nothing() {
+    let body = Body::cuboid([2.0, 3.0, 4.0], [12.0, 13.0, 14.0]);
+    let (_folder, mesh, model) = put("box.obj", &body.obj());
+    let whole = ["--voxel", "0.5", "--origin", "-1,0,1.5", "--dims", "40x50x60"];
+    let mut args = vec!["build", &mesh, "-o", &model, "--json", "--memory", "64MiB"];
+    args.extend(whole);
+    let json = oct(&args).json();
+    assert_eq!(json["dims"], serde_json::json!([40, 50, 60]));
+    // 20 voxels a side.
+    assert_eq!(json["skin_voxels"], 20 * 20 * 20 - 18 * 18 * 18);
+}
+
+#[test]
+fn a_mesh_is_built_within_a_small_cap_of_the_whole_process() {
+    // Two MiB more where the code is not optimised.
+    let cap = if cfg!(debug_assertions) { "11MiB" } else { "8MiB" };
+    let (_folder, mesh, model) = put("ball.off", &Body::sphere([0.0; 3], 100.0, 6).off());
+    for threads in ["1", "2"] {
+        let json = oct(&[
+            "build",
+            &mesh,
+            "-o",
+            &model,
+            "--grid",
+            "512",
+            "--memory",
+            cap,
+            "--threads",
+            threads,
+            "--json",
+        ])
+        .json();
+        let (peak, limit) = (json["peak_rss_bytes"].as_u64(), json["memory_budget_bytes"].as_u64());
+        assert!(peak <= limit, "{peak:?} of {limit:?}");
+    }
+}
