@@ -166,7 +166,8 @@ const ROWS: [(&str, usize, Scan, f64, f64, f64, f64); 6] = [
 fn cells_are_as_true_as_a_mesh() {
     let n = side();
     let bodies = Body::all(f64::from(n));
-    // Errors of interpolation grow with curvature, those at edges with the share of edges.
+    // Errors of interpolation grow with curvature, those at edges with the share of edges, those of normals over
+    // thick slices faster than curvature.
     let coarser = 192.0 / f64::from(n);
     let mut failed = Vec::new();
     for (name, at, how, rms, p99, wrong, angle) in ROWS {
@@ -182,7 +183,7 @@ fn cells_are_as_true_as_a_mesh() {
         let ok = found.rms <= rms * 1.05 + 0.002 * coarser
             && found.p99 <= p99 * 1.2 + 0.01 * coarser
             && found.wrong_percent <= (wrong + 0.02) * coarser * coarser + 0.05
-            && found.angle <= angle * coarser;
+            && found.angle <= angle * coarser.powf(1.2);
         if !ok {
             failed.push(name);
         }
