@@ -114,12 +114,12 @@ fn count(voxels: u64) -> f64 {
 
 /// First voxel along each axis, and the one after the last.
 fn extent<V: NodeView>(view: &V) -> Option<[[u32; 3]; 2]> {
-    let mut found = [[0; 3]; 2];
-    for axis in 0..3 {
-        found[0][axis] = reach(view, axis, false)?;
-        found[1][axis] = reach(view, axis, true)? + 1;
+    let (mut first, mut end) = ([0; 3], [0; 3]);
+    for (axis, (first, end)) in first.iter_mut().zip(&mut end).enumerate() {
+        *first = reach(view, axis, false)?;
+        *end = reach(view, axis, true)? + 1;
     }
-    Some(found)
+    Some([first, end])
 }
 
 /// The least or greatest coordinate of a voxel along an axis. Visits the nodes of the side that is looked for

@@ -318,9 +318,9 @@ const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 
 /// coordinates, and 1, five in a word, 12 bits each. (128 entries, so that an index is masked.)
 const MOMENTS: [[u64; 2]; 128] = {
     let mut table = [[0; 2]; 128];
-    let mut bit = 0;
+    let mut bit = 0_usize;
     while bit < 125 {
-        let p = [bit % 5, bit / 5 % 5, bit / 25];
+        let p = [(bit % 5) as u64, (bit / 5 % 5) as u64, (bit / 25) as u64];
         let fields = [
             p[0] * p[0],
             p[1] * p[1],
@@ -335,7 +335,7 @@ const MOMENTS: [[u64; 2]; 128] = {
         ];
         let mut k = 0;
         while k < 10 {
-            table[bit as usize][k / 5] |= fields[k] << (12 * (k % 5));
+            table[bit][k / 5] |= fields[k] << (12 * (k % 5));
             k += 1;
         }
         bit += 1;
