@@ -317,7 +317,7 @@ fn the_command_knows_the_library_only_from_outside() {
     for source in sources("bin") {
         for (name, _) in crate_paths(&source.code) {
             assert!(
-                ["args", "bars", "bus", "failure"].contains(&name.as_str()),
+                ["args", "bars", "bus", "failure", "manual", "streams"].contains(&name.as_str()),
                 "{}: crate::{name}",
                 source.path
             );

@@ -381,7 +381,7 @@ fn the_same_bytes_whatever_the_budget_the_threads_and_the_order() {
     let file = place.put("a.stl", &body.stl());
     place.build(std::slice::from_ref(&file), &mesh, &options(32, 1)).unwrap();
     let first = place.bytes();
-    let mut same = |what: &str, inputs: &[PathBuf], options: &BuildOptions| {
+    let same = |what: &str, inputs: &[PathBuf], options: &BuildOptions| {
         std::fs::remove_file(place.path("a.oct")).unwrap();
         place.build(inputs, &mesh, options).unwrap();
         assert!(place.bytes() == first, "{what}");
@@ -537,20 +537,17 @@ fn too_open_a_mesh_is_refused_unless_the_fill_is_said() {
     let place = Place::new();
     let mut body = Body::default();
     for at in 0..20_000_i64 {
-        let (x, y) = (at % 140, at / 140);
-        let corner = [x * 1000 + 3000, y * 900 + 2000, at % 90 * 1100];
+        // Each before the first centre of a row, so that all of it would be inside.
+        let (y, z) = (at % 40 * STEPS, at / 40 % 40 * STEPS);
+        let x = 1000 + at / 1600;
         let first = body.vertices.len();
-        body.vertices.extend([
-            corner,
-            [corner[0] + 900, corner[1], corner[2]],
-            [corner[0], corner[1] + 5000, corner[2] + 5000],
-        ]);
+        body.vertices.extend([[x, y + 100, z + 100], [x, y + 4000, z + 100], [x, y + 2000, z + 4000]]);
         body.faces.push([first, first + 1, first + 2]);
     }
     let file = place.put("a.stl", &body.stl());
     let refused = place.build(std::slice::from_ref(&file), &exact([40; 3]), &options(8, 1)).unwrap_err();
     assert!(matches!(fault(refused), MeshFault::TooOpen { .. }));
-    let said = MeshOptions { fill: Some(Fill::Parity), ..exact([40; 3]) };
+    let said = MeshOptions { fill: Some(Fill::Winding), ..exact([40; 3]) };
     assert!(place.build(&[file], &said, &options(8, 1)).unwrap().facts.asked_for);
 }
 

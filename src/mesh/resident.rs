@@ -30,7 +30,7 @@ pub(super) struct Resident {
     triangles: Vec<Triangle>,
     /// Slices between whose centres each lies, from the first of the run.
     slices: Vec<Slices>,
-    /// Triangles by their first slice.
+    /// Where each belongs while they are put into order.
     order: Vec<u32>,
     base: i32,
     x0: i32,
@@ -60,18 +60,17 @@ impl Live {
         self.list.clear();
     }
 
-    fn rise(&mut self, slice: i32, order: &[u32], slices: &[Slices]) {
+    fn rise(&mut self, slice: i32, slices: &[Slices]) {
         let reach = self.reach;
         self.list.retain(|t| i32::from(slices[*t as usize].last) + reach >= slice);
-        while let Some(t) = order.get(self.next) {
-            let own = slices[*t as usize];
+        while let Some(own) = slices.get(self.next) {
             if i32::from(own.first) - reach > slice {
                 break;
             }
-            self.next += 1;
             if i32::from(own.last) + reach >= slice {
-                self.list.push(*t);
+                self.list.push(self.next as u32);
             }
+            self.next += 1;
         }
     }
 }
@@ -135,7 +134,7 @@ impl Resident {
         true
     }
 
-    /// Puts the triangles into order.
+    /// Puts the triangles into the order of their first slices, in place: what bears upon a slice lies together.
     pub(super) fn settle(&mut self) {
         let mut starts = [0_u32; 2 * FAR as usize + 2];
         let place = |s: &Slices| (i32::from(s.first) + FAR) as usize;
@@ -145,18 +144,26 @@ impl Resident {
         for at in 1..starts.len() {
             starts[at] += starts[at - 1];
         }
-        self.order.resize(self.slices.len(), 0);
-        for (at, s) in (0..).zip(&self.slices) {
+        self.order.clear();
+        for s in &self.slices {
             let to = &mut starts[place(s)];
-            self.order[*to as usize] = at;
+            self.order.push(*to);
             *to += 1;
+        }
+        for at in 0..self.order.len() {
+            while self.order[at] as usize != at {
+                let to = self.order[at] as usize;
+                self.triangles.swap(at, to);
+                self.slices.swap(at, to);
+                self.order.swap(at, to);
+            }
         }
     }
 
     /// Calls `each` with the triangles between whose ends the centres of a slice lie.
     #[inline]
     pub(super) fn crossed(&mut self, slice: i32, each: &mut impl FnMut(&Triangle)) {
-        self.crossed.rise(slice - self.base, &self.order, &self.slices);
+        self.crossed.rise(slice - self.base, &self.slices);
         for t in &self.crossed.list {
             each(&self.triangles[*t as usize]);
         }
@@ -164,7 +171,7 @@ impl Resident {
 
     /// Sorts the triangles within a voxel of a slice by bricks along x.
     pub(super) fn gather(&mut self, slice: i32) {
-        self.near.rise(slice - self.base, &self.order, &self.slices);
+        self.near.rise(slice - self.base, &self.slices);
         let (slices, starts) = (&self.slices, &mut self.starts);
         // One place for each brick, then that of the wide ones.
         let wide = starts.len() - 3;
@@ -196,13 +203,6 @@ impl Resident {
                 }
             }
         }
-    }
-
-    /// Gathered triangles that may bear upon a brick.
-    pub(super) fn near_count(&self, brick: usize) -> usize {
-        let wide = self.starts.len() - 3;
-        let run = |at: usize| (self.starts[at + 1] - self.starts[at]) as usize;
-        run(brick) + run(wide)
     }
 
     /// Calls `each` with the gathered triangles that may bear upon a brick.

@@ -34,10 +34,9 @@ const BRICK: usize = 32;
 const ROWS: usize = BRICK + 2;
 /// A voxel's edge, squared, in lattice steps, with room for the rounding of distances.
 const VOXEL_SQUARED: f64 = 16_777_217.0;
-/// How far the nearest triangle is sought: half a voxel where many are near, then one voxel; two where the thick skin
-/// has voxels that touch the outside with a corner only.
-const REACHES: [(i32, f64); 3] =
-    [(STEPS / 2, VOXEL_SQUARED / 4.0), (STEPS, VOXEL_SQUARED), (2 * STEPS, 4.0 * VOXEL_SQUARED)];
+/// How far the nearest triangle is sought, and that squared: one voxel, two where the thick skin has voxels that
+/// touch the outside with a corner only.
+const REACHES: [(i32, f64); 2] = [(STEPS, VOXEL_SQUARED), (2 * STEPS, 4.0 * VOXEL_SQUARED)];
 /// What the model says of its normals.
 const ESTIMATOR: &str = "nearest triangle";
 
@@ -214,22 +213,10 @@ impl MeshWorker<'_> {
         Ok(())
     }
 
-    /// Has the triangles within a voxel of the slice of some skin voxels sorted by bricks; are many near to this
-    /// one?
-    fn gather(&mut self, skin: &SkinSlice<'_>) -> bool {
-        let [x0, _, z] = skin.corner();
-        if self.gathered != Some(z) {
-            self.resident.gather(z as i32);
-            self.gathered = Some(z);
-        }
-        let voxels: u32 = skin.rows().iter().map(|row| row.count_ones()).sum();
-        self.resident.near_count((x0 - self.column.x.start) as usize / BRICK) > voxels as usize / 2
-    }
-
     /// Offers every triangle that may be within `reach` lattice steps to the skin voxels of a brick's slice.
     fn offer(&mut self, skin: &SkinSlice<'_>, wanted: &[u32; BRICK], reach: i32) -> Result<(), SourceError> {
         let [x0, y0, z] = skin.corner().map(|c| c as i32);
-        let Self { resident, nearest, solid, buffers, column, .. } = self;
+        let Self { resident, nearest, solid, buffers, column, gathered, .. } = self;
         let mut each = |t: &Triangle| offer_triangle(t, [x0, y0, z], wanted, reach, nearest);
         if self.streamed {
             return solid.bins.for_each_block(column.y.start, self.run.0 as u32, buffers, &mut |block| {
@@ -240,6 +227,10 @@ impl MeshWorker<'_> {
         if reach > STEPS {
             resident.all(&mut each);
         } else {
+            if *gathered != Some(z as u32) {
+                resident.gather(z);
+                *gathered = Some(z as u32);
+            }
             resident.near((x0 - column.x.start as i32) as usize / BRICK, &mut each);
         }
         Ok(())
@@ -333,9 +324,8 @@ impl SolidWorker for MeshWorker<'_> {
                 left &= left - 1;
             }
         };
-        let many = !self.streamed && self.gather(skin);
         let mut wanted = *skin.rows();
-        for (reach, squared) in &REACHES[usize::from(!many)..] {
+        for (reach, squared) in &REACHES {
             for (y, row) in wanted.iter().enumerate() {
                 each_bit(*row, &mut |x| self.nearest[BRICK * y + x] = Nearest::within(*squared));
             }
