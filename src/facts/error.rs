@@ -156,11 +156,11 @@ impl SourceError {
 
     /// Is nothing wrong but slices that are missing, or lie unevenly, so that whoever asks may choose?
     pub(crate) fn has_gaps(&self) -> bool {
-        match self {
+        matches!(
+            self,
             Self::Dicom { fault: DicomFault::Series(SeriesFault::Uneven(_)), .. }
-            | Self::Unusable { fault: Fault::Numbers(NumberFault::Gaps(_)), .. } => true,
-            _ => false,
-        }
+                | Self::Unusable { fault: Fault::Numbers(NumberFault::Gaps(_)), .. }
+        )
     }
 
     /// Is the input broken, rather than of a kind that is not used?

@@ -22,11 +22,11 @@ pub struct NumberGaps {
 #[derive(Clone, Debug, PartialEq)]
 pub enum NumberFault {
     /// Some numbers are missing.
-    Gaps(NumberGaps),
+    Gaps(Box<NumberGaps>),
     /// Two files have one number.
     Repeated {
         /// The first such files.
-        files: [PathBuf; 2],
+        files: Box<[PathBuf; 2]>,
     },
     /// So many slices are missing that most would be made.
     TooFar {

@@ -116,10 +116,10 @@ pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, NumberF
     }
     let Some((set, gaps)) = found else { return Ok(Order::AsTheyAre(None)) };
     match policy {
-        GapPolicy::Error => Err(NumberFault::Gaps(gaps)),
+        GapPolicy::Error => Err(NumberFault::Gaps(Box::new(gaps))),
         GapPolicy::Keep => Ok(Order::AsTheyAre(Some(Note::Numbers(NumberNote::Kept(gaps))))),
         GapPolicy::Fill if gaps.can_fill => set.fill(list, gaps),
-        GapPolicy::Fill => Err(NumberFault::Gaps(gaps)),
+        GapPolicy::Fill => Err(NumberFault::Gaps(Box::new(gaps))),
     }
 }
 
@@ -165,7 +165,7 @@ impl Set {
         let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         if let Some(at) = steps.iter().position(|step| *step == 0) {
             // With several numbers in a name, another one may tell the files apart.
-            return if single { Err(NumberFault::Repeated { files: files(at) }) } else { Ok(None) };
+            return if single { Err(NumberFault::Repeated { files: Box::new(files(at)) }) } else { Ok(None) };
         }
         let (step, times) = usual(&steps);
         let span: u64 = steps.iter().sum();

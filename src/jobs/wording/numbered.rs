@@ -26,12 +26,15 @@ impl Display for NumberFault {
                 let choice = if gaps.can_fill { "--gaps fill or --gaps keep" } else { "--gaps keep" };
                 write!(f, "{gaps}; add the missing slices, or choose {choice}")
             }
-            Self::Repeated { files: [a, b] } => write!(
-                f,
-                "{} and {} have the same number; rename one of them, or move it away",
-                shown(a),
-                shown(b)
-            ),
+            Self::Repeated { files } => {
+                let [a, b] = &**files;
+                write!(
+                    f,
+                    "{} and {} have the same number; rename one of them, or move it away",
+                    shown(a),
+                    shown(b)
+                )
+            }
             Self::TooFar { slices, files } => write!(
                 f,
                 "the numbers of {files} files span {slices} slices, so that most would be made; add the missing slices"
