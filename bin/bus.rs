@@ -10,26 +10,37 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use infobyte::ExitKind;
 use infobyte::jobs::shown;
+use infobyte::jobs::wording::foreign;
 use signal_hook::consts::SIGBUS;
 use signal_hook::low_level;
+
+use crate::failure::json_of;
 
 /// Sees to it that a bus error ends the process with a sentence about the file at `path`, which is about to be
 /// mapped.
 ///
-/// Costs nothing until then. Where the handler cannot be set, the system's way stays.
-pub(crate) fn tell_of(path: &Path) {
+/// Under `--json` it is an object on stdout as well, as every failure is. Costs nothing until then. Where the
+/// handler cannot be set, the system's way stays.
+pub(crate) fn tell_of(path: &Path, as_json: bool) {
     let sentence = format!(
-        "oct: {}: was cut short while it was in use, or its disk failed, so that nothing was made of it; copy it again\n",
+        "{}: was cut short while it was in use, or its disk failed, so that nothing was made of it; copy it again",
         shown(path)
     );
-    let sentence: Box<[u8]> = sentence.into_bytes().into();
-    let told = AtomicBool::new(false);
+    let object =
+        if as_json { foreign::json(&json_of(&sentence, ExitKind::Input)) + "\n" } else { String::new() };
+    let told: [(i32, Box<[u8]>); 2] = [
+        (libc::STDOUT_FILENO, object.into_bytes().into()),
+        (libc::STDERR_FILENO, format!("oct: {sentence}\n").into_bytes().into()),
+    ];
+    let begun = AtomicBool::new(false);
     let tell = move || {
         // Several threads read the file. One of them tells; the others come here again until it has.
-        if !told.swap(true, Ordering::Relaxed) {
-            // SAFETY: `write` and `_exit` may be called in a signal handler; the bytes were written down before it
-            // was set, live as long as it does, and are as many as is said. Nothing is allocated or locked.
-            let _ = unsafe { libc::write(libc::STDERR_FILENO, sentence.as_ptr().cast(), sentence.len()) };
+        if !begun.swap(true, Ordering::Relaxed) {
+            for (to, text) in &told {
+                // SAFETY: `write` and `_exit` may be called in a signal handler; the bytes were written down before
+                // it was set, live as long as it does, and are as many as is said. Nothing is allocated or locked.
+                let _ = unsafe { libc::write(*to, text.as_ptr().cast(), text.len()) };
+            }
             low_level::exit(ExitKind::Input.code().into());
         }
     };

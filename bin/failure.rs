@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use infobyte::jobs::shown;
+use infobyte::jobs::wording::foreign;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
@@ -135,7 +136,7 @@ impl fmt::Display for Refusal {
                 return write!(
                     f,
                     "{}: is named as another kind of file, and {this} would be written; name it {other}, or add --force",
-                    path.display()
+                    shown(path)
                 );
             }
         })
@@ -161,7 +162,7 @@ pub(crate) fn json_of(sentence: &str, kind: ExitKind) -> Value {
 pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
     let sentence = one_line(sentence);
     if as_json {
-        let _ = writeln!(io::stdout(), "{}", json_of(&sentence, kind));
+        let _ = writeln!(io::stdout(), "{}", foreign::json(&json_of(&sentence, kind)));
     }
     let _ = writeln!(io::stderr(), "oct: {sentence}");
     ExitCode::from(kind.code())

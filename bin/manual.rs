@@ -9,6 +9,7 @@ use clap::CommandFactory;
 use clap_complete::{Shell, generate};
 use clap_mangen::Man;
 use infobyte::Error;
+use infobyte::jobs::shown;
 
 use crate::args::Cli;
 
@@ -44,7 +45,7 @@ pub(crate) fn pages(folder: &Path) -> Result<ExitCode, Error> {
         Man::new(command).render(&mut page).map_err(failed(&path))?;
         fs::write(&path, page).map_err(failed(&path))?;
         // A reader that has gone away misses a name.
-        let _ = writeln!(stdout, "{}", path.display());
+        let _ = writeln!(stdout, "{}", shown(&path));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -83,14 +83,15 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Scan(args) => scan(&args),
         Command::Info(args) => {
             let input = Input::of(&args.model)?;
+            bus::tell_of(&args.model, args.json);
             let mut info = info::read_info_measured(input.path(), args.measure)?;
-            info.input = args.model.display().to_string();
+            info.input = data(&args.model);
             Ok(print(args.json, || info.json(), || info.text())?)
         }
         Command::Verify(args) => {
             let input = Input::of(&args.model)?;
             let mut report = verify::verify_file(input.path())?;
-            report.input = args.model.display().to_string();
+            report.input = data(&args.model);
             Ok(print(args.json, || report.json(), || report.text())?)
         }
         Command::Pack(args) => pack_with(&args, pack::pack),
@@ -163,7 +164,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     let summary = jobs::build::convert(&inputs, &how, &cleaning, &options, &args.output, &bars);
     bars.finish();
     let mut summary = summary?;
-    summary.input = args.input.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" ");
+    summary.input = args.input.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
 
@@ -202,7 +203,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         series: args.series.clone(),
     };
     // Thumbnails are made of models that lie there.
-    bus::tell_of(&args.out);
+    bus::tell_of(&args.out, args.json);
     let bars = BatchBars::new(jobs, args.quiet || args.json);
     let report = jobs::batch::batch(&request, &bars);
     bars.finish();
@@ -333,7 +334,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     check_suffixes(layers(), Written::Picture, args.force)?;
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let model = Input::of(&args.model)?;
-    bus::tell_of(&args.model);
+    bus::tell_of(&args.model, args.json);
     let bars = Bars::new(args.json);
     let report = picture::render_file(model.path(), output.path(), depth, normals, &request, &bars);
     bars.finish();
@@ -345,7 +346,7 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
     let threads = args.threads.count();
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let model = Input::of(&args.model)?;
-    bus::tell_of(&args.model);
+    bus::tell_of(&args.model, args.json);
     let report = picture::thumbnail_file(model.path(), output.path(), args.size, threads)?;
     output.finish(|| print_picture(args.json, &args.model, &args.output, &report))
 }
@@ -402,7 +403,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
         ..BuildOptions::default()
     };
     let files = DemoFiles::beside(&args.output, args.picture.as_deref());
-    bus::tell_of(&args.output);
+    bus::tell_of(&args.output, args.json);
     let bars = Bars::new(args.quiet || args.json);
     let summary = jobs::demo::demo(args.size, &options, &files, threads, &bars);
     bars.finish();
@@ -412,7 +413,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
 
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
     let input = Input::of(&args.model)?;
-    bus::tell_of(&args.model);
+    bus::tell_of(&args.model, args.json);
     let model = Model::open(input.path()).map_err(Error::from)?;
     let threads = args.threads.count();
     let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads).map_err(Error::from)?;

@@ -106,6 +106,7 @@ pub mod render;
 mod resident;
 mod scratch;
 pub mod source;
+mod stamp;
 pub mod synthetic;
 pub mod volume;
 

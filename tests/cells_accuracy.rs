@@ -28,8 +28,41 @@ struct Found {
     bytes: u64,
 }
 
+impl Found {
+    fn row(&self) -> String {
+        let Self { rms, p99, most, wrong_percent, angle, angle_p99, bytes } = self;
+        format!(
+            "RMS {rms:.4} p99 {p99:.3} max {most:.2} voxel, wrong {wrong_percent:.3} %, normals {angle:.2} p99 {angle_p99:.1} deg, {bytes} bytes"
+        )
+    }
+}
+
 fn side() -> u32 {
     std::env::var("INFOBYTE_CELLS_SIDE").ok().and_then(|n| n.parse().ok()).unwrap_or(96)
+}
+
+/// Perspective rays from three sides: eye, and direction of length 1.
+fn for_each_ray(n: u32, mut each: impl FnMut([f64; 3], [f64; 3])) {
+    let span = f64::from(n);
+    let across = 180;
+    for side in [[0.3, -0.9, 0.25], [0.85, 0.4, -0.3], [-0.2, 0.3, 0.93]] {
+        let l = dot(side, side).sqrt();
+        let eye: [f64; 3] = std::array::from_fn(|a| span / 2.0 + side[a] / l * 2.2 * span);
+        let forward: [f64; 3] = std::array::from_fn(|a| -side[a] / l);
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let right = cross(forward, [0.1, 0.2, 0.97]);
+        let up = cross(right, forward);
+        for v in 0..across {
+            for u in 0..across {
+                let at = |i: u32| (f64::from(2 * i + 1) / f64::from(across) - 1.0) * 0.26;
+                let d: [f64; 3] = std::array::from_fn(|a| forward[a] + at(u) * right[a] + at(v) * up[a]);
+                let l = dot(d, d).sqrt();
+                each(eye, d.map(|c| c / l));
+            }
+        }
+    }
 }
 
 /// Builds a model and casts perspective rays from three sides.
@@ -43,36 +76,17 @@ fn measure(body: &Body, n: u32, how: Scan, surface: SurfaceKind) -> Found {
     let caster = RayCaster::new(&model).unwrap();
     let (mut off, mut angles) = (Vec::new(), Vec::new());
     let (mut wrong, mut pixels) = (0, 0);
-    let span = f64::from(n);
-    let middle = [span / 2.0; 3];
-    let across = 180;
-    for side in [[0.3, -0.9, 0.25], [0.85, 0.4, -0.3], [-0.2, 0.3, 0.93]] {
-        let l = dot(side, side).sqrt();
-        let eye: [f64; 3] = std::array::from_fn(|a| middle[a] + side[a] / l * 2.2 * span);
-        let forward: [f64; 3] = std::array::from_fn(|a| -side[a] / l);
-        let cross = |a: [f64; 3], b: [f64; 3]| {
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        };
-        let right = cross(forward, [0.1, 0.2, 0.97]);
-        let up = cross(right, forward);
-        for v in 0..across {
-            for u in 0..across {
-                let at = |i: u32| (f64::from(2 * i + 1) / f64::from(across) - 1.0) * 0.26;
-                let d: [f64; 3] = std::array::from_fn(|a| forward[a] + at(u) * right[a] + at(v) * up[a]);
-                let l = dot(d, d).sqrt();
-                let d = d.map(|c| c / l);
-                let want = body.first_hit(eye, d, 6.0 * span);
-                let got = caster.first_hit(eye, d).unwrap();
-                pixels += u32::from(want.is_some());
-                wrong += u32::from(want.is_some() != got.is_some());
-                if let Some(hit) = got {
-                    off.push(body.distance(hit.position_mm).abs());
-                    let cosine = dot(hit.normal.unwrap(), body.normal(hit.position_mm));
-                    angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
-                }
-            }
+    for_each_ray(n, |eye, d| {
+        let want = body.first_hit(eye, d, 6.0 * f64::from(n));
+        let got = caster.first_hit(eye, d).unwrap();
+        pixels += u32::from(want.is_some());
+        wrong += u32::from(want.is_some() != got.is_some());
+        if let Some(hit) = got {
+            off.push(body.distance(hit.position_mm).abs());
+            let cosine = dot(hit.normal.unwrap(), body.normal(hit.position_mm));
+            angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
         }
-    }
+    });
     off.sort_by(f64::total_cmp);
     angles.sort_by(f64::total_cmp);
     let at_99 = |v: &[f64]| v[v.len() * 99 / 100];
@@ -85,6 +99,52 @@ fn measure(body: &Body, n: u32, how: Scan, surface: SurfaceKind) -> Found {
         angle_p99: at_99(&angles),
         bytes: report.file_bytes,
     }
+}
+
+/// RMS and 99th percentile of the distance of the hits of the same rays on the trilinear interpolation of the
+/// samples. A mesh has 0.95 of that RMS.
+fn interpolated(body: &Body, n: u32, how: Scan) -> (f64, f64) {
+    let voxels = scan(body, n, how);
+    let (side, slices) = (n as usize, (n / how.thick) as usize);
+    let thick = f64::from(how.thick);
+    let depth = |p: [f64; 3]| {
+        let at = [p[0], p[1], (p[2] - (thick - 1.0) / 2.0) / thick];
+        let low: [usize; 3] = std::array::from_fn(|a| {
+            let most = if a == 2 { slices } else { side } - 2;
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+            (at[a].max(0.0) as usize).min(most)
+        });
+        (0..8_usize)
+            .map(|c| {
+                let bit = |a: usize| c >> a & 1;
+                let weight: f64 = (0..3)
+                    .map(|a| {
+                        let part = (at[a] - low[a] as f64).clamp(0.0, 1.0);
+                        if bit(a) == 1 { part } else { 1.0 - part }
+                    })
+                    .product();
+                let sample = ((low[2] + bit(2)) * side + low[1] + bit(1)) * side + low[0] + bit(0);
+                weight * (f64::from(voxels.samples()[sample]) - iso(how))
+            })
+            .sum::<f64>()
+    };
+    let mut off = Vec::new();
+    for_each_ray(n, |eye, d| {
+        let Some(want) = body.first_hit(eye, d, 6.0 * f64::from(n)) else { return };
+        let place = |t: f64| -> [f64; 3] { std::array::from_fn(|a| eye[a] + t * d[a]) };
+        let steps = (-20..20).map(|k| want + 0.2 * f64::from(k));
+        if let Some(t) = steps.clone().find(|t| depth(place(*t)) >= 0.0) {
+            let (mut low, mut high) = (t - 0.2, t);
+            for _ in 0..30 {
+                let middle = (low + high) / 2.0;
+                if depth(place(middle)) >= 0.0 { high = middle } else { low = middle }
+            }
+            off.push(body.distance(place(high)).abs());
+        }
+    });
+    off.sort_by(f64::total_cmp);
+    let rms = (off.iter().map(|d| d * d).sum::<f64>() / off.len() as f64).sqrt();
+    (rms, off[off.len() * 99 / 100])
 }
 
 const CLEAN: Scan = Scan { spread: 0.8, thick: 1, noise: 0.0 };
@@ -111,9 +171,16 @@ fn cells_are_as_true_as_a_mesh() {
     let mut failed = Vec::new();
     for (name, at, how, rms, p99, wrong, angle) in ROWS {
         let found = measure(&bodies[at].1, n, how, SurfaceKind::Cells);
-        println!("{name:20} {found:.4?}");
-        let ok = found.rms <= (rms * 1.05 + 0.002) * coarser
-            && found.p99 <= (p99 * 1.2 + 0.01) * coarser
+        // What linear interpolation between thick slices costs depends on where the rays come from: of these.
+        let (rms, p99) = if how.thick > 1 {
+            let (rms, p99) = interpolated(&bodies[at].1, n, how);
+            (0.95 * rms, p99)
+        } else {
+            (rms * coarser, p99 * coarser)
+        };
+        println!("{name:20} {}; mesh {rms:.4} {p99:.4}", found.row());
+        let ok = found.rms <= rms * 1.05 + 0.002 * coarser
+            && found.p99 <= p99 * 1.2 + 0.01 * coarser
             && found.wrong_percent <= (wrong + 0.02) * coarser * coarser + 0.05
             && found.angle <= angle * coarser;
         if !ok {
@@ -129,7 +196,7 @@ fn surfaces_of_two_valued_volumes_are_smooth() {
     for (at, bound) in [(0, 0.09), (1, 0.09), (2, 0.17)] {
         let (name, body) = Body::all(f64::from(n))[at];
         let found = measure(&body, n, TWO_VALUES, SurfaceKind::Cells);
-        println!("{name:20} two values {found:.4?}");
+        println!("{name:20} two values {}", found.row());
         let coarser = (192.0 / f64::from(n)).sqrt();
         assert!(found.rms <= bound * coarser, "{name} {found:?}");
         assert!(at == 2 || found.angle_p99 <= 10.0 * coarser, "{name} {found:?}");
@@ -141,6 +208,6 @@ fn skin_voxels_are_as_far_off_as_before() {
     let n = 64;
     let (_, body) = Body::all(f64::from(n))[0];
     let found = measure(&body, n, CLEAN, SurfaceKind::Skin);
-    println!("skin {found:.4?}");
+    println!("skin {}", found.row());
     assert!((0.25..0.32).contains(&found.rms), "{found:?}");
 }

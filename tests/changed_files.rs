@@ -9,6 +9,10 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use infobyte::builder::build_volume;
+use infobyte::format::SurfaceKind;
+use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
+use infobyte::progress::{Progress, Silent};
 use infobyte::{BuildOptions, ExitKind, Threshold};
 
 #[path = "support/command.rs"]
@@ -81,6 +85,52 @@ fn a_volume_that_changes_during_the_build_makes_no_model() {
         assert_eq!(infobyte::Error::from(error).kind(), ExitKind::Input, "{how}");
         assert!(!output.exists(), "{how}");
     }
+}
+
+/// Tells nobody how far a build is, and changes a file when its scan begins.
+struct Meddler<'a>(&'a Path);
+
+impl Progress for Meddler<'_> {
+    fn stage(&self, name: &'static str, _: u64) {
+        if name == "scan" {
+            touch(self.0);
+        }
+    }
+
+    fn advance(&self, _: u64) {}
+}
+
+#[test]
+fn cells_and_meshes_notice_it_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("m.oct");
+    let header = ball(folder.path(), 24);
+    for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
+        let channels = BuildOptions::default().channels;
+        let options =
+            BuildOptions { threshold: Threshold::Iso(100.0), surface, channels, ..BuildOptions::default() };
+        let volume = infobyte::open(&header).unwrap();
+        let meddler = Meddler(&folder.path().join("ball.raw"));
+        let told = build_volume(&*volume, &options, &output, &meddler).unwrap_err().to_string();
+        assert!(told.contains("ball.raw: was changed or replaced"), "{surface:?}: {told}");
+    }
+    // A tetrahedron.
+    let mesh = folder.path().join("a.stl");
+    let corners = ["0 0 0", "9 0 0", "0 9 0", "0 0 9"];
+    let facet = |at: [usize; 3]| {
+        let [a, b, c] = at.map(|at| corners[at]);
+        format!("facet normal 0 0 0\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n")
+    };
+    let facets: String = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]].map(facet).concat();
+    fs::write(&mesh, format!("solid a\n{facets}endsolid a\n")).unwrap();
+    let options = MeshOptions { grid: GridChoice::Side { voxels: 16, margin: 1 }, unit_mm: 1.0, fill: None };
+    let mesh_built = |progress: &dyn Progress| {
+        build_mesh(std::slice::from_ref(&mesh), &options, &BuildOptions::default(), &output, progress)
+    };
+    let told = mesh_built(&Meddler(&mesh)).unwrap_err().to_string();
+    assert!(told.contains("a.stl: was changed or replaced"), "{told}");
+    assert!(!output.exists());
+    mesh_built(&Silent).unwrap();
 }
 
 #[test]

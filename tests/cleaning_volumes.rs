@@ -189,10 +189,10 @@ fn an_oblique_volume_keeps_its_corners() {
 
 fn build_options(threshold: Threshold, threads: usize) -> BuildOptions {
     BuildOptions {
+        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),
-        surface: Default::default(),
         gradient: Default::default(),
         lod: true,
         memory: MemoryCap::Share(8 << 20),

@@ -69,15 +69,13 @@ fn forms_of(
 }
 
 /// What is odd about what was found.
-fn notes(dims: Dims, totals: &ScanTotals) -> Vec<BuildNote> {
-    let [x, y, z] = dims.to_array().map(u64::from);
-    let within = [x, y, z].map(|side| side.saturating_sub(2)).iter().product::<u64>();
-    // All voxels are inside where the skin is that of the box.
-    let all = totals.skin == x * y * z - within;
-    let found = [
-        (BuildNote::NotNumbers, totals.found.not_numbers),
-        (BuildNote::AllInside { voxels: x * y * z }, all),
-    ];
+fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote> {
+    let count =
+        |less: u32| dims.to_array().map(|side| u64::from(side.saturating_sub(less))).iter().product::<u64>();
+    // All voxels are inside where the skin is that of the box. Cells lie between samples, and around them.
+    let all = totals.skin == count(0) - count(2);
+    let voxels = count(u32::from(surface == SurfaceKind::Cells));
+    let found = [(BuildNote::NotNumbers, totals.found.not_numbers), (BuildNote::AllInside { voxels }, all)];
     found.into_iter().filter(|(_, is_so)| *is_so).map(|(note, _)| note).collect()
 }
 
@@ -158,7 +156,7 @@ impl Job<'_> {
             threads: plan.threads,
             tile: plan.tile,
             seconds,
-            notes: notes(solid.dims(), &totals),
+            notes: notes(solid.dims(), solid.surface(), &totals),
         })
     }
 

@@ -2,7 +2,6 @@
 //!
 //! A column reads some rows and columns beyond its tile on every side ([`Reach`]). Memory is that of
 //! [`RingShape::bytes`], whatever the volume holds.
-#![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
 use std::ops::Range;
 use std::time::{Duration, Instant};

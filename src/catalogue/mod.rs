@@ -26,8 +26,9 @@ use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
     FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, StableHash, natural_cmp,
 };
+use crate::stamp::stamp;
 use crate::synthetic;
-use crate::volume::{Noted, Placement, SourceError, VolumeSource, Watched, place, stamp};
+use crate::volume::{Noted, Placement, SourceError, VolumeSource, Watched, place};
 use content::{EachFile, hash_of, is_copy};
 use log::{Log, Record};
 use placing::placing_of;

@@ -6,7 +6,6 @@
 
 use std::fmt;
 
-use super::cell::CORNERS;
 use super::kind::Channel;
 use super::metadata::Metadata;
 use super::normal;
@@ -115,7 +114,7 @@ static TABLE: &[ChannelRow] = &[
         name: "corners",
         items_name: "corners",
         tag: *b"CORN",
-        item_bytes: &[CORNERS as u8],
+        item_bytes: &[8],
         means: None,
         codec: CODEC_PLANES,
         is_stated: None,
@@ -139,6 +138,8 @@ static TABLE: &[ChannelRow] = &[
         is_sparse: false,
     },
 ];
+
+const _: () = assert!(super::cell::CORNERS == 8, "one byte for each corner");
 
 const _: () = {
     let mut at = 0;

@@ -60,7 +60,9 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
         Measured::Large
     } else {
         let model = Model::open(path)?;
-        measure(&model.view(), model.dims(), &model.affine()).map_or(Measured::Impossible, Measured::Done)
+        let measured = measure(&model.view(), model.dims(), &model.affine());
+        model.check_unchanged(path)?;
+        measured.map_or(Measured::Impossible, Measured::Done)
     });
     Ok(info)
 }

@@ -64,7 +64,7 @@ pub fn measure<V: NodeView>(view: &V, dims: Dims, affine: &Affine) -> Option<Mea
     };
     let box_mm = [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)));
     let voxels = extent(view)?;
-    let weights = Weights::new(affine, &space);
+    let weights = Weights::new(affine, &space, view.cells().is_some());
     let mut sweep = Sweep::new(voxels);
     let mut slab = Slab::default();
     let mut area = Area::default();
@@ -92,7 +92,9 @@ pub fn measure<V: NodeView>(view: &V, dims: Dims, affine: &Affine) -> Option<Mea
     let enclosed = sweep.finish();
     let (skin, each) = (count(seen), weights.voxel_mm3);
     let unknown = count(enclosed.unknown) / 2.0;
-    let volume = (skin + count(enclosed.inside) + unknown) * each;
+    // A surface of voxels lies on the outside of these, one of cells within them.
+    let of_skin = if weights.cells { skin / 2.0 } else { skin };
+    let volume = (of_skin + count(enclosed.inside) + unknown) * each;
     let error = (skin / 2.0 + unknown) * each;
     // Half of it unknown is not known.
     let known = has_normals && unknown <= 0.1 * (skin + count(enclosed.inside));
@@ -218,8 +220,10 @@ impl Slab {
     }
 }
 
-/// What a voxel counts for.
+/// What a voxel, or a cell, counts for.
 struct Weights {
+    /// Are the boxes cells? Then normals are of index space.
+    cells: bool,
     voxel_mm3: f64,
     columns: [[f64; 3]; 3],
     space: GridSpace,
@@ -227,8 +231,9 @@ struct Weights {
 }
 
 impl Weights {
-    fn new(affine: &Affine, space: &GridSpace) -> Self {
+    fn new(affine: &Affine, space: &GridSpace, cells: bool) -> Self {
         Self {
+            cells,
             voxel_mm3: affine.determinant().abs(),
             columns: [0, 1, 2].map(|axis| affine.column(axis)),
             space: space.clone(),
@@ -239,7 +244,8 @@ impl Weights {
     /// A normal in voxels instead of millimetres, its components scaled to a sum of sizes of 1; zeros for none.
     fn in_voxels(&self, code: u16) -> [f64; 3] {
         let n = normal::decode_l1(code).map(f64::from);
-        let n: [f64; 3] = std::array::from_fn(|a| n[a] * self.spacing_mm[a]);
+        let scale = |a: usize| if self.cells { 1.0 } else { self.spacing_mm[a] };
+        let n: [f64; 3] = std::array::from_fn(|a| n[a] * scale(a));
         let size = n.iter().map(|c| c.abs()).sum::<f64>();
         if size > 0.0 && size.is_finite() { n.map(|c| c / size) } else { [0.0; 3] }
     }
@@ -249,6 +255,8 @@ impl Weights {
 ///
 /// The skin of a surface has one voxel in each column along the axis that its normal is nearest to, counted in
 /// voxels. The part of the surface in that column is the voxel's volume over its normal's part along that axis.
+/// Of cells, which are all boxes that the surface passes through, a column has as many as the sum of the parts along
+/// the axes over the greatest.
 #[derive(Default)]
 struct Area {
     sum: f64,
@@ -257,7 +265,12 @@ struct Area {
 
 impl Area {
     fn add(&mut self, weights: &Weights, code: u16) {
-        let n = weights.space.normal_to_world(normal::decode_l1(code).map(f64::from));
+        let n = normal::decode_l1(code).map(f64::from);
+        let n = if weights.cells {
+            weights.space.index_normal_to_world(n)
+        } else {
+            weights.space.normal_to_world(n)
+        };
         let along = weights.columns.map(|c| (n[0] * c[0] + n[1] * c[1] + n[2] * c[2]).abs());
         let axis = (0..3).fold(0, |best, a| if along[a] > along[best] { a } else { best });
         let c = weights.columns[axis];
@@ -265,7 +278,8 @@ impl Area {
         if along[axis] <= 0.0 || along[axis].is_nan() {
             return;
         }
-        let part = weights.voxel_mm3 / along[axis];
+        let across = if weights.cells { along.iter().sum() } else { along[axis] };
+        let part = weights.voxel_mm3 / across;
         let cosine = (along[axis] / length).min(1.0);
         self.sum += part;
         self.error += part * NORMAL_ERROR_RAD * (1.0 - cosine * cosine).sqrt() / cosine;

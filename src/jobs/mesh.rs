@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::build::{BuildSummary, refuse_own_input};
 use super::info::read_info;
+use super::wording::foreign::data;
 use crate::builder::{BuildOptions, Progress};
 use crate::error::Error;
 use crate::facts::{Misuse, SourceError};
@@ -44,7 +45,7 @@ pub fn convert(
     let report = build_mesh(inputs, mesh, options, output, progress)?;
     let wall_s = started.elapsed().as_secs_f64();
     Ok(BuildSummary {
-        input: inputs.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" "),
+        input: inputs.iter().map(|p| data(p)).collect::<Vec<_>>().join(" "),
         output: output.to_path_buf(),
         memory_bytes: options.memory.bytes(),
         report: report.build,

@@ -48,6 +48,7 @@ use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Tile, build_solid};
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
+use crate::stamp::stamp;
 use bins::{BINNING_BYTES, Binner, Bins};
 use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
 use census::{Census, Closed};
@@ -140,6 +141,7 @@ impl Front<'_> {
     }
 
     fn solid(&self) -> Result<(MeshSolid, MeshFacts), BuildError> {
+        let inputs = self.inputs.iter().map(|path| (path.clone(), stamp(path))).collect();
         let budget = Budget::of_job(self.options.memory);
         let reading = self.reserve(&budget, READER_BYTES)?;
         let files = self.open()?;
@@ -209,7 +211,7 @@ impl Front<'_> {
             origin_mm: grid.origin_mm,
         };
         let resident = self.resident(&bins, &grid);
-        Ok((MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident }, facts))
+        Ok((MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident, inputs }, facts))
     }
 
     /// Takes memory for a part of the work.

@@ -13,6 +13,8 @@
     reason = "coordinates are below 2^16"
 )]
 
+use std::path::PathBuf;
+
 use super::bins::{BEYOND, Bins, BlockBuffers};
 use super::lattice::{Grid, HALF, STEPS, Triangle, centres, first_centre, last_centre, span};
 use super::nearest::{Facet, Nearest};
@@ -21,9 +23,10 @@ use super::resident::Resident;
 use crate::builder::{
     Cover, Exposed, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
-use crate::facts::SourceError;
+use crate::facts::{Fault, SourceError};
 use crate::format::{Channel, Metadata, SourceMeta, normal};
 use crate::geom::Dims;
+use crate::stamp::stamp;
 
 /// Rows and columns of a brick.
 const BRICK: usize = 32;
@@ -47,6 +50,8 @@ pub(super) struct MeshSolid {
     pub(super) closed: bool,
     /// Triangles that a worker has room for.
     pub(super) resident: usize,
+    /// The files, and what they were before they were read.
+    pub(super) inputs: Vec<(PathBuf, u64)>,
 }
 
 /// Words of a row of a tile, with one on either side.
@@ -87,6 +92,14 @@ impl Solid for MeshSolid {
 
     fn name(&self) -> String {
         self.name.clone()
+    }
+
+    /// Files are gone through several times, and what one pass found is taken for true in the next.
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        match self.inputs.iter().find(|(path, then)| stamp(path) != *then) {
+            Some((path, _)) => Err(SourceError::Unusable { path: path.clone(), fault: Fault::ChangedInUse }),
+            None => Ok(()),
+        }
     }
 
     fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {

@@ -275,10 +275,10 @@ mod tests {
         }
         let (u, h) = ([0.3, -0.6, 0.1], 1e-5);
         let g = field.gradient(u);
-        for a in 0..3 {
+        for (a, g) in g.into_iter().enumerate() {
             let moved = |s: f64| std::array::from_fn(|b| if a == b { u[b] + s * h } else { u[b] });
             let want = (field.at(moved(1.0)) - field.at(moved(-1.0))) / (2.0 * h);
-            assert!((g[a] - want).abs() < 1e-5);
+            assert!((g - want).abs() < 1e-5);
         }
     }
 

@@ -254,18 +254,18 @@ impl Around {
     /// The normal is the eigenvector of the greatest eigenvalue of the adjugate of their scatter, by repeated
     /// squaring: sums and products in one order, the same on every machine.
     fn plane(&self, face: [f64; 3]) -> ([f64; 3], f64) {
-        let mut count = 0.0;
-        let mut sum = [0.0; 3];
-        let mut products = [0.0; 6];
+        let mut packed = [0_u64; 2];
         let mut boxes = self.connected();
         while boxes != 0 {
-            let bit = boxes.trailing_zeros();
+            let moments = MOMENTS[(boxes.trailing_zeros() & 127) as usize];
             boxes &= boxes - 1;
-            let p = [bit % 5, bit / 5 % 5, bit / 25].map(|c| f64::from(c) - 2.0);
-            count += 1.0;
-            sum = std::array::from_fn(|a| sum[a] + p[a]);
-            products = std::array::from_fn(|k| products[k] + p[PAIRS[k].0] * p[PAIRS[k].1]);
+            packed = [packed[0] + moments[0], packed[1] + moments[1]];
         }
+        // At most 125 boxes of moments up to 16: 12 bits hold every sum.
+        let field = |k: usize| (packed[k / 5] >> (12 * (k % 5)) & 0xfff) as f64;
+        let products = [0, 1, 2, 3, 4, 5].map(field);
+        let sum = [6, 7, 8].map(field);
+        let count = field(9);
         // Times the count squared, all whole numbers.
         let s: [f64; 6] = std::array::from_fn(|k| count * products[k] - sum[PAIRS[k].0] * sum[PAIRS[k].1]);
         let [xx, yy, zz, xy, xz, yz] = s;
@@ -313,6 +313,35 @@ impl Around {
 
 /// Axes of the six different elements of a symmetric matrix.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
+/// For each box of the window, counted from its low corner: products of its coordinates as in [`PAIRS`], its
+/// coordinates, and 1, five in a word, 12 bits each. (128 entries, so that an index is masked.)
+const MOMENTS: [[u64; 2]; 128] = {
+    let mut table = [[0; 2]; 128];
+    let mut bit = 0;
+    while bit < 125 {
+        let p = [bit % 5, bit / 5 % 5, bit / 25];
+        let fields = [
+            p[0] * p[0],
+            p[1] * p[1],
+            p[2] * p[2],
+            p[0] * p[1],
+            p[0] * p[2],
+            p[1] * p[2],
+            p[0],
+            p[1],
+            p[2],
+            1,
+        ];
+        let mut k = 0;
+        while k < 10 {
+            table[bit as usize][k / 5] |= fields[k] << (12 * (k % 5));
+            k += 1;
+        }
+        bit += 1;
+    }
+    table
+};
 
 /// Octants on the high side along x, y and z, as bits of an infobyte.
 const HIGH: [u8; 3] = [0b1010_1010, 0b1100_1100, 0b1111_0000];

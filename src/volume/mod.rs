@@ -38,7 +38,7 @@ pub(crate) use placement::place;
 pub use scalar::{Endian, Scalar, ScalarType};
 pub(crate) use spool::Spool;
 pub use voxels::Voxels;
-pub(crate) use watched::{Watched, stamp};
+pub(crate) use watched::Watched;
 pub(crate) use wrapper::Wrapper;
 
 use std::fmt;

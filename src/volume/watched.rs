@@ -1,25 +1,11 @@
 //! A volume whose files are held against what they were when it was opened.
 
-use std::fs;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
 use crate::facts::Fault;
-
-/// What tells that a file was overwritten, cut, grown or replaced: its size, its time of change, and which file it
-/// is. A file that is not there has a stamp of its own. Known within one process only.
-///
-/// What was written within one tick of the file system's clock, and left the size as it was, is not seen.
-pub(crate) fn stamp(path: &Path) -> u64 {
-    let mut hash = DefaultHasher::new();
-    if let Ok(meta) = fs::metadata(path) {
-        (meta.size(), meta.mtime(), meta.mtime_nsec(), meta.dev(), meta.ino()).hash(&mut hash);
-    }
-    hash.finish()
-}
+use crate::stamp::stamp;
 
 /// A volume that knows what its files were, and says so when one of them is not any more.
 ///
@@ -119,6 +105,8 @@ impl VolumeSource for Watched {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::geom::{Dims, Orientation};
     use crate::source::{RawOptions, RawVolume};

@@ -100,6 +100,7 @@ fn every_report_is_what_its_schema_says() {
         ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),
         ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json"]).json()),
         ("selfcheck", oct(&["selfcheck", &model, "--rays", "1000", "--json"]).json()),
+        ("report", oct(&["report", &model, "--out", &at("figures"), "--pixels", "16", "--json"]).json()),
         ("scan", oct(&["scan", &text(&studies), "--json"]).json()),
         ("batch", batch("out", &[])),
         (

@@ -50,6 +50,20 @@ fn a_ball_in_uneven_voxels_has_its_area_volume_and_extent() {
 }
 
 #[test]
+fn a_surface_of_cells_has_the_same_measures() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["--surface", "cells", "--spacing", "0.5x0.5x0.5"];
+    let report = info(&built(folder.path(), "ball", [64, 64, 64], &args, ball(64, 24.0)), &[]);
+    let pi = std::f64::consts::PI;
+    close(&report, "volume_mm3", "volume_error_mm3", 4.0 / 3.0 * pi * 12.0_f64.powi(3));
+    close(&report, "surface_area_mm2", "surface_area_error_mm2", 4.0 * pi * 12.0 * 12.0);
+    for (side, truth) in [(0, 3.75), (1, 27.75)] {
+        let got = report["bounding_box_mm"][side][2].as_f64().unwrap();
+        assert!((got - truth).abs() <= 0.6, "{report}");
+    }
+}
+
+#[test]
 fn what_cannot_be_known_is_said_to_be_unknown() {
     let folder = tempfile::tempdir().unwrap();
     let bare = built(folder.path(), "bare", [40, 40, 40], &["--channels", "none"], ball(40, 15.0));

@@ -153,7 +153,7 @@ impl Kernel for FitKernel<'_> {
             let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
             let (offset, fitted) = plane(b.code[i], b.mask[i], depth, crossing, mean);
             b.offset[i] = offset;
-            b.fitted[i] = fitted & u32::from(b.gradient[0][i] == b.gradient[0][i]);
+            b.fitted[i] = fitted & u32::from(!b.gradient[0][i].is_nan());
         }
     }
 }

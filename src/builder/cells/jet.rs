@@ -4,8 +4,10 @@ use crate::format::cell::CORNERS;
 
 /// Samples of a cell's neighbourhood along an axis.
 pub(super) const TAPS: usize = 4;
-/// Weight of the two samples next to the cell.
-pub(super) const NEAR: i8 = 3;
+/// Taps of the smoothing filter: of the two samples next to the cell; the others count once.
+pub(super) const NEAR: i8 = 4;
+/// Taps of the derivative: of the two samples next to the cell, and of the others.
+pub(super) const DERIVE: [i8; 2] = [3, 5];
 
 /// Depths at the corners, then what is known of the field in the middle of a cell.
 pub(super) struct Seen {
@@ -20,10 +22,12 @@ pub(super) struct Jet {
     pub(super) second: [f32; 6],
 }
 
-/// Sums of taps: a gradient of 1 gives 3 x 8 x 8, a pure second derivative 2 x 8 x 8, a mixed one 3 x 3 x 8.
-const UNIT: f32 = 192.0;
-pub(super) const PURE: f32 = UNIT / 128.0;
-pub(super) const MIXED: f32 = UNIT / 72.0;
+/// Sums of taps: a gradient of 1 gives 18 x 10 x 10, a pure second derivative 2 x 10 x 10, a mixed one
+/// 18 x 18 x 10. The taps 1, -1, -1, 1 of the pure ones smooth less than those of the gradient: of what they find
+/// a part is right.
+const UNIT: f32 = 1800.0;
+pub(super) const PURE: f32 = UNIT / 200.0 * 0.85;
+pub(super) const MIXED: f32 = UNIT / 3240.0;
 
 impl Jet {
     /// What stands for cells at the border until their samples are looked at.
@@ -51,14 +55,8 @@ impl Along {
         match (self, near) {
             (Self::Smooth, true) => f32::from(NEAR),
             (Self::Smooth, false) | (Self::Bend, false) => 1.0,
-            (Self::Derive, true) => 0.0,
-            (Self::Derive, false) => {
-                if i == 0 {
-                    -1.0
-                } else {
-                    1.0
-                }
-            }
+            (Self::Derive, true) => f32::from(DERIVE[0]) * if i == 1 { -1.0 } else { 1.0 },
+            (Self::Derive, false) => f32::from(DERIVE[1]) * if i == 0 { -1.0 } else { 1.0 },
             (Self::Bend, true) => -1.0,
         }
     }

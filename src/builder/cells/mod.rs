@@ -103,6 +103,10 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
         self.volume.name()
     }
 
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        self.volume.check_unchanged()
+    }
+
     fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
         cell_form(channel)
     }
@@ -270,6 +274,6 @@ impl<F: RingForm> SolidWorker for CellWorker<'_, F> {
     }
 
     fn found(&self) -> Found {
-        Found { reading: self.slices.reading, ..Found::default() }
+        Found { reading: self.slices.reading, not_numbers: self.slices.not_numbers, ..Found::default() }
     }
 }

@@ -1,13 +1,21 @@
 //! Depths and smooth gradients of the cells of a row: 8 columns of 4 x 4 samples at once.
 //!
-//! The kernel is separable and centred on the cell: along the differentiated axis the taps -1, 0, 0, 1, along the
-//! other two 1, 3, 3, 1. With these the gradient of a blurred plane errs least over all directions among kernels
-//! of four samples: to second order derivative and smoothing fall off alike. The second derivatives, with the taps
-//! 1, -1, -1, 1, carry the gradient from the middle of the cell to where the surface passes through it: without
-//! them normals of thick slices err by 2.4 degrees instead of 1.
+//! The kernel is separable and centred on the cell: along the differentiated axis the taps -5, -3, 3, 5, along the
+//! other two 1, 4, 4, 1. Second derivatives (`jet`) carry the gradient to where the surface passes through the cell.
+//!
+//! Mean error of the normal at the crossings in degrees, before it is stored, of a ball and a torus of 192 voxels
+//! and of both with slices 6 times as thick:
+//!
+//! | taps of smoothing, of the derivative | without second derivatives | with them |
+//! |---|---|---|
+//! | 1, 3, 3, 1; -1, 0, 0, 1 | .29 .36 2.2 3.0 | .40 .40 2.1 2.5 |
+//! | 1, 5, 5, 1; -1, -1, 1, 1 | .14 .24 1.2 1.7 | .17 .17 .89 1.4, a fifth more noise |
+//! | 1, 4, 4, 1; -5, -3, 3, 5 (144 voxels) | .17 .32 1.1 1.9 | .25 .26 .55 1.2 |
+//! | the same, of the pure second derivatives 0.85 | | .12 .15 .59 1.4 |
+//! | 5^3 samples at each corner, interpolated | | .01 .02 .76 1.5, four times the work |
 
 use super::fit::Batch;
-use super::jet::{Jet, MIXED, NEAR, PURE, Seen, TAPS};
+use super::jet::{DERIVE, Jet, MIXED, NEAR, PURE, Seen, TAPS};
 use crate::builder::lanes::{LANES, Lanes, RingSample, fast_proof};
 use crate::builder::simd::{Isa, Kernel, dispatch, rows_of};
 use crate::format::cell::CORNERS;
@@ -98,7 +106,7 @@ fn smooth<L: Lanes>(v: [L; TAPS]) -> L {
 
 #[inline(always)]
 fn derive<L: Lanes>(v: [L; TAPS]) -> L {
-    v[3].minus(v[0])
+    v[2].minus(v[1]).times(DERIVE[0]).plus(v[3].minus(v[0]).times(DERIVE[1]))
 }
 
 #[inline(always)]

@@ -207,7 +207,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let mut left_out_files = Vec::new();
     catalogue.for_each_left_out::<Error>(&mut |why, path| {
         if left_out_files.len() < MOST_NAMED {
-            left_out_files.push((path.display().to_string(), why.to_string()));
+            left_out_files.push((data(path), why.to_string()));
         }
         Ok(())
     })?;

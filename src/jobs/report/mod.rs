@@ -33,6 +33,7 @@ pub use rows::{Costs, Errors, Experiment, Metric, Row};
 use crate::atomic::AtomicFile;
 use crate::builder::Progress;
 use crate::error::Error;
+use crate::jobs::wording::foreign::shown;
 use crate::load::Model;
 use crate::synthetic;
 
@@ -111,7 +112,7 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
     }
     if let Some(path) = &request.model {
         let model = Model::open(path)?;
-        let name = path.file_name().map_or_else(|| "model".into(), |n| n.to_string_lossy().into_owned());
+        let name = path.file_name().map_or_else(|| "model".into(), |n| shown(n).to_string());
         for found in bench.of_model(&model, &name)? {
             rows::join(&mut experiments, found);
         }
@@ -193,7 +194,7 @@ impl Report {
             self.wall_s
         );
         for file in &self.files {
-            text.push_str(&format!("  {}\n", file.display()));
+            text.push_str(&format!("  {}\n", shown(file)));
         }
         text
     }

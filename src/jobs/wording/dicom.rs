@@ -566,7 +566,7 @@ impl Display for DicomNote {
             Self::Duplicates { images, files } => {
                 write!(f, "{images} image(s) that are in the series twice were left out: ")?;
                 for (i, file) in files.iter().enumerate() {
-                    write!(f, "{}{}", if i > 0 { ", " } else { "" }, file.display())?;
+                    write!(f, "{}{}", if i > 0 { ", " } else { "" }, shown(file))?;
                 }
                 match images.saturating_sub(files.len() as u64) {
                     0 => Ok(()),

@@ -152,8 +152,8 @@ impl TileHits {
     fn set_mirrored(&mut self, ray: usize, number: u64, low: [u32; 3], axis: Option<usize>, t: f64) {
         let ray = ray % RAYS;
         (self.number[ray], self.t[ray]) = (number, t);
-        for a in 0..3 {
-            self.low[a][ray] = f64::from(low[a]);
+        for (all, low) in self.low.iter_mut().zip(low) {
+            all[ray] = f64::from(low);
         }
         self.hits |= 1 << ray;
         if let Some(axis) = axis {

@@ -13,17 +13,9 @@ use infobyte::source::dicom::{
 use infobyte::volume::{Endian, ScalarType, SourceError};
 use sha2::{Digest, Sha256};
 
-#[path = "support/data.rs"]
-mod data;
-#[path = "support/dicom.rs"]
-mod dicom;
-#[path = "support/frames.rs"]
-mod frames;
-#[path = "support/random.rs"]
-mod random;
-use data::real_data;
-use frames::{Collected, words};
-use random::Random;
+use crate::data::real_data;
+use crate::frames::{Collected, words};
+use crate::random::Random;
 
 /// Hash and extent of all samples of a file.
 struct Summary {

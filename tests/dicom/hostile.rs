@@ -6,15 +6,9 @@ use infobyte::catalogue::open_unprepared as open;
 use infobyte::source::OpenOptions;
 use infobyte::source::dicom::{Access, DicomHeader, Image as Judged, ScanError, scan};
 
-#[path = "support/counting.rs"]
-mod counting;
-#[path = "support/dicom.rs"]
-mod dicom;
-#[path = "support/random.rs"]
-mod random;
-use counting::{Taken, measured};
-use dicom::{Image, Syntax, Writer};
-use random::Random;
+use crate::counting::{Taken, measured};
+use crate::dicom::{Image, Syntax, Writer};
+use crate::random::Random;
 
 /// Scans, and holds every scan to a total of 64 KiB of allocations.
 fn bounded(bytes: &[u8]) -> Result<DicomHeader, ScanError> {

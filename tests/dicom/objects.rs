@@ -9,9 +9,7 @@ use infobyte::jobs::wording::sentences;
 use infobyte::source::{Finding, OpenOptions};
 use infobyte::volume::VolumeSource;
 
-#[path = "support/dicom.rs"]
-mod dicom;
-use dicom::{Elements, Syntax, Writer, firsts};
+use crate::dicom::{Elements, Syntax, Writer, firsts};
 
 const IMAGE_TYPE: u32 = 0x0008_0008;
 const CLASS: u32 = 0x0008_0016;

@@ -10,12 +10,8 @@ use infobyte::jobs::wording::sentences;
 use infobyte::source::{OpenOptions, RawOptions, RawVolume};
 use infobyte::volume::{Endian, ScalarType, VolumeSource};
 
-#[path = "support/dicom.rs"]
-mod dicom;
-#[path = "support/random.rs"]
-mod random;
-use dicom::{Image, Syntax};
-use random::Random;
+use crate::dicom::{Image, Syntax};
+use crate::random::Random;
 
 fn read(source: &dyn VolumeSource, z: u32, rows: (u32, u32), cols: (u32, u32)) -> Vec<u8> {
     let samples = (rows.1 - rows.0) as usize * (cols.1 - cols.0) as usize;

@@ -15,12 +15,8 @@ use infobyte::volume::{SourceError, VolumeSource, Workspace};
 
 use tempfile::TempDir;
 
-#[path = "support/dicom.rs"]
-mod dicom;
-#[path = "support/frames.rs"]
-mod frames;
-use dicom::{Elements, csa, mosaic};
-use frames::{RLE, deflated, rle16};
+use crate::dicom::{Elements, csa, mosaic};
+use crate::frames::{RLE, deflated, rle16};
 
 const TILE: [u16; 2] = [4, 3];
 const FLAT: &str = "1\\0\\0\\0\\1\\0";

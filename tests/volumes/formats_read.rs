@@ -1,6 +1,7 @@
 //! A volume is the same in whatever format it comes: every sample, the place of its corners, and so the model
 //! made of it. If this fails, what a lab sees depends on the program that wrote its files.
 
+use crate::volume;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -13,21 +14,10 @@ use infobyte::progress::Silent;
 use infobyte::source::{Finding, OpenOptions};
 use infobyte::volume::{ScalarType, SourceError, VolumeSource, Workspace};
 
-#[path = "support/command.rs"]
-mod command;
-#[path = "support/data.rs"]
-mod data;
-#[path = "support/formats.rs"]
-mod formats;
-#[path = "support/random.rs"]
-mod random;
-#[path = "support/volume.rs"]
-mod volume;
-
-use command::{oct, smallest_budget, text};
-use data::real_data;
-use formats::{Object, Tiff, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
-use random::Random;
+use crate::command::{oct, smallest_budget, text};
+use crate::data::real_data;
+use crate::formats::{Object, Tiff, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
+use crate::random::Random;
 
 /// Opens and unrolls within 3 MiB.
 fn ready(inputs: &[PathBuf], scratch: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {

@@ -8,18 +8,9 @@ use std::path::Path;
 use infobyte::volume::ScalarType;
 use serde_json::{Value, json};
 
-#[path = "support/command.rs"]
-mod command;
-#[path = "support/dicom.rs"]
-mod dicom;
-#[path = "support/formats.rs"]
-mod formats;
-#[path = "support/volume.rs"]
-mod volume;
-
-use command::{oct, text};
-use dicom::Image;
-use formats::{Object, Tiff, file, npy, nrrd, pngs};
+use crate::command::{oct, text};
+use crate::dicom::Image;
+use crate::formats::{Object, Tiff, file, npy, nrrd, pngs};
 
 const STEP: [f64; 3] = [0.5, 0.25, 2.0];
 

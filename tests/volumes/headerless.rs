@@ -9,12 +9,8 @@ use infobyte::geom::{Dims, Orientation};
 use infobyte::source::{OpenOptions, RawOptions, RawVolume};
 use infobyte::volume::{Endian, ScalarType, SourceError, VolumeSource};
 
-#[path = "support/data.rs"]
-mod data;
-#[path = "support/random.rs"]
-mod random;
-use data::real_data;
-use random::Random;
+use crate::data::real_data;
+use crate::random::Random;
 
 fn options(dims: Dims, scalar: ScalarType, endian: Endian) -> RawOptions {
     RawOptions { dims, scalar, endian, spacing_mm: [0.5, 0.5, 2.0], skip: 0, orientation: Orientation::LPS }

@@ -15,9 +15,7 @@ use infobyte::source::dicom::{Access, Image, ScanError, scan};
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
 use infobyte::volume::{ScalarType, VolumeSource, Workspace};
 
-#[path = "support/data.rs"]
-mod data;
-use data::real_data;
+use crate::data::real_data;
 
 fn findings(path: PathBuf, gaps: GapPolicy) -> Vec<Finding> {
     let options = OpenOptions { gaps, ..OpenOptions::default() };

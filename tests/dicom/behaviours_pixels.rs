@@ -2,18 +2,15 @@
 //! width, padding, MONOCHROME1, colour, enhanced and legacy multi-frame. If one fails, voxels get wrong
 //! values, or frames wrong places.
 
+use crate::frames;
 use std::path::Path;
 
 use infobyte::budget::Budget;
 use infobyte::source::dicom::{Access, Image, Obstacle, Origin, StatedPadding, unroll};
 use infobyte::volume::{ScalarType, SourceError};
 
-#[path = "support/dicom.rs"]
-mod dicom;
-#[path = "support/frames.rs"]
-mod frames;
-use dicom::{Syntax, Writer};
-use frames::{
+use crate::dicom::{Syntax, Writer};
+use crate::frames::{
     Collected, JPEG, MEMORY, RLE, Spec, deflated, encapsulated, frames_of, geometry_of, header_of, image,
     native, rle, rle16, sequence, words,
 };

@@ -2,6 +2,7 @@
 //! volume, in which order, with which spacing, and what happens where slices are missing, doubled or
 //! damaged. If one fails, a volume gets the wrong geometry or is lost without a word.
 
+use crate::dicom;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -10,9 +11,7 @@ use infobyte::jobs::wording::sentences;
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
 use infobyte::volume::{ScalarType, SourceError, VolumeSource};
 
-#[path = "support/dicom.rs"]
-mod dicom;
-use dicom::{Elements, firsts};
+use crate::dicom::{Elements, firsts};
 
 const IMAGE_TYPE: u32 = 0x0008_0008;
 const ACQUISITION: u32 = 0x0020_0012;

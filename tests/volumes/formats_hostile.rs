@@ -12,15 +12,8 @@ use infobyte::progress::Silent;
 use infobyte::source::OpenOptions;
 use infobyte::volume::{ScalarType, Workspace};
 
-#[path = "support/formats.rs"]
-mod formats;
-#[path = "support/random.rs"]
-mod random;
-#[path = "support/volume.rs"]
-mod volume;
-
-use formats::{Object, Tiff, bzip2, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
-use random::Random;
+use crate::formats::{Object, Tiff, bzip2, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
+use crate::random::Random;
 
 /// What unrolling may hold.
 const ALLOWED: u64 = 3 << 20;

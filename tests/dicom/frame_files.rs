@@ -11,21 +11,13 @@ use infobyte::facts::Instead;
 use infobyte::source::dicom::{Access, FrameSink, Image, scan, unroll, visit};
 use infobyte::volume::SourceError;
 
-#[path = "support/counting.rs"]
-mod counting;
-#[path = "support/dicom.rs"]
-mod dicom;
-#[path = "support/frames.rs"]
-mod frames;
-#[path = "support/random.rs"]
-mod random;
-use counting::measured;
-use dicom::{Syntax, Writer};
-use frames::{
+use crate::counting::measured;
+use crate::dicom::{Syntax, Writer};
+use crate::frames::{
     Collected, ENCAPSULATED, JPEG, MEMORY, RLE, Spec, deflated, deflated_parts, encapsulated, frames_of,
     header_of, image, native, pixel_items, rle, rle16, sequence,
 };
-use random::Random;
+use crate::random::Random;
 
 /// Runs something and returns the most bytes that it held at a time.
 fn peak_of<T>(run: impl FnOnce() -> T) -> (T, usize) {

@@ -9,9 +9,7 @@ use infobyte::jobs::wording::sentences;
 use infobyte::source::{GapPolicy, OpenOptions};
 use infobyte::volume::{SourceError, VolumeSource};
 
-#[path = "support/dicom.rs"]
-mod dicom;
-use dicom::Elements;
+use crate::dicom::Elements;
 
 /// Opens images written as 1.dcm, 2.dcm, ...; the folder lives as long as the volume.
 fn opened(
