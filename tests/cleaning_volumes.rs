@@ -193,7 +193,6 @@ fn build_options(threshold: Threshold, threads: usize) -> BuildOptions {
         threshold,
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),
-        surface: Default::default(),
         gradient: Default::default(),
         lod: true,
         memory: MemoryCap::Share(8 << 20),
