@@ -82,7 +82,7 @@ fn a_volume_that_changes_during_the_build_makes_no_model() {
         let error = infobyte::build(&*volume, &options, &output).err().unwrap_or_else(|| panic!("{how}"));
         let told = error.to_string();
         assert!(told.contains(name) && told.contains("was changed or replaced"), "{how}: {told}");
-        assert_eq!(infobyte::Error::from(error).kind(), ExitKind::Input, "{how}");
+        assert_eq!(error.kind(), ExitKind::Input, "{how}");
         assert!(!output.exists(), "{how}");
     }
 }
