@@ -59,7 +59,7 @@ fn flags_that_do_not_fit_are_refused_by_name() {
     build(&["--voxel", "1", "--dims", "9x9x9"]).refused(2, &["--dims of a mesh needs --voxel and --origin"]);
     build(&["--grid", "64", "--voxel", "1"]).refused(2, &["--grid"]);
     build(&["--grid", "0"]).refused(2, &["1 to 16384"]);
-    build(&["--voxel", "-1"]).refused(2, &["above 0"]);
+    build(&["--voxel", "0"]).refused(2, &["above 0"]);
     build(&["--voxel", "1e-9"]).refused(3, &["16384"]);
     build(&["--grid", "64", "--unit", "furlong"]).refused(2, &["mm"]);
     build(&["--grid", "64", "--memory", "2MiB"]).refused(4, &["--memory"]);

@@ -453,9 +453,16 @@ mod tests {
                     high + 2 >= from && low - 2 <= from + 31
                 })
             };
-            let wanted: Vec<&Triangle> =
-                all.iter().filter(touches).filter(|t| span(t, 0).0 >> 12 < 202).collect();
-            assert!(got.len() > 100 && got.len() <= wanted.len());
+            let mut wanted: Vec<&Triangle> =
+                all.iter().filter(touches).filter(|t| span(t, 0).0 <= 202 * 4096 + 2048).collect();
+            wanted.sort_unstable();
+            let surplus = got.iter().filter(|t| wanted.binary_search(t).is_err()).collect::<Vec<_>>();
+            assert!(
+                got.len() > 100 && surplus.is_empty(),
+                "{row} {slice}: {} of {}, {surplus:?}",
+                got.len(),
+                wanted.len()
+            );
             let missing = wanted.iter().filter(|t| got.binary_search(t).is_err());
             // Only large ones may have been found not to meet the bin.
             for t in missing {

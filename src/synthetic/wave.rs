@@ -13,9 +13,7 @@ pub(super) enum Wave {
 }
 
 /// Rounds of the search for the nearest point; it converges by a factor of distance over radius each.
-const ROUNDS: u32 = 80;
-/// The first of them go all the way.
-const WHOLE_ROUNDS: u32 = 8;
+const ROUNDS: u32 = 300;
 
 impl Wave {
     /// The signal that is sampled as it is, within 0..1.
@@ -81,9 +79,8 @@ impl Wave {
     pub(super) fn surface(&self, p: Vector) -> TrueSurface {
         let mut foot = p;
         let mut normal = [1.0, 0.0, 0.0];
-        for round in 0..ROUNDS {
-            // Where the surface bends sharply, whole steps may go to and fro: halves meet in the middle.
-            let pull = if round < WHOLE_ROUNDS { 1.0 } else { 0.5 };
+        let (mut pull, mut last) = (1.0, [0.0; 3]);
+        for _ in 0..ROUNDS {
             let (value, slope) = self.value_and_slope(foot);
             let square = dot(slope, slope);
             if square == 0.0 {
@@ -99,6 +96,11 @@ impl Wave {
             if dot(moved, moved) < 1e-24 {
                 break;
             }
+            // Where the surface bends sharply, whole steps go to and fro: smaller ones meet in the middle.
+            if dot(moved, last) < 0.0 {
+                pull *= 0.75;
+            }
+            last = moved;
         }
         let way = minus(p, foot);
         let distance = dot(way, way).sqrt();

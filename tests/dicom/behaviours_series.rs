@@ -105,10 +105,7 @@ fn behaviour_01_dicom_is_found_by_content_and_others_are_summed_up() {
             ("not a volume".to_owned(), 3),
             ("DICOMDIR without pixels".to_owned(), 1),
             ("empty file".to_owned(), 1),
-            (
-                "folder that a link leads to, which is searched with --follow-links only".to_owned(),
-                1
-            ),
+            ("folder that a link leads to, which is searched with --follow-links only".to_owned(), 1),
         ]
     );
     assert!(found.left_out()[1].first.ends_with("sub/note0.txt"));

@@ -69,7 +69,20 @@ impl fmt::Display for MeshFacts {
             Fill::Parity => "inside is where a ray meets the mesh an odd number of times",
         };
         write!(f, "; {rule}{}", if *asked_for { ", as asked for" } else { "" })?;
+<<<<<<< HEAD
         let [x, y, z] = origin_mm.map(Short);
         write!(f, "; voxels of {} mm from {x}, {y}, {z}", Short(*voxel_mm))
+=======
+        let [x, y, z] = origin_mm.map(|at| length(at, *voxel_mm));
+        write!(f, "; voxels of {} mm from {x}, {y}, {z}", length(*voxel_mm, *voxel_mm / 1000.0))
+>>>>>>> mesh
     }
+}
+
+/// A length to a thousandth of another one.
+fn length(length: f64, of: f64) -> String {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few places")]
+    let places = (3.0 - of.log10().floor()).clamp(0.0, 30.0) as usize;
+    let text = format!("{length:.places$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
