@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-use super::number::Short;
 use crate::facts::{Boundary, Fill, MeshFacts, MeshFault};
 
 impl fmt::Display for MeshFault {
@@ -69,13 +68,8 @@ impl fmt::Display for MeshFacts {
             Fill::Parity => "inside is where a ray meets the mesh an odd number of times",
         };
         write!(f, "; {rule}{}", if *asked_for { ", as asked for" } else { "" })?;
-<<<<<<< HEAD
-        let [x, y, z] = origin_mm.map(Short);
-        write!(f, "; voxels of {} mm from {x}, {y}, {z}", Short(*voxel_mm))
-=======
         let [x, y, z] = origin_mm.map(|at| length(at, *voxel_mm));
         write!(f, "; voxels of {} mm from {x}, {y}, {z}", length(*voxel_mm, *voxel_mm / 1000.0))
->>>>>>> mesh
     }
 }
 
