@@ -430,7 +430,7 @@ mod tests {
         let up = [0.0, 0.0, 1.0];
         let side = [1.0, 0.0, 0.0];
         let of = |others: [[f64; 3]; 8]| {
-            company(up, |at| Some(others[(at + if at < 0 { 4 } else { 3 }).unsigned_abs() as usize]))
+            company(up, |at| usize::try_from(at + if at < 0 { 4 } else { 3 }).ok().map(|i| others[i]))
         };
         assert_eq!(of([up; 8]), Company::Calm);
         // The far side of a thin sheet is no other direction.

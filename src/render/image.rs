@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn failures_name_the_file_and_leave_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let error = small().write_png(&folder.path().join("missing/a.png")).unwrap_err().to_string();
+        let error = small().write_png(folder.path().join("missing/a.png")).unwrap_err().to_string();
         assert!(error.contains("missing/a.png") && error.contains("does not exist"), "{error}");
         // The target is a folder.
         let taken = folder.path().join("taken");

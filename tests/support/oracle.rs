@@ -209,9 +209,9 @@ impl ExactRay {
         let one = Dyadic::of(1);
         let mut enter = Time { over: self.t_min.clone(), under: one };
         let (mut leave, mut axis) = (None::<Time>, None);
-        for a in 0..3 {
-            let from = &Dyadic::of(low[a]) - margin;
-            let to = &Dyadic::of(low[a] + edge) + margin;
+        for (a, low) in low.into_iter().enumerate() {
+            let from = &Dyadic::of(low) - margin;
+            let to = &Dyadic::of(low + edge) + margin;
             let d = &self.direction[a];
             let (near, far) = match d.sign() {
                 Ordering::Equal => {
@@ -298,7 +298,7 @@ impl ExactRay {
         view: &V,
         items: &CellItems<'_>,
     ) -> Option<Option<ExactHit>> {
-        let mut pierced: Vec<(Time, Option<usize>, Time, [u32; 3], u64)> = cells
+        let mut pierced: Vec<_> = cells
             .iter()
             .filter_map(|(cell, number)| {
                 let (axis, enter, leave) = self.passage(cell.map(i64::from), 1, &Dyadic::zero())?;

@@ -82,7 +82,7 @@ mod tests {
             assert_eq!(Short(value).to_string(), text);
         }
         let both = |value, error| WithError { value, error }.to_string();
-        assert_eq!(both(2827.433_388, 61.83), "2827 ± 62");
+        assert_eq!(both(2_827.433_388, 61.83), "2827 ± 62");
         assert_eq!(both(14_137.166, 1234.5), "14100 ± 1200");
         assert_eq!(both(0.012_346, 0.000_67), "0.01235 ± 0.00067");
         assert_eq!(both(5.0, 0.0), "5");
