@@ -55,7 +55,6 @@ pub(super) fn cross_slice(t: &Triangle, z: i32, from: i32, to: i32, cross: &mut 
             } else {
                 exact_column([e0, e1, e2], [x0, x1, x2], area)
             };
-            #[expect(clippy::cast_possible_truncation, reason = "1 or -1")]
             cross(row, column, sign as i32);
         }
         e0 += s0;

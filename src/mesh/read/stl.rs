@@ -38,7 +38,7 @@ pub(super) fn is_text(head: &[u8]) -> bool {
 pub(super) fn for_each_binary(file: &File, triangles: u64, each: &mut Each<'_>) -> Result<(), Stop> {
     let mut stream = Stream::new(file, HEADER);
     for at in 0..triangles {
-        let record: [u8; RECORD as usize] = stream.take()?;
+        let record: [u8; 50] = stream.take()?;
         let single =
             |k: usize| f64::from(f32::from_le_bytes(std::array::from_fn(|i| record[12 + 4 * k + i])));
         let t: [[f64; 3]; 3] = std::array::from_fn(|v| std::array::from_fn(|c| single(3 * v + c)));
