@@ -276,7 +276,7 @@ fn moebius_and_klein() {
             let up = (u / 2.0).sin() * v.sin() + (u / 2.0).cos() * (2.0 * v).sin();
             let r = 20.0 + 9.0 * across;
             let p = [35.1 + r * u.cos(), 35.2 + r * u.sin(), 35.3 + 9.0 * up];
-            body.vertices.push(p.map(|c| (c * STEPS as f64).round() as i64));
+            body.vertices.extend(Body::new(&[p], &[]).vertices);
         }
     }
     let at = |i: i32, j: i32| {

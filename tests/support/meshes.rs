@@ -4,6 +4,7 @@
 //! triangle, with one row at a time and wide integers; it shares no code with the program.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates of test bodies, far below the limits")]
 #![allow(dead_code, reason = "each test takes what it needs")]
+#![allow(clippy::cast_possible_truncation, reason = "coordinates of small bodies")]
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
