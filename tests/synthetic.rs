@@ -124,6 +124,6 @@ fn hits_lie_within_half_a_voxel_of_the_true_surface() {
                 (squares + truth.distance * truth.distance, worst.max(truth.distance.abs()), count + 1.0);
         }
     }
-    let rms = (squares / count as f64).sqrt();
+    let rms = (squares / count).sqrt();
     assert!(count > 1000.0 && (0.2..0.35).contains(&rms) && worst < 1.0, "{count} {rms} {worst}");
 }
