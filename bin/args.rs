@@ -246,7 +246,6 @@ mod tests {
             vec!["--range", "5..1"],
             vec!["--range", "5"],
             vec!["--threads", "0"],
-            vec!["--channels", "offset"],
             vec!["--channels", "smell"],
             vec!["--connectivity", "18"],
             vec!["--dims", "4x4"],

@@ -1,7 +1,6 @@
 //! Meshes become models voxel by voxel as defined: a voxel is inside if its centre, moved by (-e, e^2, e^3), is.
 //! Every hard case here is compared with a slow count in wide integers that shares no code with the program. If
 //! this fails, parts have stray voxels, bands or holes, as those of most voxelisers do.
-#![expect(clippy::cast_possible_truncation, reason = "coordinates of test bodies, far below the limits")]
 
 #[path = "support/meshes.rs"]
 mod meshes;

@@ -300,7 +300,7 @@ fn planes_in_cells_are_met_where_the_oracle_meets_them() {
         }
         let cells: Vec<([u32; 3], u64)> =
             boxes.into_iter().map(|(number, at)| (at, number.get() - view.node_count())).collect();
-        for i in 0..rays(250) {
+        for i in 0..rays(600) {
             let (origin, direction) = exact_ray(&mut random, depth);
             let Ok(Some(ray)) = Ray::new(depth, origin, direction, 0.0) else { continue };
             let exact = ExactRay::new(origin, direction, 0.0);
@@ -334,5 +334,5 @@ fn planes_in_cells_are_met_where_the_oracle_meets_them() {
     println!(
         "{compared} rays and planes in cells: {crossings} cross within, {entries} enter behind, {unsaid} come to corners first; at most {worst:.1e} cell off along the ray"
     );
-    assert!(crossings > 100 && entries + crossings > compared / 5 && worst < 1e-9, "{worst}");
+    assert!(crossings > 100 && entries > 30 && worst < 1e-9, "{crossings} {entries} {worst}");
 }
