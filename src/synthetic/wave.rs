@@ -3,7 +3,7 @@
 use super::body::TrueSurface;
 use super::math::{Vector, along, dot, minus, sin_cos};
 
-/// A wave through the whole volume; inside is where [`Wave::value`] is at most 0.
+/// A wave through the whole volume; inside is where its value is at most 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Wave {
     /// `sin x cos y + sin y cos z + sin z cos x`, with the angle in radians for each unit.
