@@ -179,6 +179,8 @@ pub fn convert_reshaped(
         }
         None => builder::build_volume(&*source, &options, output, progress)?,
     };
+    // What is told of the model runs beside the last stage's code otherwise.
+    give_back();
     let wall_s = started.elapsed().as_secs_f64();
     let mut warnings = told(&*source, &report);
     warnings.extend(doubt.map(|doubt| doubt.to_string()));
