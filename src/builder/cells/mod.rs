@@ -193,12 +193,13 @@ impl<F: RingForm> CellWorker<'_, F> {
             }
             let (place, mask, is_label) = (self.batch.cell(at), self.batch.mask(at), self.is_label);
             let cell = match self.batch.inner(at) {
-                Some((depth, gradient)) => Cell { mask, depth, gradient, is_label },
+                Some((depth, gradient, near)) => Cell { mask, depth, gradient, near, is_label },
                 None => {
                     let field = self.field(place, mask);
                     let depth = field.corners();
-                    let gradient = field.jet().at(pick::mean_crossing(mask, &depth));
-                    Cell { mask, depth, gradient, is_label }
+                    let jet = field.jet();
+                    let gradient = jet.at(pick::mean_crossing(mask, &depth));
+                    Cell { mask, depth, gradient, near: jet.near_crossings(gradient), is_label }
                 }
             };
             let (code, offset) = match pick::pick(&cell, || self.field(place, mask)) {
