@@ -2,6 +2,8 @@
 
 use super::corner::{EDGES, TOLERANCE, signed_depth};
 use super::jet::{Jet, Seen};
+use super::pick::{self, SEPARABLE};
+use super::sharp::{Sharp, Waiting};
 use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
@@ -29,7 +31,10 @@ pub(super) struct Batch {
     near: [f32; BATCH],
     code: [u16; BATCH],
     offset: [f32; BATCH],
+    badness: [f32; BATCH],
+    covers: [u32; BATCH],
     fitted: [u32; BATCH],
+    sharp: Sharp,
 }
 
 impl Batch {
@@ -46,7 +51,10 @@ impl Batch {
             near: [0.0; BATCH],
             code: [0; BATCH],
             offset: [0.0; BATCH],
+            badness: [0.0; BATCH],
+            covers: [0; BATCH],
             fitted: [0; BATCH],
+            sharp: Sharp::new(),
         })
     }
 
@@ -118,9 +126,41 @@ impl Batch {
         (self.code[at], self.offset[at] as i8)
     }
 
-    /// Fits all cells of the batch; those for which the smooth gradient will not do stay unfitted.
-    pub(super) fn fit(&mut self) {
+    /// Fits all cells of the batch. Unfitted stay those at the border, those that no plane describes, and, if a
+    /// single value is inside, all for which the smooth gradient will not do.
+    pub(super) fn fit(&mut self, is_label: bool) {
         dispatch(FitKernel(self));
+        if is_label {
+            return;
+        }
+        self.sharp.clear();
+        for i in 0..self.len.min(BATCH) {
+            let is_inner = !self.gradient[0][i].is_nan();
+            let two_values = self.covers[i] != 0 && self.has_two_values(i);
+            if self.fitted[i] != 0 || !is_inner || two_values || !SEPARABLE[usize::from(self.mask(i))] {
+                continue;
+            }
+            self.sharp.push(&Waiting {
+                slot: i,
+                mask: self.mask[i],
+                depth: std::array::from_fn(|c| self.depth[c][i]),
+                crossing: std::array::from_fn(|e| self.crossing[e][i]),
+                mean: std::array::from_fn(|a| self.mean[a][i]),
+                near: self.near[i],
+                code: self.code[i],
+                fitted: Fitted { offset: self.offset[i], badness: self.badness[i], covers: self.covers[i] },
+            });
+        }
+        self.sharp.fit();
+        for (slot, code, plane) in self.sharp.found() {
+            (self.code[slot], self.offset[slot]) = (code, plane.offset);
+            self.fitted[slot] = u32::from(plane.covers == 0);
+        }
+    }
+
+    /// Has the cell one depth inside, and one outside?
+    fn has_two_values(&self, at: usize) -> bool {
+        pick::has_two_values(self.mask(at), &std::array::from_fn(|c| self.depth[c][at]))
     }
 }
 
@@ -153,9 +193,10 @@ impl Kernel for FitKernel<'_> {
             let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
             let crossing: [f32; 12] = std::array::from_fn(|e| b.crossing[e][i]);
             let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
-            let (offset, fitted) = plane(b.code[i], b.mask[i], depth, crossing, mean, b.near[i]);
-            b.offset[i] = offset;
-            b.fitted[i] = fitted & u32::from(!b.gradient[0][i].is_nan());
+            let fitted = fit_plane(b.code[i], b.mask[i], depth, crossing, mean);
+            let agrees = (fitted.badness <= b.near[i] * b.near[i]) & (fitted.covers == 0);
+            (b.offset[i], b.badness[i], b.covers[i]) = (fitted.offset, fitted.badness, fitted.covers);
+            b.fitted[i] = u32::from(agrees & !b.gradient[0][i].is_nan());
         }
     }
 }
@@ -206,18 +247,27 @@ fn cross_edge(
     }
 }
 
-/// Offset of the plane with this normal through the mean of the crossings, behind which every inside corner
-/// lies; and whether plane and cell agree.
+/// A plane that was fitted to a cell.
+#[derive(Clone, Copy)]
+pub(super) struct Fitted {
+    pub(super) offset: f32,
+    /// Greatest distance of a crossing, or of a corner on the wrong side; its square.
+    pub(super) badness: f32,
+    /// Would it cover an outside corner too far, or are there two values only, which do not say where between
+    /// them the surface lies?
+    pub(super) covers: u32,
+}
+
+/// The plane with this normal through the mean of the crossings, moved so that every inside corner lies behind it.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, reason = "small integers")]
-fn plane(
+pub(super) fn fit_plane(
     code: u16,
     mask: u32,
     depth: [f32; CORNERS],
     crossing: [f32; 12],
     mean: [f32; 3],
-    near: f32,
-) -> (f32, u32) {
+) -> Fitted {
     let n = normal::decode_l1(code).map(|c| c as f32);
     let inside: [bool; CORNERS] = std::array::from_fn(|c| mask >> c & 1 == 1);
 
@@ -228,8 +278,6 @@ fn plane(
     });
     let mean = 2.0 * (n[0] * mean[0] + n[1] * mean[1] + n[2] * mean[2]);
     let square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
-    let limit = 4.0 * near * near * square;
-    let covers = 4.0 * TOLERANCE * TOLERANCE * square;
     let mut worst = 0.0_f32;
     for (t, (p, q)) in crossing.into_iter().zip(EDGES) {
         let off = corner[p] + t * (corner[q] - corner[p]) - mean;
@@ -249,14 +297,12 @@ fn plane(
     }
     let positive = |v: f32| if v > 0.0 { v } else { 0.0 };
     let (in_front, behind) = (positive(highest_in - mean), positive(mean - lowest_out));
+    worst = if in_front * in_front > worst { in_front * in_front } else { worst };
+    worst = if behind * behind > worst { behind * behind } else { worst };
     let rounded = (mean + 0.5).floor();
     let offset = if rounded > highest_in { rounded } else { highest_in };
     let covered = positive(offset - lowest_out);
-    let agrees = (worst <= limit)
-        & (in_front * in_front <= limit)
-        & (behind * behind <= limit)
-        & (covered * covered <= covers)
-        // Two values alone say where they are, not where the surface lies between them.
-        & !((in_low == in_high) & (out_low == out_high));
-    (offset, u32::from(agrees))
+    let covers = (covered * covered > 4.0 * TOLERANCE * TOLERANCE * square)
+        | ((in_low == in_high) & (out_low == out_high));
+    Fitted { offset, badness: worst / (4.0 * square), covers: u32::from(covers) }
 }

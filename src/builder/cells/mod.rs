@@ -7,8 +7,8 @@
 //!
 //! Most cells are fitted in batches without a branch ([`fit`]): the normal is that of the smooth gradient, the
 //! plane goes through the mean of the crossings, and is moved outwards where a corner inside would lie in front
-//! of it. Cells that such a plane does not describe are fitted one by one ([`mod@pick`]): sharp edges, noise, thin
-//! walls, label maps, and whatever touches the border of the volume.
+//! of it. Of cells that such a plane does not describe, as at sharp edges and in noise, two more normals are tried
+//! ([`sharp`]). One by one ([`mod@pick`]) go thin walls, label maps, and whatever touches the border of the volume.
 //!
 //! Every operation is an IEEE operation in a fixed order, and the last decisions are of integers: models are the
 //! same on every machine.
@@ -20,6 +20,7 @@ mod fit;
 mod jet;
 mod label;
 mod pick;
+mod sharp;
 mod window;
 
 use super::error::BuildError;
@@ -183,7 +184,7 @@ impl<F: RingForm> CellWorker<'_, F> {
 
     /// Fits the cells of the batch and appends their items.
     fn flush(&mut self) {
-        self.batch.fit();
+        self.batch.fit(self.is_label);
         for at in 0..self.batch.len() {
             if self.batch.is_fitted(at) {
                 let (code, offset) = self.batch.plane(at);

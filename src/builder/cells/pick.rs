@@ -87,7 +87,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
 }
 
 /// Patterns of corners that some plane separates: 104 of 256, the empty and the full one among them.
-const SEPARABLE: [bool; 256] = {
+pub(super) const SEPARABLE: [bool; 256] = {
     // Whole weights of -2 to 2 do for every such pattern of three variables.
     let mut table = [false; 256];
     let mut weights = 0;
@@ -117,7 +117,8 @@ const SEPARABLE: [bool; 256] = {
 /// The code of +z.
 const ANY: u16 = 0;
 
-fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
+/// Is there one depth inside, and one outside?
+pub(super) fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
     let same = |side: bool| {
         let mut of = (0..CORNERS).filter(|c| (mask >> c & 1 == 1) == side).map(|c| depth[c]);
         let first = of.next();
