@@ -90,6 +90,8 @@ fn any_budget_and_thread_count_give_the_same_file_at_256_cubed() {
     assert!(number(&reports[0], "skin_voxels") > 10_000);
     let values = ["--iso", "400", "--channels", "normal,value", "--connectivity", "6"];
     same_at(&raw, [256; 3], &values, &["8MiB", "1GiB"], &["5"]);
+    let cells = ["--iso", "400", "--surface", "cells"];
+    same_at(&raw, [256; 3], &cells, &["8MiB", "64MiB", "1GiB"], &["1", "2", "5"]);
 }
 
 #[test]
@@ -103,6 +105,8 @@ fn odd_volumes_give_the_same_file_at_any_budget_and_thread_count() {
         waves(&raw, dims, seed as u64);
         let extra = ["--iso", "-2000", "--channels", "normal,value"];
         same_at(&raw, dims, &extra, &["8MiB", "1GiB"], &["1", "2", "5"]);
+        let cells = ["--iso", "-2000", "--surface", "cells"];
+        same_at(&raw, dims, &cells, &["8MiB", "1GiB"], &["1", "2", "5"]);
     }
 }
 
