@@ -328,6 +328,8 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
         fov_deg: args.fov,
         threads: args.threads.count(),
         lod: args.lod == Switch::On,
+        traversal: args.traversal,
+        coherence: args.coherence,
         ..RenderRequest::default()
     };
     let (depth, normals) = (args.depth.as_deref(), args.normals.as_deref());
