@@ -287,41 +287,46 @@ fn rows_by_increments_are_the_rays_of_their_pixels() {
     let space = GridSpace::new(scene.dims, &Affine::from_spacing([1.0; 3])).unwrap();
     let (width, height) = (4096, 16);
     let (mut frames, mut pixels, mut other) = (0, 0_u32, 0);
-    for view in [NamedView::Front, NamedView::Top, NamedView::Left] {
-        for point in [
-            ViewPoint::Named(view),
-            ViewPoint::Free { eye: [300.0, -200.0, 150.0], look_at: [32.0; 3], up: None },
-        ] {
-            let camera =
-                Camera::new(point, Projection::Parallel, 35.0, 256.0, |d| space.support(&scene.tree, d))
-                    .unwrap();
-            let sight = Sight::new(&space, &camera, width, height);
-            let frame =
-                ParallelFrame::new(&sight, width, height).expect("a parallel projection of something near");
-            frames += 1;
-            for y in 0..height {
-                for (x, line) in (0..width).zip(frame.row(0, y)) {
-                    let ray = sight.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                    let alone = ray.and_then(|ray| discrete(&scene.tree, &ray, Order::Bits));
-                    let row = first_hit(&scene.tree, &line, 0, Order::Bits, || ray).hit;
-                    pixels += u32::from(alone.is_some());
-                    other += u32::from(alone.map(|h| h.cell) != row.map(|h| h.cell));
-                    // No drift: at the end of the row the points are those of a row that begins there.
-                    if x == width - 1 {
-                        let anew = frame.row(x, y).next().unwrap();
-                        for (a, b) in line.points(0, 64).iter().zip(anew.points(0, 64)) {
-                            assert!(
-                                (0..2).all(|k| (a[k] - b[k]).abs() < 1 << (POINT_BITS - 20)),
-                                "{a:?} {b:?}"
-                            );
-                        }
+    let camera = |point| {
+        Camera::new(point, Projection::Parallel, 35.0, 256.0, |d| space.support(&scene.tree, d)).unwrap()
+    };
+    // From afar, and from within the grid.
+    let eyes = [
+        [300.0, -200.0, 150.0],
+        [-251.0, 170.5, 97.25],
+        [31.0, 402.5, -17.5],
+        [5.5, -90.25, -333.0],
+        [20.25, 9.5, 40.75],
+    ];
+    for eye in eyes {
+        let camera = camera(ViewPoint::Free { eye, look_at: [32.3, 31.9, 32.7], up: None });
+        let sight = Sight::new(&space, &camera, width, height);
+        let frame =
+            ParallelFrame::new(&sight, width, height).expect("a parallel projection of something near");
+        frames += 1;
+        for y in 0..height {
+            for (x, line) in (0..width).zip(frame.row(0, y)) {
+                let ray = sight.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+                let alone = ray.and_then(|ray| discrete(&scene.tree, &ray, Order::Bits));
+                let row = first_hit(&scene.tree, &line, 0, Order::Bits, || ray).hit;
+                pixels += u32::from(alone.is_some());
+                other += u32::from(alone.map(|h| h.cell) != row.map(|h| h.cell));
+                // No drift: at the end of the row the points are those of a row that begins there.
+                if x == width - 1 {
+                    let anew = frame.row(x, y).next().unwrap();
+                    for (a, b) in line.points(0, 64).iter().zip(anew.points(0, 64)) {
+                        assert!((0..2).all(|k| (a[k] - b[k]).abs() < 1 << (POINT_BITS - 20)), "{a:?} {b:?}");
                     }
                 }
             }
         }
     }
     // Where a pixel's ray passes an edge within 2^-16 voxel.
-    assert!(frames == 6 && pixels > 1000 && other * 1000 < pixels, "{other} of {pixels}");
+    assert!(frames == 5 && pixels > 500 && other * 1000 < pixels, "{other} of {pixels}");
+    for view in NamedView::ALL {
+        let camera = camera(ViewPoint::Named(view));
+        assert!(ParallelFrame::new(&Sight::new(&space, &camera, 512, 2), 512, 2).is_some(), "{view:?}");
+    }
     let camera =
         Camera::new(ViewPoint::Named(NamedView::Front), Projection::Perspective, 35.0, 1.0, |_| 32.0)
             .unwrap();

@@ -59,8 +59,8 @@ pub struct Canvas {
     pub normals: bool,
     /// What a hit is.
     pub traversal: Traversal,
-    /// Trace fewer rays where a colour differs by at most this, of 255, from what its neighbours foretell; 0 for a ray
-    /// per pixel.
+    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 for a ray
+    /// per pixel. Half of it is allowed where that is looked at, the rest for what lies between.
     pub coherence: u8,
 }
 
@@ -397,7 +397,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             f64::from(1_u32 << self.canvas.lod_edge_log2.min(31)) * self.sight.space().largest_spacing_mm();
         #[expect(clippy::cast_possible_truncation, reason = "a tolerance")]
         let tolerance =
-            Tolerance { color: self.canvas.coherence, depth_mm: (TOLERATED_BOXES * edge_mm) as f32 };
+            Tolerance { color: self.canvas.coherence / 2, depth_mm: (TOLERATED_BOXES * edge_mm) as f32 };
         let looks = Looks { painter: self };
         let mut counts = Counts::default();
         for top in (0..height).step_by(band_rows) {
