@@ -34,11 +34,17 @@ impl Sample {
 
 /// Looks through pixels; an answer depends on the pixel only.
 pub(super) trait Look: Sync {
+    /// What a worker keeps from one pixel to the next.
+    type Kept: Send;
+
+    /// That of a worker who begins.
+    fn begin(&self) -> Self::Kept;
+
     /// What is seen in one pixel, and what that took.
-    fn pixel(&self, at: [usize; 2]) -> (Sample, Counts);
+    fn pixel(&self, kept: &mut Self::Kept, at: [usize; 2]) -> (Sample, Counts);
 
     /// The same for a tile of pixels from `corner` on, rows of [`TILE`].
-    fn tile(&self, corner: [usize; 2], out: &mut [Sample; TILE * TILE]) -> Counts;
+    fn tile(&self, kept: &mut Self::Kept, corner: [usize; 2], out: &mut [Sample; TILE * TILE]) -> Counts;
 }
 
 /// What counts as alike.
@@ -143,7 +149,8 @@ impl Band {
         pixels.sort_unstable_by_key(|[x, y]| (*y, *x));
         pixels.dedup();
         pixels.retain(|pixel| self.known.get(self.at(*pixel)) == Some(&false));
-        let seen: Vec<_> = pixels.par_iter().map(|pixel| look.pixel(*pixel)).collect();
+        let seen: Vec<_> =
+            pixels.par_iter().map_init(|| look.begin(), |kept, pixel| look.pixel(kept, *pixel)).collect();
         let mut all = Counts::default();
         for (pixel, (sample, counts)) in pixels.iter().zip(&seen) {
             all = all.plus(*counts);
@@ -193,11 +200,14 @@ impl Band {
     fn trace_tiles(&mut self, look: &impl Look, tiles: &[Block]) -> Counts {
         let seen: Vec<_> = tiles
             .par_iter()
-            .map(|tile| {
-                let mut samples = [Sample::NOTHING; TILE * TILE];
-                let counts = look.tile(tile.low, &mut samples);
-                (counts, samples)
-            })
+            .map_init(
+                || look.begin(),
+                |kept, tile| {
+                    let mut samples = [Sample::NOTHING; TILE * TILE];
+                    let counts = look.tile(kept, tile.low, &mut samples);
+                    (counts, samples)
+                },
+            )
             .collect();
         let mut all = Counts::default();
         for (tile, (counts, samples)) in tiles.iter().zip(seen) {
@@ -257,17 +267,21 @@ mod tests {
     }
 
     impl<F: Fn(usize, usize) -> Option<u8> + Sync> Look for Formula<F> {
-        fn pixel(&self, [x, y]: [usize; 2]) -> (Sample, Counts) {
+        type Kept = ();
+
+        fn begin(&self) {}
+
+        fn pixel(&self, (): &mut (), [x, y]: [usize; 2]) -> (Sample, Counts) {
             self.asked.fetch_add(1, Ordering::Relaxed);
             let seen = |c| Sample { color: [c; 3], depth: 5.0, normal: [1; 3] };
             let counts = Counts { rays: 1, ..Counts::default() };
             ((self.of)(x, y).map_or(Sample::NOTHING, seen), counts)
         }
 
-        fn tile(&self, corner: [usize; 2], out: &mut [Sample; TILE * TILE]) -> Counts {
+        fn tile(&self, kept: &mut (), corner: [usize; 2], out: &mut [Sample; TILE * TILE]) -> Counts {
             let mut all = Counts::default();
             for (i, out) in out.iter_mut().enumerate() {
-                let (sample, counts) = self.pixel([corner[0] + i % TILE, corner[1] + i / TILE]);
+                let (sample, counts) = self.pixel(kept, [corner[0] + i % TILE, corner[1] + i / TILE]);
                 (*out, all) = (sample, all.plus(counts));
             }
             all

@@ -20,9 +20,10 @@
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
-//! | `facing` | normals that the skin around a hit contradicts |
+//! | `facing`, `around` | normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
 
+mod around;
 pub mod camera;
 mod caster;
 pub mod cells;

@@ -11,6 +11,7 @@ use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
+use super::around::Surroundings;
 use super::cells::Cells;
 use super::coherence::{Band, Look, Sample, Tolerance};
 use super::discrete::DiscreteRays;
@@ -225,6 +226,29 @@ fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
         .map(move |x| seen.get(first + x / TILE * TILE_PIXELS + x % TILE).copied().unwrap_or(Seen::NOTHING))
 }
 
+/// Base-2 logarithm of the normals that a worker keeps, and an odd number that scatters their keys.
+const KEPT_BITS: u32 = 9;
+const MIXER: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// What a worker keeps from one pixel to the next.
+struct Kept {
+    around: Surroundings,
+    /// Round, box and face, and the normal that is shown there.
+    normals: Vec<(u32, u64, [f64; 3])>,
+    round: u32,
+}
+
+impl Kept {
+    fn new() -> Self {
+        Self { around: Surroundings::new(), normals: vec![(0, 0, [0.0; 3]); 1 << KEPT_BITS], round: 0 }
+    }
+
+    /// Begins a row of tiles without normals, so that the picture does not depend on who paints which.
+    fn forget(&mut self) {
+        self.round += 1;
+    }
+}
+
 /// Everything that a pixel's worker reads.
 struct Painter<'a, V, S> {
     view: &'a V,
@@ -437,17 +461,9 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     fn shade_band(&self, seen: &[Seen], image: &mut Image, top: usize, rows: usize) -> Duration {
         let start = Instant::now();
         let width = self.canvas.width as usize;
-        image.rgba.par_chunks_mut(width * 4).skip(top).take(rows).enumerate().for_each(|(y, row)| {
-            let (out, _) = row.as_chunks_mut::<4>();
-            let mut last = None;
-            for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
-                if pixel.is_hit() {
-                    let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
-                    let light = self.shader.light(self.normal_after(&mut last, pixel, line), line.1);
-                    let [r, g, b] = light.map(|c| self.shader.encode(c));
-                    *out = [r, g, b, 255];
-                }
-            }
+        self.fill(seen, &mut image.rgba, top, rows, |normal, line| {
+            let [r, g, b] = self.shader.light(normal, line.1).map(|c| self.shader.encode(c));
+            [r, g, b, 255]
         });
         if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
             depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
@@ -457,18 +473,36 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             });
         }
         if let Some(normals) = &mut image.normals {
-            normals.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
-                let (out, _) = row.as_chunks_mut::<3>();
-                let mut last = None;
-                for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
-                    if pixel.is_hit() {
-                        let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
-                        *out = self.normal_after(&mut last, pixel, line).map(normal_code);
-                    }
-                }
-            });
+            self.fill(seen, normals, top, rows, |normal, _| normal.map(normal_code));
         }
         start.elapsed()
+    }
+
+    /// Gives each pixel of a traced band that hit something its bytes, from its normal and its line of sight.
+    fn fill<const N: usize>(
+        &self,
+        seen: &[Seen],
+        out: &mut [u8],
+        top: usize,
+        rows: usize,
+        bytes: impl Fn([f64; 3], Line) -> [u8; N] + Sync,
+    ) {
+        let width = self.canvas.width as usize;
+        let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
+        let out = out.par_chunks_mut(width * N * TILE).skip(top / TILE).take(rows.div_ceil(TILE));
+        let tiles = out.zip(seen.par_chunks(tile_row)).enumerate();
+        tiles.for_each_init(Kept::new, |kept, (n, (out, seen))| {
+            kept.forget();
+            let (out, _) = out.as_chunks_mut::<N>();
+            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
+                let (x, y) = (at / TILE_PIXELS * TILE + at % TILE, at % TILE_PIXELS / TILE);
+                // Tiles at the border reach over it; what is there may be of an earlier band.
+                if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
+                    let line = self.sight.line(x as f64 + 0.5, (top + n * TILE + y) as f64 + 0.5);
+                    *out = bytes(self.normal_of(kept, *pixel, line), line);
+                }
+            }
+        });
     }
 
     /// Pixels whose neighbour is on the other side of the silhouette get the mean of four more rays.
@@ -494,7 +528,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         let mut counts = edges
             .par_iter()
             .zip(&mut pixels)
-            .map(|(i, pixel)| {
+            .map_init(Surroundings::new, |around, (i, pixel)| {
                 let i = *i as usize;
                 let (x, y) = ((i % width) as f64, (i / width) as f64);
                 let mut counts = Counts::default();
@@ -506,7 +540,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     let seen = self.seen(&trace, x + dx, y + dy);
                     if seen.is_hit() {
                         hits += 1;
-                        let light = self.light(seen, self.sight.line(x + dx, y + dy));
+                        let line = self.sight.line(x + dx, y + dy);
+                        let light = self.shader.light(self.normal(around, seen, line), line.1);
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -561,19 +596,22 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         normal::encode(cells.normal(number, u).map(|c| c as f32))
     }
 
-    fn light(&self, seen: Seen, line: Line) -> [f64; 3] {
-        self.shader.light(self.normal(seen, line), line.1)
-    }
-
-    /// As [`Painter::normal`], for pixels of one row from left to right: those of one face have one normal.
+    /// As [`Painter::normal`]; pixels of one face have one normal, which is found once.
     #[inline]
-    fn normal_after(&self, last: &mut Option<(u64, u8, [f64; 3])>, seen: Seen, line: Line) -> [f64; 3] {
-        match last {
-            Some((number, face, normal)) if (*number, *face) == (seen.box_number, seen.face) => *normal,
+    fn normal_of(&self, kept: &mut Kept, seen: Seen, line: Line) -> [f64; 3] {
+        // Without a face it may depend on the line of sight.
+        if seen.face == Seen::NO_FACE || seen.kind == SeenKind::Own {
+            return self.normal(&mut kept.around, seen, line);
+        }
+        let key = seen.box_number.wrapping_mul(8) | u64::from(seen.face);
+        let slot = (key.wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize;
+        match kept.normals.get(slot) {
+            Some((round, known, normal)) if (*round, *known) == (kept.round, key) => *normal,
             _ => {
-                let normal = self.normal(seen, line);
-                // Without a face it may depend on the line of sight.
-                *last = (seen.face != Seen::NO_FACE).then_some((seen.box_number, seen.face, normal));
+                let normal = self.normal(&mut kept.around, seen, line);
+                if let Some(place) = kept.normals.get_mut(slot) {
+                    *place = (kept.round, key, normal);
+                }
                 normal
             }
         }
@@ -581,13 +619,13 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
     /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
-    fn normal(&self, seen: Seen, line: Line) -> [f64; 3] {
+    fn normal(&self, around: &mut Surroundings, seen: Seen, line: Line) -> [f64; 3] {
         let box_frame = match (self.stored(seen, 0), seen.face()) {
             (Some(stored), _) if self.cells.is_some() => {
                 return self.sight.space().index_normal_to_world(stored.map(f64::from));
             }
             (Some(stored), Some(face)) => {
-                self.facing(seen, face, line, stored).unwrap_or(stored.map(f64::from))
+                self.facing(around, seen, face, line, stored).unwrap_or(stored.map(f64::from))
             }
             (Some(stored), None) => stored.map(f64::from),
             (None, Some(face)) => {
@@ -619,7 +657,14 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
     #[inline]
-    fn facing(&self, seen: Seen, face: Face, (origin, sight): Line, stored: [i32; 3]) -> Option<[f64; 3]> {
+    fn facing(
+        &self,
+        around: &mut Surroundings,
+        seen: Seen,
+        face: Face,
+        (origin, sight): Line,
+        stored: [i32; 3],
+    ) -> Option<[f64; 3]> {
         let space = self.sight.space();
         // In voxels instead of millimetres: a normal's components grow with the spacing.
         let spacing = space.spacing_mm();
@@ -632,8 +677,13 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let at = space.world_to_grid().apply(world).map(|c| c / edge);
             facing::Struck { number: seen.box_number, at, edge_log2, face }
         };
-        let company = facing::company(in_voxels, |distance| self.stored(seen, distance).map(scale));
-        let shown = facing::shown(self.view, face, struck, in_voxels, company)?;
+        let cubes = spacing[0] == spacing[1] && spacing[1] == spacing[2];
+        let company = facing::company(|distance| match self.stored(seen, distance) {
+            Some(other) if cubes => facing::alike_whole(stored, other, normal::SCALE),
+            Some(other) => facing::alike(in_voxels, scale(other)),
+            None => true,
+        });
+        let shown = facing::shown(self.view, around, face, struck, in_voxels, company)?;
         Some(std::array::from_fn(|a| shown[a] / spacing[a]))
     }
 }
@@ -644,13 +694,13 @@ struct Looks<'a, 'p, V, S> {
 }
 
 impl<V: NodeView, S: Surface<V>> Looks<'_, '_, V, S> {
-    fn sample(&self, seen: Seen, [x, y]: [usize; 2]) -> Sample {
+    fn sample(&self, around: &mut Surroundings, seen: Seen, [x, y]: [usize; 2]) -> Sample {
         if !seen.is_hit() {
             return Sample::NOTHING;
         }
         let painter = self.painter;
         let line = painter.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-        let normal = painter.normal(seen, line);
+        let normal = painter.normal(around, seen, line);
         Sample {
             color: painter.shader.light(normal, line.1).map(|c| painter.shader.encode(c)),
             depth: seen.depth,
@@ -660,30 +710,34 @@ impl<V: NodeView, S: Surface<V>> Looks<'_, '_, V, S> {
 }
 
 impl<V: NodeView, S: Surface<V>> Look for Looks<'_, '_, V, S> {
-    fn pixel(&self, at: [usize; 2]) -> (Sample, Counts) {
-        let (x, y) = (at[0] as f64 + 0.5, at[1] as f64 + 0.5);
-        let trace = self.painter.trace(x, y);
-        (self.sample(self.painter.seen(&trace, x, y), at), Counts::default().add(&trace))
+    type Kept = (Tracer, Surroundings);
+
+    fn begin(&self) -> Self::Kept {
+        (Tracer::new(self.painter.form), Surroundings::new())
     }
 
-    fn tile(&self, corner: [usize; 2], out: &mut [Sample; TILE_PIXELS]) -> Counts {
+    fn pixel(&self, (_, around): &mut Self::Kept, at: [usize; 2]) -> (Sample, Counts) {
+        let (x, y) = (at[0] as f64 + 0.5, at[1] as f64 + 0.5);
+        let trace = self.painter.trace(x, y);
+        let seen = self.painter.seen(&trace, x, y);
+        (self.sample(around, seen, at), Counts::default().add(&trace))
+    }
+
+    fn tile(
+        &self,
+        (tracer, around): &mut Self::Kept,
+        corner: [usize; 2],
+        out: &mut [Sample; TILE_PIXELS],
+    ) -> Counts {
         let mut seen = [Seen::NOTHING; TILE_PIXELS];
-        let limits =
-            (self.painter.canvas.width as usize - corner[0], self.painter.canvas.height as usize - corner[1]);
-        let counts = TRACER.with_borrow_mut(|tracer| {
-            let tracer = tracer.get_or_insert_with(|| Tracer::new(self.painter.form));
-            self.painter.trace_tile(tracer, &mut seen, (corner[0], corner[1]), limits)
-        });
+        let canvas = &self.painter.canvas;
+        let limits = (canvas.width as usize - corner[0], canvas.height as usize - corner[1]);
+        let counts = self.painter.trace_tile(tracer, &mut seen, (corner[0], corner[1]), limits);
         for (i, (out, seen)) in out.iter_mut().zip(seen).enumerate() {
-            *out = self.sample(seen, [corner[0] + i % TILE, corner[1] + i / TILE]);
+            *out = self.sample(around, seen, [corner[0] + i % TILE, corner[1] + i / TILE]);
         }
         counts
     }
-}
-
-thread_local! {
-    /// A worker's tracer, kept from tile to tile.
-    static TRACER: std::cell::RefCell<Option<Tracer>> = const { std::cell::RefCell::new(None) };
 }
 
 /// Line of sight in the world: origin and direction.
