@@ -13,6 +13,8 @@ use crate::load::NodeView;
 
 use super::around::Surroundings;
 use super::cells::Cells;
+use super::coherence::{Band, Look, Sample, Tolerance};
+use super::discrete::DiscreteRays;
 use super::facing;
 use super::form::Form;
 use super::image::Image;
@@ -31,6 +33,9 @@ const BAND_PIXELS: usize = 1 << 18;
 
 /// Stack of a worker; nothing here recurses.
 const WORKER_STACK_BYTES: usize = 4 << 20;
+
+/// Of neighbours that look alike a depth differs by less than this many boxes from what the others foretell.
+const TOLERATED_BOXES: f64 = 1.5;
 
 /// Longest side and most pixels of a picture.
 const MAX_SIDE: u32 = 32_768;
@@ -53,6 +58,34 @@ pub struct Canvas {
     pub depth_range_mm: Option<(f64, f64)>,
     /// Is a normal image wanted?
     pub normals: bool,
+    /// What a hit is.
+    pub traversal: Traversal,
+    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 for a ray
+    /// per pixel. Half of it is allowed where that is looked at, the rest for what lies between.
+    pub coherence: u8,
+}
+
+/// What the rays of a picture hit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Traversal {
+    /// The first box that the line pierces.
+    #[default]
+    Exact,
+    /// The first voxel of a 6-connected discrete ray ([`super::discrete`]).
+    Discrete,
+}
+
+impl Traversal {
+    /// Every one.
+    pub const ALL: [Self; 2] = [Self::Exact, Self::Discrete];
+
+    /// Its name on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Discrete => "discrete",
+        }
+    }
 }
 
 /// Counts and times of a painted picture.
@@ -60,6 +93,8 @@ pub struct Canvas {
 pub struct Counts {
     /// Rays traced.
     pub rays: u64,
+    /// Of those, rays that had to be compared with the model: not those of a tile whose beam meets nothing.
+    pub compared: u64,
     /// Rays that hit.
     pub hits: u64,
     /// Bricks of 4 x 4 x 4 boxes that rays were compared with.
@@ -75,14 +110,16 @@ pub struct Counts {
 impl Counts {
     fn add(mut self, trace: &Trace) -> Self {
         self.rays += 1;
+        self.compared += u64::from(trace.steps > 0);
         self.hits += u64::from(trace.hit.is_some());
         self.steps += u64::from(trace.steps);
         self.max_steps = self.max_steps.max(trace.steps);
         self
     }
 
-    fn plus(mut self, other: Self) -> Self {
+    pub(super) fn plus(mut self, other: Self) -> Self {
         self.rays += other.rays;
+        self.compared += other.compared;
         self.hits += other.hits;
         self.steps += other.steps;
         self.max_steps = self.max_steps.max(other.max_steps);
@@ -169,6 +206,19 @@ pub(super) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3
     std::array::from_fn(|a| (2.0 * (at[a] - f64::from(cell[a])) - 1.0).clamp(-1.0, 1.0))
 }
 
+/// Grey of a depth in a depth image of this range.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+fn depth_code((near, far): (f64, f64), depth: f32) -> u16 {
+    let scale = if far > near { 65_534.0 / (far - near) } else { 0.0 };
+    1 + ((f64::from(depth) - near) * scale + 0.5).clamp(0.0, 65_534.0) as u16
+}
+
+/// Colour of a component of a normal in a normal image.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+fn normal_code(component: f64) -> u8 {
+    (128.5 + component * 127.0).clamp(1.0, 255.0) as u8
+}
+
 /// Row `y` of a band whose hits stand tile after tile.
 fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
     let first = y / TILE * width.div_ceil(TILE) * TILE_PIXELS + y % TILE * TILE;
@@ -206,6 +256,8 @@ struct Painter<'a, V, S> {
     /// The cells, if the model has them: normals are of index space then.
     cells: Option<Cells<'a>>,
     sight: Sight<'a>,
+    /// The rays of the discrete mode, if that is asked for.
+    discrete: Option<DiscreteRays<'a>>,
     form: Form,
     canvas: Canvas,
     shader: Shader,
@@ -224,7 +276,8 @@ pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
 /// Memory: the image, 4 MiB for hits, and with smooth edges 8 bytes a pixel of the silhouette.
 ///
 /// # Errors
-/// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start.
+/// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start,
+/// [`RenderError::DiscreteCells`] for discrete rays in a model of cells.
 pub fn paint<V: NodeView>(
     view: &V,
     space: &GridSpace,
@@ -248,16 +301,21 @@ pub fn paint_watched<V: NodeView>(
     check_size(canvas.width, canvas.height)?;
     let sight = Sight::new(space, camera, canvas.width, canvas.height);
     let cells = view.cells().map(Cells::new);
+    let discrete = (canvas.traversal == Traversal::Discrete)
+        .then(|| DiscreteRays::new(sight, canvas.width, canvas.height));
+    if discrete.is_some() && cells.is_some() {
+        return Err(RenderError::DiscreteCells);
+    }
     let (form, shader) = (Form::best(), Shader::new());
     let pool = pool(canvas.threads)?;
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
         Some(surface) => {
-            let painter = Painter { view, surface, cells, sight, form, canvas, shader };
+            let painter = Painter { view, surface, cells, sight, discrete, form, canvas, shader };
             pool.install(|| painter.paint(rows_done))
         }
         // Coarse boxes are solid, whatever the finest are.
         None => {
-            let painter = Painter { view, surface: Skin, cells, sight, form, canvas, shader };
+            let painter = Painter { view, surface: Skin, cells, sight, discrete, form, canvas, shader };
             pool.install(|| painter.paint(rows_done))
         }
     })
@@ -277,7 +335,10 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         let tile_rows = (BAND_PIXELS / (tiles_across * TILE_PIXELS)).clamp(1, height.div_ceil(TILE));
         let mut seen = vec![Seen::NOTHING; tile_rows * tiles_across * TILE_PIXELS];
         let mut counts = Counts::default();
-        let mut top = 0;
+        if self.canvas.coherence > 0 {
+            counts = self.paint_coherent(&mut image, tile_rows * TILE, rows_done);
+        }
+        let mut top = if self.canvas.coherence > 0 { height } else { 0 };
         while top < height {
             let rows = (tile_rows * TILE).min(height - top);
             let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
@@ -324,6 +385,16 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         limits: (usize, usize),
     ) -> Counts {
         let tile = Tile { corner, limits, lod_edge_log2: self.canvas.lod_edge_log2 };
+        if let Some(discrete) = &self.discrete {
+            let mut counts = Counts::default();
+            discrete.trace_tile(self.view, tile, |ray, trace| {
+                counts = counts.add(&trace);
+                if let Some(pixel) = seen.get_mut(ray) {
+                    *pixel = Seen::new(&trace);
+                }
+            });
+            return counts;
+        }
         let hits = tracer.trace(self.view, &self.surface, &self.sight, tile);
         let mut counts = Counts::default();
         for (ray, pixel) in seen.iter_mut().enumerate() {
@@ -337,6 +408,55 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         counts
     }
 
+    /// Paints with fewer rays where neighbours look alike; tracing and shading take turns, so their times are one.
+    fn paint_coherent(
+        &self,
+        image: &mut Image,
+        band_rows: usize,
+        rows_done: &(dyn Fn(u32) + Sync),
+    ) -> Counts {
+        let start = Instant::now();
+        let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
+        let edge_mm =
+            f64::from(1_u32 << self.canvas.lod_edge_log2.min(31)) * self.sight.space().largest_spacing_mm();
+        #[expect(clippy::cast_possible_truncation, reason = "a tolerance")]
+        let tolerance =
+            Tolerance { color: self.canvas.coherence / 2, depth_mm: (TOLERATED_BOXES * edge_mm) as f32 };
+        let looks = Looks { painter: self };
+        let mut counts = Counts::default();
+        for top in (0..height).step_by(band_rows) {
+            let rows = band_rows.min(height - top);
+            let mut band = Band::new(width, height, top, rows);
+            counts = counts.plus(band.fill(&looks, tolerance));
+            image.rgba.par_chunks_mut(width * 4).enumerate().skip(top).take(rows).for_each(|(y, out)| {
+                let (out, _) = out.as_chunks_mut::<4>();
+                for (sample, out) in band.row(y).iter().zip(out) {
+                    if sample.is_hit() {
+                        let [r, g, b] = sample.color;
+                        *out = [r, g, b, 255];
+                    }
+                }
+            });
+            if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
+                for (y, out) in depth.chunks_mut(width).enumerate().skip(top).take(rows) {
+                    for (sample, out) in band.row(y).iter().zip(out) {
+                        *out = if sample.is_hit() { depth_code(range, sample.depth) } else { 0 };
+                    }
+                }
+            }
+            if let Some(normals) = &mut image.normals {
+                for (y, out) in normals.chunks_mut(width * 3).enumerate().skip(top).take(rows) {
+                    for (sample, out) in band.row(y).iter().zip(out.as_chunks_mut::<3>().0) {
+                        *out = sample.normal;
+                    }
+                }
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+            rows_done(rows as u32);
+        }
+        Counts { rays: counts.compared, trace: start.elapsed(), ..counts }
+    }
+
     /// Colours the rows of a traced band.
     fn shade_band(&self, seen: &[Seen], image: &mut Image, top: usize, rows: usize) -> Duration {
         let start = Instant::now();
@@ -345,20 +465,15 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let [r, g, b] = self.shader.light(normal, line.1).map(|c| self.shader.encode(c));
             [r, g, b, 255]
         });
-        if let (Some(depth), Some((near, far))) = (&mut image.depth, self.canvas.depth_range_mm) {
-            let scale = if far > near { 65_534.0 / (far - near) } else { 0.0 };
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-            let code = |d: f32| 1 + ((f64::from(d) - near) * scale + 0.5).clamp(0.0, 65_534.0) as u16;
+        if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
             depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
                 for (pixel, out) in row_of(seen, width, y).zip(row) {
-                    *out = if pixel.is_hit() { code(pixel.depth) } else { 0 };
+                    *out = if pixel.is_hit() { depth_code(range, pixel.depth) } else { 0 };
                 }
             });
         }
         if let Some(normals) = &mut image.normals {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-            let code = |c: f64| (128.5 + c * 127.0).clamp(1.0, 255.0) as u8;
-            self.fill(seen, normals, top, rows, |normal, _| normal.map(code));
+            self.fill(seen, normals, top, rows, |normal, _| normal.map(normal_code));
         }
         start.elapsed()
     }
@@ -449,6 +564,9 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// Traces the ray through a point of the picture alone.
     fn trace(&self, x: f64, y: f64) -> Trace {
+        if let Some(discrete) = &self.discrete {
+            return discrete.trace(self.view, x, y, self.canvas.lod_edge_log2);
+        }
         let ray = self.sight.ray(x, y);
         let alone = |ray| single::trace(self.form, self.view, &self.surface, &ray, self.canvas.lod_edge_log2);
         ray.map_or(Trace { hit: None, steps: 0 }, alone)
@@ -567,6 +685,58 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         });
         let shown = facing::shown(self.view, around, face, struck, in_voxels, company)?;
         Some(std::array::from_fn(|a| shown[a] / spacing[a]))
+    }
+}
+
+/// The pixels of a painter, one by one and in tiles.
+struct Looks<'a, 'p, V, S> {
+    painter: &'a Painter<'p, V, S>,
+}
+
+impl<V: NodeView, S: Surface<V>> Looks<'_, '_, V, S> {
+    fn sample(&self, around: &mut Surroundings, seen: Seen, [x, y]: [usize; 2]) -> Sample {
+        if !seen.is_hit() {
+            return Sample::NOTHING;
+        }
+        let painter = self.painter;
+        let line = painter.sight.line(x as f64 + 0.5, y as f64 + 0.5);
+        let normal = painter.normal(around, seen, line);
+        Sample {
+            color: painter.shader.light(normal, line.1).map(|c| painter.shader.encode(c)),
+            depth: seen.depth,
+            normal: normal.map(normal_code),
+        }
+    }
+}
+
+impl<V: NodeView, S: Surface<V>> Look for Looks<'_, '_, V, S> {
+    type Kept = (Tracer, Surroundings);
+
+    fn begin(&self) -> Self::Kept {
+        (Tracer::new(self.painter.form), Surroundings::new())
+    }
+
+    fn pixel(&self, (_, around): &mut Self::Kept, at: [usize; 2]) -> (Sample, Counts) {
+        let (x, y) = (at[0] as f64 + 0.5, at[1] as f64 + 0.5);
+        let trace = self.painter.trace(x, y);
+        let seen = self.painter.seen(&trace, x, y);
+        (self.sample(around, seen, at), Counts::default().add(&trace))
+    }
+
+    fn tile(
+        &self,
+        (tracer, around): &mut Self::Kept,
+        corner: [usize; 2],
+        out: &mut [Sample; TILE_PIXELS],
+    ) -> Counts {
+        let mut seen = [Seen::NOTHING; TILE_PIXELS];
+        let canvas = &self.painter.canvas;
+        let limits = (canvas.width as usize - corner[0], canvas.height as usize - corner[1]);
+        let counts = self.painter.trace_tile(tracer, &mut seen, (corner[0], corner[1]), limits);
+        for (i, (out, seen)) in out.iter_mut().zip(seen).enumerate() {
+            *out = self.sample(around, seen, [corner[0] + i % TILE, corner[1] + i / TILE]);
+        }
+        counts
     }
 }
 
