@@ -99,6 +99,7 @@ pub(crate) struct InfoArgs {
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
     /// Measure surface and volume however long it takes: without it, of models of up to 16 million skin voxels
+    /// that are not packed
     #[arg(long)]
     pub(crate) measure: bool,
     /// Print one JSON object

@@ -6,12 +6,13 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::measure::{Measures, measure};
+use super::verify::unpacked;
 use super::wording::foreign::{data, shown};
 use super::wording::{Short, WithError};
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{Encoding, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
-use crate::load::{Frame, LoadError, Model, open_regular};
+use crate::load::{Fault, Frame, LoadError, Mapping, Model, open_regular};
 use crate::volume::ScalarType;
 
 /// Bytes a voxel of the paper's uniform volume: 2 bytes of density and 33 bits of normal, colour and
@@ -34,7 +35,7 @@ pub struct Info {
 pub enum Measured {
     /// It was measured.
     Done(Measures),
-    /// It is packed, and has to be unpacked for that.
+    /// It is packed, has to be unpacked for that, and this was not insisted on.
     Packed,
     /// It takes long, and was not insisted on.
     Large,
@@ -48,21 +49,29 @@ const SOON_MEASURED: u64 = 1 << 24;
 /// As [`read_info`], with the measures of the skin.
 ///
 /// Cost: one pass over the nodes and normals, for models of up to 16 million skin voxels, and for larger ones if
-/// `anyway` is set.
+/// `anyway` is set; then a packed one is unpacked into a nameless file for it, too, which takes as much disk.
 ///
 /// # Errors
 /// As [`read_info`].
 pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
     let mut info = read_info(path)?;
-    info.measured = Some(if info.frame.header.encoding == Encoding::Packed {
+    let of = |measures: Option<Measures>| measures.map_or(Measured::Impossible, Measured::Done);
+    let packed = info.frame.header.encoding == Encoding::Packed;
+    info.measured = Some(if packed && !anyway {
         Measured::Packed
+    } else if packed {
+        let unreadable = |cause| LoadError::Unreadable { path: path.to_path_buf(), cause };
+        let scratch = unpacked(&open_regular(path).map_err(unreadable)?, path)?;
+        let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
+        let model = model.map_err(|cause| Fault::Format(cause).at(path))?;
+        of(measure(&model.view(), model.dims(), &model.affine()))
     } else if info.frame.header.voxels > SOON_MEASURED && !anyway {
         Measured::Large
     } else {
         let model = Model::open(path)?;
         let measured = measure(&model.view(), model.dims(), &model.affine());
         model.check_unchanged(path)?;
-        measured.map_or(Measured::Impossible, Measured::Done)
+        of(measured)
     });
     Ok(info)
 }
@@ -322,7 +331,12 @@ impl Measured {
     fn rows(&self) -> Vec<(&'static str, String)> {
         let measures = match self {
             Self::Done(measures) => measures,
-            Self::Packed => return vec![("measures", "none of a packed model; `oct unpack` it".into())],
+            Self::Packed => {
+                return vec![(
+                    "measures",
+                    "none of a packed model; --measure unpacks it for a moment".into(),
+                )];
+            }
             Self::Large => return vec![("measures", "take a while here; --measure takes them".into())],
             Self::Impossible => {
                 return vec![("measures", "the model has no volume, or is damaged; see `oct verify`".into())];

@@ -34,17 +34,25 @@ pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
     let file = open_regular(path).map_err(unreadable)?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
     if frame.header.encoding == Encoding::Packed {
-        let scratch =
-            scratch_beside(path).map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
-        unpack_to(&file, &scratch).map_err(|stop| match stop {
-            Stop::Input(fault) => Error::Load(fault.at(path)),
-            Stop::Output(cause) => Error::Output { path: path.to_path_buf(), cause },
-        })?;
-        check(&scratch).map_err(|fault| fault.at(path))?;
+        check(&unpacked(&file, path)?).map_err(|fault| fault.at(path))?;
     } else {
         check(&file).map_err(|fault| fault.at(path))?;
     }
     Ok(VerifyReport { input: data(path), frame })
+}
+
+/// The mapped form of a packed file in a nameless one.
+///
+/// # Errors
+/// The packed file is damaged, or there is no room.
+pub(super) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
+    let scratch =
+        scratch_beside(path).map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
+    unpack_to(file, &scratch).map_err(|stop| match stop {
+        Stop::Input(fault) => Error::Load(fault.at(path)),
+        Stop::Output(cause) => Error::Output { path: path.to_path_buf(), cause },
+    })?;
+    Ok(scratch)
 }
 
 fn check(file: &File) -> Result<(), Fault> {

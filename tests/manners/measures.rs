@@ -72,10 +72,17 @@ fn what_cannot_be_known_is_said_to_be_unknown() {
     assert_eq!(report["bounding_box_voxels"], json!([[5, 5, 5], [35, 35, 35]]));
     assert!(report["enclosed_voxels"]["unknown"].as_u64().unwrap() > 1000, "{report}");
     assert!(oct(&["info", &text(&bare)]).stdout.contains("not known without normals"));
-    // A packed model is not measured, and says so.
+    // A packed model is measured if that is asked for: as it was before, and without a trace.
     let packed = folder.path().join("packed.oct");
     assert_eq!(oct(&["pack", &text(&bare), "-o", &text(&packed)]).code, 0);
-    assert_eq!(info(&packed, &["--measure"])["not_measured"], "packed");
+    assert_eq!(info(&packed, &[])["not_measured"], "packed");
+    assert!(oct(&["info", &text(&packed)]).stdout.contains("--measure"));
+    let before = crate::command::names(folder.path());
+    let measured = info(&packed, &["--measure"]);
+    for key in ["not_measured", "bounding_box_mm", "bounding_box_voxels", "enclosed_voxels", "volume_mm3"] {
+        assert_eq!(measured[key], report[key], "{key}");
+    }
+    assert_eq!(crate::command::names(folder.path()), before);
     // A hollow body: the cavity is no part of it.
     let thick = |p: [u32; 3]| {
         let r = p.iter().map(|c| (f64::from(*c) - 23.5).powi(2)).sum::<f64>().sqrt();

@@ -1,0 +1,27 @@
+//! The fuzzer's program: libFuzzer changes inputs, keeps those that reach new code, and runs one target on each.
+//!
+//! `INFOBYTE_FUZZ_TARGET` names the target. `scripts/fuzz.py` builds this with the compiler's counters of coverage,
+//! runs it, and looks after what it finds.
+#![no_main]
+
+#[path = "../support/dicom.rs"]
+mod dicom;
+#[path = "../support/frames.rs"]
+mod frames;
+mod live;
+mod targets;
+
+use std::sync::LazyLock;
+
+static CHOSEN: LazyLock<targets::Target> = LazyLock::new(|| {
+    let name = std::env::var("INFOBYTE_FUZZ_TARGET").unwrap_or_default();
+    targets::TARGETS.into_iter().find(|target| target.name == name).unwrap_or_else(|| {
+        let known = targets::TARGETS.map(|target| target.name).join(", ");
+        panic!("INFOBYTE_FUZZ_TARGET is '{name}'; one of {known} is wanted")
+    })
+});
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let (_, bytes) = live::peak(|| CHOSEN.run(bytes));
+    assert!(bytes <= targets::MOST_BYTES, "{bytes} bytes of memory");
+});

@@ -1,0 +1,381 @@
+//! What is done with any bytes: opened, read, built, rendered, packed, by each reader of the program.
+//!
+//! Bytes are taken for the content of a file, but for those of a codec, which are taken for the pixels of a DICOM
+//! image of fitting size; and models get right checksums first, as a fuzzer does not guess them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use infobyte::budget::{Budget, MemoryCap};
+use infobyte::builder::{BuildOptions, Silent, Threshold, build_volume};
+use infobyte::catalogue::Catalogue;
+use infobyte::format::{ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
+use infobyte::geom::{Dims, VoxelIndex};
+use infobyte::jobs::{measure, pack, render};
+use infobyte::load::{Frame, Model, NodeView, verify};
+use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
+use infobyte::render::reference::BitVolume;
+use infobyte::render::selfcheck::mismatches;
+use infobyte::source::OpenOptions;
+use infobyte::volume::{VolumeSource, Workspace};
+use infobyte::{NamedView, Projection, RayCaster, RenderRequest, ViewPoint};
+
+use crate::frames::{Spec, encapsulated};
+
+/// Most memory that a case may take: what reading and building are allowed, twice, and the case itself.
+pub(crate) const MOST_BYTES: usize = 40 << 20;
+
+/// What unrolling a volume, and building from it, may hold.
+const ALLOWED: u64 = 8 << 20;
+
+/// Volumes of more voxels are read in part, and not built.
+const MOST_BUILT: u64 = 512;
+
+/// Volumes of a file that are looked at.
+const MOST_VOLUMES: usize = 3;
+
+/// Most pixels of a frame of a codec; a frame that says more is a wrong one.
+const MOST_PIXELS: u64 = 1 << 16;
+
+/// One way into the program.
+#[derive(Clone, Copy)]
+pub(crate) struct Target {
+    pub(crate) name: &'static str,
+    run: fn(&[u8]) -> bool,
+}
+
+impl Target {
+    /// Takes bytes; true if they were accepted, false if they were refused.
+    pub(crate) fn run(&self, bytes: &[u8]) -> bool {
+        (self.run)(bytes)
+    }
+}
+
+macro_rules! targets {
+    ($($name:ident: $run:expr),* $(,)?) => { [$(Target { name: stringify!($name), run: $run }),*] };
+}
+
+pub(crate) const TARGETS: [Target; 18] = targets! {
+    oct: |bytes| model(bytes),
+    packed: |bytes| archive(bytes),
+    dicom: |bytes| volume("case.dcm", bytes, MOST_BUILT),
+    jpeg: |bytes| codec(bytes, &["4.50", "4.51", "4.57", "4.70"], jpeg_frame),
+    jpeg_passes: |bytes| codec(bytes, &["4.53", "4.55"], jpeg_frame),
+    jpegls: |bytes| codec(bytes, &["4.80", "4.81"], jpeg_frame),
+    jpeg2000: |bytes| codec(bytes, &["4.90", "4.91", "4.201"], jpeg2000_frame),
+    rle: |bytes| codec(bytes, &["5"], rle_frame),
+    nrrd: |bytes| volume("case.nrrd", bytes, MOST_BUILT),
+    nifti: |bytes| volume("case.nii", bytes, MOST_BUILT),
+    tiff: |bytes| volume("case.tif", bytes, MOST_BUILT),
+    png: |bytes| volume("case.png", bytes, MOST_BUILT),
+    npy: |bytes| volume("case.npy", bytes, MOST_BUILT),
+    metaimage: |bytes| volume("case.mha", bytes, MOST_BUILT),
+    stl: |bytes| mesh("case.stl", bytes),
+    ply: |bytes| mesh("case.ply", bytes),
+    obj: |bytes| mesh("case.obj", bytes),
+    off: |bytes| mesh("case.off", bytes),
+};
+
+/// A folder in memory, if the system has one.
+pub(crate) fn folder() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let shared = Path::new("/dev/shm");
+        let parent = if shared.is_dir() { shared.to_path_buf() } else { std::env::temp_dir() };
+        let folder = parent.join(format!("infobyte-fuzz-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        folder
+    })
+}
+
+fn put(name: &str, bytes: &[u8]) -> PathBuf {
+    let path = folder().join(name);
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn options() -> BuildOptions {
+    let threshold = Threshold::Iso(40.0);
+    BuildOptions { threshold, memory: MemoryCap::Share(ALLOWED), threads: 1, ..BuildOptions::default() }
+}
+
+/// Finds, opens, unrolls and reads the volumes of a file, and builds those of up to `built` voxels.
+fn volume(name: &str, bytes: &[u8], built: u64) -> bool {
+    let path = put(name, bytes);
+    let catalogue = match Catalogue::survey(&[path], &OpenOptions::default(), folder()) {
+        Ok(catalogue) => catalogue,
+        Err(refused) => return told(&refused.to_string()),
+    };
+    let mut any = false;
+    for finding in
+        (0..catalogue.len().min(MOST_VOLUMES)).flat_map(|index| catalogue.open(index)).take(MOST_VOLUMES)
+    {
+        match finding.volume {
+            Ok(source) => any |= read(source, built),
+            Err(refused) => any |= told(&refused.to_string()),
+        }
+    }
+    any
+}
+
+/// A refusal is one sentence.
+fn told(sentence: &str) -> bool {
+    assert!(!sentence.is_empty() && !sentence.contains('\n'), "{sentence}");
+    false
+}
+
+fn read(mut source: Box<dyn VolumeSource>, built: u64) -> bool {
+    let workspace = Workspace { scratch: folder(), memory: Budget::new(ALLOWED), progress: &Silent };
+    if let Err(refused) = source.prepare(&workspace) {
+        return told(&refused.to_string());
+    }
+    let (dims, width) = (source.info().dims, source.info().scalar.bytes());
+    let rows = 0..dims.ny().min(3);
+    let cols = 0..dims.nx().min(4096);
+    let mut out = vec![0; rows.len() * cols.len() * width];
+    for z in [0, dims.nz() / 2, dims.nz() - 1] {
+        if let Err(refused) = source.read_rows(z, rows.clone(), cols.clone(), &mut out) {
+            return told(&refused.to_string());
+        }
+    }
+    if dims.voxels() > built {
+        return true;
+    }
+    let output = folder().join("built.oct");
+    match build_volume(source.as_ref(), &options(), &output, &Silent) {
+        Ok(_) => verify(&fs::File::open(&output).unwrap()).is_ok() || panic!("what is built is not sound"),
+        Err(refused) => told(&refused.to_string()),
+    }
+}
+
+/// Reads a mesh and builds it in a small grid.
+fn mesh(name: &str, bytes: &[u8]) -> bool {
+    let path = put(name, bytes);
+    let how = MeshOptions { grid: GridChoice::Side { voxels: 12, margin: 1 }, unit_mm: 1.0, fill: None };
+    let output = folder().join("mesh.oct");
+    match build_mesh(&[path], &how, &options(), &output, &Silent) {
+        Ok(_) => {
+            verify(&fs::File::open(&output).unwrap()).expect("what is built is sound");
+            true
+        }
+        Err(refused) => told(&refused.to_string()),
+    }
+}
+
+/// Two small pictures, one from within, and a ray.
+fn picture<D: AsRef<[u8]>>(model: &Model<D>) -> bool {
+    let (dims, affine) = (model.dims(), model.affine());
+    let request = RenderRequest {
+        width: 24,
+        height: 17,
+        point: ViewPoint::Named(NamedView::Iso),
+        threads: 1,
+        depth: true,
+        normals: true,
+        ..RenderRequest::default()
+    };
+    let within = RenderRequest {
+        point: ViewPoint::Free {
+            eye: affine.apply([0.5; 3]),
+            look_at: affine.apply([9.0, 8.0, 7.0]),
+            up: None,
+        },
+        projection: Projection::Perspective,
+        lod: true,
+        smooth_edges: true,
+        ..request
+    };
+    let mut any = false;
+    for request in [request, within] {
+        match render::render_view(&model.view(), dims, &affine, &request) {
+            Ok(_) => any = true,
+            Err(refused) => any |= told(&refused.to_string()),
+        }
+    }
+    if let Ok(caster) = RayCaster::new(model) {
+        let _ = caster.first_hit([-50.0, 1.0, 2.0], [1.0, 0.01, 0.02]);
+    }
+    any
+}
+
+/// Shows, measures and verifies a model; a sound one is also packed and traced against the reference.
+fn model(bytes: &[u8]) -> bool {
+    let mut bytes = bytes.to_vec();
+    seal(&mut bytes);
+    let model = match Model::from_bytes(bytes.as_slice()) {
+        Ok(model) => model,
+        Err(refused) => return told(&refused.to_string()),
+    };
+    let _ = picture(&model);
+    let _ = measure::measure(&model.view(), model.dims(), &model.affine());
+    for far in [0, 1, u64::MAX] {
+        let _ = model.value(VoxelIndex::new(far));
+    }
+    if verify(bytes.as_slice()).is_err() {
+        return false;
+    }
+    let view = model.view();
+    if view.depth() <= 5 {
+        let bits = BitVolume::decode(&view).expect("shallow enough");
+        let found = mismatches(&view, &bits, 16, 7);
+        assert_eq!(found.total(), 0, "{found:?}");
+    }
+    // The packed form leaves out what follows from the rest, and must bring it back.
+    let [mapped, packed, again] = ["mapped.oct", "packed.oct", "again.oct"].map(|name| folder().join(name));
+    fs::write(&mapped, &bytes).unwrap();
+    if pack::pack(&mapped, &packed).is_ok() {
+        pack::unpack(&packed, &again).expect("what is packed can be unpacked");
+        assert!(fs::read(&again).unwrap() == bytes, "unpacked to other bytes");
+    }
+    true
+}
+
+/// Unpacks a model; what comes out has to be sound as far as its opening looks.
+fn archive(bytes: &[u8]) -> bool {
+    let mut bytes = bytes.to_vec();
+    seal(&mut bytes);
+    let [packed, mapped] = ["archive.oct", "unpacked.oct"].map(|name| folder().join(name));
+    // Checksums of contents are known when these have been decoded: one more with each try.
+    for _ in 0..u32::from(MAX_SECTIONS) {
+        fs::write(&packed, &bytes).unwrap();
+        let _ = fs::remove_file(&mapped);
+        match pack::unpack(&packed, &mapped) {
+            Ok(_) => {
+                let model = Model::open(&mapped).expect("what is unpacked can be opened");
+                let _ = picture(&model);
+                let _ = verify(&fs::File::open(&mapped).unwrap());
+                return true;
+            }
+            Err(refused) => {
+                told(&refused.to_string());
+                let infobyte::Error::Load(infobyte::load::LoadError::Format { cause, .. }) = refused else {
+                    return false;
+                };
+                let FormatError::SectionChecksum { kind, stated, found, .. } = cause else { return false };
+                let Ok(frame) = Frame::read(bytes.as_slice()) else { return false };
+                let Some(at) = frame.sections.iter().position(|entry| entry.kind == kind) else {
+                    return false;
+                };
+                let at = HEADER_BYTES + at * ENTRY_BYTES + 44;
+                if bytes[at..at + 4] != stated.to_le_bytes() {
+                    return false;
+                }
+                bytes[at..at + 4].copy_from_slice(&found.to_le_bytes());
+                seal(&mut bytes);
+            }
+        }
+    }
+    false
+}
+
+/// Gives a model the magic, offsets and checksums that its contents ask for (SPEC 3, 4.1, 4.2), as far as there
+/// are any.
+fn seal(bytes: &mut [u8]) {
+    fn put(bytes: &mut [u8], at: usize, value: &[u8]) {
+        bytes[at..at + value.len()].copy_from_slice(value);
+    }
+    let number = |bytes: &[u8], at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+    let length = bytes.len();
+    if length < HEADER_BYTES {
+        return;
+    }
+    put(bytes, 0, &[0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a, 1, 0]);
+    put(bytes, 16, &(length as u64).to_le_bytes());
+    let side = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    if let Some(dims) = Dims::new(side(40), side(44), side(48)) {
+        bytes[13] = u8::try_from(dims.depth()).unwrap();
+    }
+    let sections = usize::from(u16::from_le_bytes([bytes[14], bytes[15]]).min(MAX_SECTIONS));
+    let table_end = HEADER_BYTES + sections * ENTRY_BYTES;
+    if table_end <= length {
+        let mut end = table_end as u64;
+        for entry in (HEADER_BYTES..table_end).step_by(ENTRY_BYTES) {
+            let offset = align_up(end);
+            put(bytes, entry + 8, &offset.to_le_bytes());
+            let stored = number(bytes, entry + 16);
+            end = offset.saturating_add(stored);
+            let range = usize::try_from(offset).ok().zip(usize::try_from(end).ok());
+            if let Some(content) = range.and_then(|(from, to)| bytes.get(from..to)) {
+                let crc = crc32c::crc32c(content).to_le_bytes();
+                put(bytes, entry + 40, &crc);
+                if bytes[entry + 4] == 0 {
+                    put(bytes, entry + 44, &crc);
+                }
+            }
+        }
+        let crc = crc32c::crc32c(&bytes[HEADER_BYTES..table_end]).to_le_bytes();
+        put(bytes, 56, &crc);
+    }
+    let crc = crc32c::crc32c(&bytes[..60]).to_le_bytes();
+    put(bytes, 60, &crc);
+}
+
+/// What a codestream says of its image: columns, rows, components, bits.
+type Stated = (u32, u32, u16, u16);
+
+/// Takes a codestream for the pixels of a DICOM image that states the same size; the first byte chooses among
+/// what DICOM states beside.
+fn codec(bytes: &[u8], syntaxes: &[&str], stated: fn(&[u8]) -> Option<Stated>) -> bool {
+    let Some((choice, stream)) = bytes.split_first() else { return false };
+    let (columns, rows, samples, precision) = stated(stream)
+        .filter(|s| u64::from(s.0) * u64::from(s.1) <= MOST_PIXELS && s.0.max(s.1) <= u32::from(u16::MAX))
+        .unwrap_or((16, 16, 1, 8));
+    let precision = precision.clamp(1, 32);
+    let allocated = if precision <= 8 && choice & 1 == 0 { 8 } else { precision.next_multiple_of(16) };
+    let syntax = syntaxes[usize::from(choice >> 3) % syntaxes.len()];
+    let spec = Spec {
+        size: [columns, rows].map(|side| u16::try_from(side).unwrap_or(1)),
+        bits: [allocated, precision, precision - 1],
+        signed: choice & 2 != 0,
+        samples,
+        photometric: if samples == 3 { "RGB" } else { "MONOCHROME2" },
+        ..Spec::default()
+    };
+    // Two fragments where the choice says so: a decoder does not see where one ends.
+    let middle = if choice & 4 == 0 { stream.len() } else { stream.len() / 4 * 2 };
+    let fragments: Vec<Vec<u8>> = [&stream[..middle], &stream[middle..]]
+        .into_iter()
+        .filter(|part| !part.is_empty())
+        .map(even)
+        .collect();
+    let file = encapsulated(&format!("1.2.840.10008.1.2.{syntax}"), spec, &[], &fragments);
+    volume("case.dcm", &file, 0)
+}
+
+/// Fragments have an even length.
+fn even(part: &[u8]) -> Vec<u8> {
+    let mut part = part.to_vec();
+    part.resize(part.len().next_multiple_of(2), 0);
+    part
+}
+
+/// JPEG and JPEG-LS: the first start of a frame.
+fn jpeg_frame(stream: &[u8]) -> Option<Stated> {
+    let is_start =
+        |code: u8| code == 0xf7 || (matches!(code, 0xc0..=0xcf) && !matches!(code, 0xc4 | 0xc8 | 0xcc));
+    let at = stream.windows(2).position(|pair| pair[0] == 0xff && is_start(pair[1]))?;
+    let [.., precision, r0, r1, c0, c1, components] = *stream.get(at + 2..)?.first_chunk::<8>()?;
+    let pair = |high, low| u32::from(u16::from_be_bytes([high, low]));
+    Some((pair(c0, c1), pair(r0, r1), components.into(), precision.into()))
+}
+
+/// JPEG 2000: the segment of sizes.
+fn jpeg2000_frame(stream: &[u8]) -> Option<Stated> {
+    let at = stream.windows(2).position(|pair| pair == [0xff, 0x51])?;
+    let size = stream.get(at + 2..)?.first_chunk::<39>()?;
+    let number = |at: usize| u32::from_be_bytes(size[at..at + 4].try_into().unwrap_or_default());
+    let (columns, rows) = (number(4).checked_sub(number(12))?, number(8).checked_sub(number(16))?);
+    Some((columns, rows, u16::from_be_bytes([size[36], size[37]]).min(4), u16::from(size[38] & 0x7f) + 1))
+}
+
+/// RLE says nothing of its image: as many bytes of a sample as segments.
+fn rle_frame(stream: &[u8]) -> Option<Stated> {
+    let segments = u16::from(*stream.first()?);
+    Some(match segments {
+        3 => (12, 9, 3, 8),
+        2 => (12, 9, 1, 16),
+        4 => (12, 9, 1, 32),
+        _ => (12, 9, 1, 8),
+    })
+}
