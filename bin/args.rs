@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-pub(crate) use picture::{RenderArgs, ThumbnailArgs};
+pub(crate) use picture::{RenderArgs, Shading, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, DemoArgs, RawArgs, ScanArgs};
 
 /// Volumes into compact surface octrees in a fixed amount of memory, shown by exact ray traversal.

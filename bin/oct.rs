@@ -29,7 +29,7 @@ use infobyte::volume::Placement;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
-use args::{Cli, Command, Switch, cores};
+use args::{Cli, Command, Shading, Switch, cores};
 use bars::{Bars, BatchBars};
 use failure::{Dash, Failure, Refusal, Written, json_of, one_line, tell};
 use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash};
@@ -116,6 +116,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         connectivity: args.skin.connectivity,
         channels: args.skin.channels,
         gradient: args.skin.gradient,
+        visible_from: args.visible_from.clone(),
         lod: args.lod == Switch::On,
         memory: MemoryCap::Process(args.memory),
         threads: args.threads.count(),
@@ -189,6 +190,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             connectivity: args.skin.connectivity,
             channels: args.skin.channels,
             gradient: args.skin.gradient,
+            visible_from: Vec::new(),
             lod: args.lod == Switch::On,
             memory: MemoryCap::Process(args.memory),
             threads: args.threads.count(),
@@ -326,6 +328,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
         fov_deg: args.fov,
         threads: args.threads.count(),
         lod: args.lod == Switch::On,
+        blended: args.shading == Shading::Blended,
         ..RenderRequest::default()
     };
     let (depth, normals) = (args.depth.as_deref(), args.normals.as_deref());

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use infobyte::builder::{Connectivity, Gradient};
+use infobyte::builder::{Connectivity, Gradient, ViewedFrom};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims, Orientation};
@@ -222,6 +222,26 @@ pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
     match (x, y, z) {
         (Ok(x), Ok(y), Ok(z)) => Ok([x, y, z]),
         _ => Err(bad()),
+    }
+}
+
+pub(super) fn viewed_from(text: &str) -> Result<ViewedFrom, String> {
+    if text == "outside" {
+        return Ok(ViewedFrom::Outside);
+    }
+    if let Ok(view) = text.parse::<NamedView>() {
+        return Ok(ViewedFrom::Along(view.looks_along()));
+    }
+    let refuse = |_| {
+        let views = NamedView::ALL.map(NamedView::name).join(", ");
+        format!("'{text}' is not a place to look from; write outside, {views}, along:X,Y,Z, or X,Y,Z in mm")
+    };
+    match text.strip_prefix("along:") {
+        Some(direction) => match triple(direction) {
+            Ok([0.0, 0.0, 0.0]) => Err("along:0,0,0 is not a direction".into()),
+            other => other.map(ViewedFrom::Along).map_err(refuse),
+        },
+        None => triple(text).map(ViewedFrom::Point).map_err(refuse),
     }
 }
 

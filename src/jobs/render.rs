@@ -36,6 +36,8 @@ pub struct RenderRequest {
     pub depth: bool,
     /// Make a normal image, too.
     pub normals: bool,
+    /// Blend normals between the boxes around a hit: smoother close-ups, some microseconds a pixel.
+    pub blended: bool,
 }
 
 impl RenderRequest {
@@ -57,6 +59,7 @@ impl Default for RenderRequest {
             smooth_edges: false,
             depth: false,
             normals: false,
+            blended: false,
         }
     }
 }
@@ -143,6 +146,7 @@ pub fn render_view_watched<V: NodeView>(
         smooth_edges: request.smooth_edges,
         depth_range_mm: request.depth.then_some((near, far)),
         normals: request.normals,
+        blended: request.blended,
     };
     progress.stage("render", request.height.into());
     let rows_done = |rows: u32| progress.advance(rows.into());

@@ -21,6 +21,7 @@
 //! | `facing` | normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
 
+pub(crate) mod blend;
 pub mod camera;
 mod caster;
 pub mod cells;

@@ -11,6 +11,7 @@ use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
+use super::blend;
 use super::cells::Cells;
 use super::facing;
 use super::form::Form;
@@ -52,6 +53,8 @@ pub struct Canvas {
     pub depth_range_mm: Option<(f64, f64)>,
     /// Is a normal image wanted?
     pub normals: bool,
+    /// Are normals blended between the boxes around a hit?
+    pub blended: bool,
 }
 
 /// Counts and times of a painted picture.
@@ -447,11 +450,25 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         self.shader.light(self.normal(seen, line), line.1)
     }
 
+    /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
+    #[inline]
+    fn blended(&self, seen: Seen, (origin, sight): Line, own: [f64; 3]) -> [f64; 3] {
+        if !self.canvas.blended || seen.kind == SeenKind::Node {
+            return own;
+        }
+        let world = super::space::add_scaled(origin, f64::from(seen.depth), sight);
+        blend::blended(self.view, self.sight.space().to_grid(world), own)
+    }
+
     /// As [`Painter::normal`], for pixels of one row from left to right: those of one face have one normal.
     #[inline]
     fn normal_after(&self, last: &mut Option<(u64, u8, [f64; 3])>, seen: Seen, line: Line) -> [f64; 3] {
         match last {
-            Some((number, face, normal)) if (*number, *face) == (seen.box_number, seen.face) => *normal,
+            Some((number, face, normal))
+                if (*number, *face) == (seen.box_number, seen.face) && !self.canvas.blended =>
+            {
+                *normal
+            }
             _ => {
                 let normal = self.normal(seen, line);
                 // Without a face it may depend on the line of sight.
@@ -466,12 +483,14 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     fn normal(&self, seen: Seen, line: Line) -> [f64; 3] {
         let box_frame = match (self.stored(seen, 0), seen.face()) {
             (Some(stored), _) if self.cells.is_some() => {
-                return self.sight.space().index_normal_to_world(stored.map(f64::from));
+                let own = self.blended(seen, line, stored.map(f64::from));
+                return self.sight.space().index_normal_to_world(own);
             }
             (Some(stored), Some(face)) => {
-                self.facing(seen, face, line, stored).unwrap_or(stored.map(f64::from))
+                let own = self.facing(seen, face, line, stored).unwrap_or(stored.map(f64::from));
+                self.blended(seen, line, own)
             }
-            (Some(stored), None) => stored.map(f64::from),
+            (Some(stored), None) => self.blended(seen, line, stored.map(f64::from)),
             (None, Some(face)) => {
                 let mut n = [0.0; 3];
                 n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
