@@ -15,7 +15,7 @@ use super::space::dot;
 const LEAST_COSINE: f64 = 0.5;
 
 /// The voxel or cell at a place of the grid, if the model has it.
-fn find<V: NodeView>(view: &V, at: [u32; 3]) -> Option<VoxelIndex> {
+pub(crate) fn find<V: NodeView>(view: &V, at: [u32; 3]) -> Option<VoxelIndex> {
     let mut node = NodeIndex::ROOT;
     for level in (0..view.depth()).rev() {
         let [x, y, z] = at.map(|c| c >> level & 1);

@@ -64,13 +64,13 @@ impl<'a> Shifted<'a> {
     }
 }
 
-/// Writes which boxes of the row are lit, and which a ray can enter at all; only those of `region` are.
-/// Without `along_x` rays stay in their column.
+/// Writes which boxes of the row are lit, and which a ray can enter at all; only those of `region` are. In those of
+/// `start` rays begin. Without `along_x` rays stay in their column.
 pub(super) fn sweep<const CELLS: bool>(
     along_x: bool,
     air: &Air<'_>,
     upstream: &Upstream<'_>,
-    region: &[u64],
+    (region, start): (&[u64], &[u64]),
     lit: &mut [u64],
     entered: &mut [u64],
 ) {
@@ -89,10 +89,10 @@ pub(super) fn sweep<const CELLS: bool>(
             let (face_y, face_z, edge) = (nn | nf | nn1 | nf1, nn | fn_ | nn1 | fn1, nn | nn1);
             let seeds =
                 y & face_y | by_y & (nn1 | nf1) | z & face_z | by_z & (nn1 | fn1) | yz & edge | by_yz & nn1;
-            carry(seeds & region[i], (nn1 | nf1 | fn1 | ff1) & region[i] & steps, own)
+            carry(seeds & region[i] | start[i], (nn1 | nf1 | fn1 | ff1) & region[i] & steps, own)
         } else {
             let open = air.far[i] & region[i];
-            carry(direct & open, open & steps, own)
+            carry(direct & open | start[i], open & steps, own)
         };
         *entered = (direct | (reached << 1 | own) & steps) & region[i] | reached;
         *lit = reached;
@@ -129,6 +129,7 @@ mod tests {
             let (mostly, air) = (round % 3, [row(round % 2), row(1), row(2), row(round % 3)]);
             let rows = [row(mostly + 1), row(3), row(4)];
             let region = if round % 5 == 0 { row(1) } else { vec![u64::MAX; WORDS] };
+            let start = if round % 4 == 0 { row(6) } else { vec![0; WORDS] };
             let before: [bool; 4] = std::array::from_fn(|i| round >> i & 1 == 1);
             for (cells, along_x) in [(false, true), (true, true), (false, false), (true, false)] {
                 let lit = |i: usize| Lit { row: &rows[i], before: before[i] };
@@ -136,9 +137,9 @@ mod tests {
                 let around = Air { near_both: &air[0], near_y: &air[1], near_z: &air[2], far: &air[3] };
                 let (mut got, mut entered) = ([0; WORDS], [0; WORDS]);
                 if cells {
-                    sweep::<true>(along_x, &around, &upstream, &region, &mut got, &mut entered);
+                    sweep::<true>(along_x, &around, &upstream, (&region, &start), &mut got, &mut entered);
                 } else {
-                    sweep::<false>(along_x, &around, &upstream, &region, &mut got, &mut entered);
+                    sweep::<false>(along_x, &around, &upstream, (&region, &start), &mut got, &mut entered);
                 }
                 let mut own = before[3];
                 for i in 0..64 * WORDS {
@@ -168,8 +169,8 @@ mod tests {
                         is_entered |= from;
                         is_lit |= from && open;
                     }
-                    is_lit &= bit(&region, i);
-                    is_entered &= bit(&region, i);
+                    is_lit = is_lit && bit(&region, i) || bit(&start, i);
+                    is_entered = is_entered && bit(&region, i) || is_lit;
                     assert_eq!((bit(&got, i), bit(&entered, i)), (is_lit, is_entered), "{round} {cells} {i}");
                     own = is_lit;
                 }

@@ -95,6 +95,8 @@ struct Block {
     old_before: Vec<u64>,
     new_before: Vec<u64>,
     entered: Vec<u64>,
+    /// Boxes of a row that rays begin in.
+    start: Vec<u64>,
 }
 
 fn block_rows(row_words: usize, ny: u32) -> usize {
@@ -104,7 +106,7 @@ fn block_rows(row_words: usize, ny: u32) -> usize {
 impl<'a> Pass<'a> {
     /// Bytes that a pass holds.
     pub(super) fn bytes(row_words: usize, ny: u32) -> u64 {
-        (row_words * 8 * (5 * block_rows(row_words, ny) + 7)) as u64
+        (row_words * 8 * (5 * block_rows(row_words, ny) + 8)) as u64
     }
 
     pub(super) fn new(
@@ -142,6 +144,7 @@ impl<'a> Pass<'a> {
                 old_before: row(),
                 new_before: row(),
                 entered: row(),
+                start: row(),
             },
         }
     }
@@ -269,17 +272,16 @@ impl<'a> Pass<'a> {
             far: own,
         };
         let sweep = if self.is_cells { sweep::<true> } else { sweep::<false> };
-        sweep(way.moves[0], &air, &upstream, region, new, entered);
-        let Some(eye) =
-            way.eye.filter(|eye| way.within && (y - eye[1]).abs() <= 1 && (z - eye[2]).abs() <= 1)
-        else {
-            return;
+        let starts = way.eye.filter(|eye| way.within && (y - eye[1]).abs() <= 1 && (z - eye[2]).abs() <= 1);
+        let Some(eye) = starts else {
+            return sweep(way.moves[0], &air, &upstream, (region, zeros), new, entered);
         };
+        block.start.fill(0);
         for x in (eye[0] - 1).max(0)..=(eye[0] + 1).min(i64::from(dims.nx()) - 1) {
             let x = x as usize;
             let at = if way.back[0] { 64 * words - 1 - x } else { x };
-            new[at / 64] |= 1 << (at % 64);
-            entered[at / 64] |= 1 << (at % 64);
+            block.start[at / 64] |= 1 << (at % 64);
         }
+        sweep(way.moves[0], &air, &upstream, (region, &block.start), new, entered);
     }
 }

@@ -206,6 +206,49 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
     Some(svg)
 }
 
+/// Colours of a drawing that stands alone, for light and dark pages.
+const STYLE: &str = "<style>svg{font-family:system-ui,sans-serif;--ink:#1b1f24;--soft:#5f6875;--line:#dde1e7;--card:#fff;\
+--c0:#1f6fb2;--c1:#c2571a;--c2:#2c8a4b;--c3:#8a4bb0;--c4:#b0353f;--c5:#7a6a00;--c6:#0f8a8a}\
+@media(prefers-color-scheme:dark){svg{--ink:#e7eaee;--soft:#9aa4b1;--line:#323943;--card:#1d2127;\
+--c0:#6cb2ee;--c1:#f0a06a;--c2:#78cf95;--c3:#c79be8;--c4:#ff8f95;--c5:#d9c86a;--c6:#6fd0d0}}\
+.ground{fill:var(--card)}.grid{stroke:var(--line)}.frame{fill:none;stroke:var(--soft)}.tick{font-size:12px;fill:var(--soft)}\
+.axis{font-size:13px;fill:var(--ink)}.label,.name{font-size:12px;fill:var(--ink)}.dot{stroke-width:2;fill:var(--card)}\
+.front{fill:none;stroke-width:1.5;stroke-dasharray:5 4;opacity:.75}";
+
+/// A drawing as a file of its own, with the names of its series below it.
+pub(super) fn standalone(svg: &str, names: &[&str]) -> String {
+    let rows = names.len().div_ceil(KEYS_IN_A_ROW);
+    let height = SIZE[1] + 20.0 * rows as f64 + 8.0;
+    let mut text = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {height}\" width=\"{0}\" height=\"{height}\">{STYLE}",
+        SIZE[0]
+    );
+    for colour in 0..COLOURS {
+        let _ =
+            write!(text, ".c{colour}{{stroke:var(--c{colour})}}.usual.c{colour}{{fill:var(--c{colour})}}");
+    }
+    let _ = write!(text, "</style><rect class=\"ground\" width=\"{}\" height=\"{height}\"/>", SIZE[0]);
+    // The drawing's own head gives way to the file's.
+    text.push_str(svg.split_once('>').map_or("", |(_, rest)| rest).trim_end_matches("</svg>"));
+    for (i, name) in names.iter().enumerate() {
+        let x = MARGIN[0] + (i % KEYS_IN_A_ROW) as f64 * 216.0;
+        let y = SIZE[1] + 12.0 + 20.0 * (i / KEYS_IN_A_ROW) as f64;
+        let _ = write!(
+            text,
+            "<circle class=\"dot usual c{}\" cx=\"{x:.0}\" cy=\"{:.0}\" r=\"4.5\"/><text class=\"name\" x=\"{:.0}\" y=\"{y:.0}\">{}</text>",
+            i % COLOURS,
+            y - 4.0,
+            x + 10.0,
+            escaped(name)
+        );
+    }
+    text.push_str("</svg>\n");
+    text
+}
+
+/// Names of series in a row below a drawing.
+const KEYS_IN_A_ROW: usize = 3;
+
 #[cfg(test)]
 mod tests {
     use super::*;
