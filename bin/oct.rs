@@ -17,6 +17,7 @@ use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
+use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
@@ -96,6 +97,11 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         }
         Command::Pack(args) => pack_with(&args, pack::pack),
         Command::Unpack(args) => pack_with(&args, pack::unpack),
+        Command::Strip(args) => {
+            let request =
+                StripRequest { channels: args.channels, levels: args.levels, lod: args.lod == Switch::On };
+            pack_with(&args.files, |input, output| pack::strip(input, output, &request))
+        }
         Command::Render(args) => render(&args),
         Command::Thumbnail(args) => thumbnail(&args),
         Command::Demo(args) => demo(&args),

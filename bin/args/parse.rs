@@ -98,6 +98,20 @@ pub(super) fn channels(text: &str) -> Result<Channels, String> {
     text.split(',').map(str::trim).map(channel).collect()
 }
 
+/// Channels of a model.
+pub(super) fn kept_channels(text: &str) -> Result<Channels, String> {
+    if text == "none" {
+        return Ok(Channels::NONE);
+    }
+    let channel = |name: &str| {
+        Channel::by_name(name).ok_or_else(|| {
+            let names = Channel::all().map(Channel::name).collect::<Vec<_>>().join(", ");
+            format!("'{name}' is not a channel; choose from {names}, or none")
+        })
+    };
+    text.split(',').map(str::trim).map(channel).collect()
+}
+
 /// A box of voxels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Roi(pub(super) [Range<u32>; 3]);

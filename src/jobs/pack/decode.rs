@@ -263,7 +263,7 @@ fn normals<R: ReadAt + ?Sized>(
 }
 
 /// Writes the rank directory of the nodes that are in `out`, and returns its CRC.
-fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
+pub(super) fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
     let (Some(nodes), Some(target)) = (mapped.section(SectionKind::Nodes), mapped.section(SectionKind::Rank))
     else {
         return Ok(0);
@@ -290,7 +290,7 @@ fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
 }
 
 /// SPEC 5.6: writes the coarse means of the voxels that are in `out`.
-fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
+pub(super) fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
     let coarse = mapped.dims().depth().saturating_sub(1);
     let mut writers: Vec<(Channel, usize, Vec<Writer>)> = walked_channels(mapped)
         .into_iter()

@@ -1,8 +1,11 @@
-//! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5).
+//! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5); `oct strip`: less of it.
 
 mod decode;
 mod encode;
 mod stream;
+mod strip;
+
+pub use strip::{StripRequest, strip};
 
 use std::fs::File;
 use std::io;
@@ -14,6 +17,7 @@ use crate::error::{Error, UsageError};
 use crate::format::FormatError;
 use crate::format::packed::CodingError;
 use crate::load::{Fault, Frame, LoadError, ReadAt, open_regular};
+use strip::StripStop;
 
 /// What packing or unpacking did.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +89,14 @@ fn convert(
     output: &Path,
     work: impl FnOnce(&File, &File) -> Result<Frame, Stop>,
 ) -> Result<PackReport, Error> {
+    convert_with(input, output, |source, out| work(source, out).map_err(StripStop::Stop))
+}
+
+fn convert_with(
+    input: &Path,
+    output: &Path,
+    work: impl FnOnce(&File, &File) -> Result<Frame, StripStop>,
+) -> Result<PackReport, Error> {
     let start = Instant::now();
     let unreadable = |cause| LoadError::Unreadable { path: input.to_path_buf(), cause };
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
@@ -97,10 +109,11 @@ fn convert(
     // The input's frame first: a foreign file is refused before anything is said about the output.
     Frame::read(&source).map_err(|fault| fault.at(input))?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
-    let frame = work(&source, out.file()).map_err(|stop| match stop {
+    let stopped = |stop| match stop {
         Stop::Input(fault) => Error::Load(fault.at(input)),
         Stop::Output(cause) => unwritable(cause),
-    })?;
+    };
+    let frame = work(&source, out.file()).map_err(|stop| stop.at(input, stopped))?;
     out.commit().map_err(unwritable)?;
     Ok(PackReport {
         bytes_in: source.byte_len().map_err(unreadable)?,
