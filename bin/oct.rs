@@ -37,6 +37,8 @@ use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_das
 
 fn main() -> ExitCode {
     jobs::map_large_buffers();
+    // Linking at start leaves code behind that nobody calls again, beside what reading the arguments needs.
+    jobs::give_back();
     // With a handler in place, writing past a file-size limit is an error that can be told, not the end of
     // the process. Without one (it cannot be set twice), the system's way stays.
     let _ = signal_hook::flag::register(

@@ -30,7 +30,7 @@ pub fn map_large_buffers() {
 /// keeps, and code.
 ///
 /// Cost: the kernel walks the pages of all mappings once (some 100 us), and some hundred page faults later.
-pub(crate) fn give_back() {
+pub fn give_back() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: malloc_trim takes an integer, may be called by any thread at any time, and gives back pages of
     // the allocator that hold nothing.

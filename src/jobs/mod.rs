@@ -18,5 +18,5 @@ pub mod scan;
 pub mod verify;
 pub mod wording;
 
-pub use crate::resident::map_large_buffers;
+pub use crate::resident::{give_back, map_large_buffers};
 pub use wording::foreign::shown;
