@@ -16,6 +16,8 @@
 mod row;
 mod sweep;
 
+use std::fmt;
+
 use super::bits::BitVolume;
 use super::error::BuildError;
 use crate::geom::{Affine, Dims};
@@ -30,6 +32,17 @@ pub enum ViewedFrom {
     Along([f64; 3]),
     /// From this point in world millimetres.
     Point([f64; 3]),
+}
+
+impl fmt::Display for ViewedFrom {
+    /// As on the command line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Outside => f.write_str("outside"),
+            Self::Along([x, y, z]) => write!(f, "along:{x},{y},{z}"),
+            Self::Point([x, y, z]) => write!(f, "{x},{y},{z}"),
+        }
+    }
 }
 
 /// Parts of a direction that are this much smaller than its largest are rounded to nothing by the rays of pictures.

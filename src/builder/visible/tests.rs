@@ -14,7 +14,9 @@ struct Slow {
 
 impl Slow {
     fn inside(&self, p: [i64; 3]) -> bool {
-        let within = (0..3).all(|a| (0..self.dims[a]).contains(&p[a]));
+        // There is a sample less than there are cells.
+        let last = |a: usize| self.dims[a] - i64::from(self.is_cells);
+        let within = (0..3).all(|a| (0..last(a)).contains(&p[a]));
         within && self.inside[((p[2] * self.dims[1] + p[1]) * self.dims[0] + p[0]) as usize]
     }
 

@@ -16,8 +16,8 @@ use crate::format::{
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
 
-use super::Stop;
 use super::encode::finish_frame;
+use super::stop::Stop;
 use super::stream::{Subtrees, Writer, roots, subtree_shape};
 
 /// Unpacks into an empty file and returns the frame of what was written; its checksums are verified.

@@ -2,21 +2,20 @@
 
 mod decode;
 mod encode;
+mod stop;
 mod stream;
 mod strip;
 
+pub(crate) use stop::Stop;
 pub use strip::{StripRequest, strip};
 
 use std::fs::File;
-use std::io;
 use std::path::Path;
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, UsageError};
-use crate::format::FormatError;
-use crate::format::packed::CodingError;
-use crate::load::{Fault, Frame, LoadError, ReadAt, open_regular};
+use crate::load::{Frame, LoadError, ReadAt, open_regular};
 use strip::StripStop;
 
 /// What packing or unpacking did.
@@ -30,33 +29,6 @@ pub struct PackReport {
     pub skin_voxels: u64,
     /// Seconds from start to end.
     pub wall_s: f64,
-}
-
-/// Why packing stopped: at the input, or at the output.
-#[derive(Debug)]
-pub(crate) enum Stop {
-    /// The input is wrong or cannot be read.
-    Input(Fault),
-    /// The output cannot be written or read back.
-    Output(io::Error),
-}
-
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
-        Self::Input(fault)
-    }
-}
-
-impl From<FormatError> for Stop {
-    fn from(cause: FormatError) -> Self {
-        Self::Input(Fault::Format(cause))
-    }
-}
-
-impl From<CodingError> for Stop {
-    fn from(cause: CodingError) -> Self {
-        FormatError::Coding(cause).into()
-    }
 }
 
 /// Packs a mapped file. The input is verified first, so that only sound models are archived.

@@ -9,8 +9,9 @@ use std::fs::File;
 use std::path::Path;
 
 use super::encode::finish_frame;
+use super::stop::Stop;
 use super::stream::Writer;
-use super::{PackReport, Stop, convert_with, decode};
+use super::{PackReport, convert_with, decode};
 use crate::error::{Error, StripFault, UsageError};
 use crate::format::{
     Channel, Channels, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind,

@@ -206,28 +206,45 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
     Some(svg)
 }
 
-/// Colours of a drawing that stands alone, for light and dark pages.
-const STYLE: &str = "<style>svg{font-family:system-ui,sans-serif;--ink:#1b1f24;--soft:#5f6875;--line:#dde1e7;--card:#fff;\
---c0:#1f6fb2;--c1:#c2571a;--c2:#2c8a4b;--c3:#8a4bb0;--c4:#b0353f;--c5:#7a6a00;--c6:#0f8a8a}\
-@media(prefers-color-scheme:dark){svg{--ink:#e7eaee;--soft:#9aa4b1;--line:#323943;--card:#1d2127;\
---c0:#6cb2ee;--c1:#f0a06a;--c2:#78cf95;--c3:#c79be8;--c4:#ff8f95;--c5:#d9c86a;--c6:#6fd0d0}}\
-.ground{fill:var(--card)}.grid{stroke:var(--line)}.frame{fill:none;stroke:var(--soft)}.tick{font-size:12px;fill:var(--soft)}\
-.axis{font-size:13px;fill:var(--ink)}.label,.name{font-size:12px;fill:var(--ink)}.dot{stroke-width:2;fill:var(--card)}\
-.front{fill:none;stroke-width:1.5;stroke-dasharray:5 4;opacity:.75}";
+/// Colours of a drawing that stands alone: ink, soft, line, ground, and those of the series; for light pages and dark
+/// ones. Written out, as not every viewer of drawings knows variables.
+const LIGHT: [&str; 4 + COLOURS] = [
+    "#1b1f24", "#5f6875", "#dde1e7", "#fff", "#1f6fb2", "#c2571a", "#2c8a4b", "#8a4bb0", "#b0353f",
+    "#7a6a00", "#0f8a8a",
+];
+const DARK: [&str; 4 + COLOURS] = [
+    "#e7eaee", "#9aa4b1", "#323943", "#1d2127", "#6cb2ee", "#f0a06a", "#78cf95", "#c79be8", "#ff8f95",
+    "#d9c86a", "#6fd0d0",
+];
+
+/// The rules of a drawing that stands alone.
+fn style() -> String {
+    let of = |colours: [&str; 4 + COLOURS]| {
+        let [ink, soft, line, ground, series @ ..] = colours;
+        let mut rules = format!(
+            ".ground,.dot{{fill:{ground}}}.grid{{stroke:{line}}}.frame{{stroke:{soft}}}.tick{{fill:{soft}}}.axis,.label,.name{{fill:{ink}}}"
+        );
+        for (i, colour) in series.iter().enumerate() {
+            let _ = write!(rules, ".c{i}{{stroke:{colour}}}.usual.c{i}{{fill:{colour}}}");
+        }
+        rules
+    };
+    format!(
+        "<style>svg{{font-family:system-ui,sans-serif}}.tick,.label,.name{{font-size:12px}}.axis{{font-size:13px}}.frame,.front{{fill:none}}.dot{{stroke-width:2}}.front{{stroke-width:1.5;stroke-dasharray:5 4;opacity:.75}}{}@media(prefers-color-scheme:dark){{{}}}</style>",
+        of(LIGHT),
+        of(DARK)
+    )
+}
 
 /// A drawing as a file of its own, with the names of its series below it.
 pub(super) fn standalone(svg: &str, names: &[&str]) -> String {
     let rows = names.len().div_ceil(KEYS_IN_A_ROW);
     let height = SIZE[1] + 20.0 * rows as f64 + 8.0;
+    let width = SIZE[0];
     let mut text = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {height}\" width=\"{0}\" height=\"{height}\">{STYLE}",
-        SIZE[0]
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\">{}<rect class=\"ground\" width=\"{width}\" height=\"{height}\"/>",
+        style()
     );
-    for colour in 0..COLOURS {
-        let _ =
-            write!(text, ".c{colour}{{stroke:var(--c{colour})}}.usual.c{colour}{{fill:var(--c{colour})}}");
-    }
-    let _ = write!(text, "</style><rect class=\"ground\" width=\"{}\" height=\"{height}\"/>", SIZE[0]);
     // The drawing's own head gives way to the file's.
     text.push_str(svg.split_once('>').map_or("", |(_, rest)| rest).trim_end_matches("</svg>"));
     for (i, name) in names.iter().enumerate() {
