@@ -195,7 +195,7 @@ pub(crate) struct ReportArgs {
     /// for the head; may be given several times
     #[arg(long, value_name = "NAME", group = "subject")]
     pub(crate) synthetic: Vec<String>,
-    /// Folder of report.html, report.csv and report.json; made if it is not there
+    /// Folder of the page, its tables and drawings; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Pixels along a side of the pictures that errors are measured on

@@ -23,8 +23,9 @@ const SIZE: [f64; 2] = [720.0, 380.0];
 const MARGIN: [f64; 4] = [74.0, 16.0, 24.0, 52.0];
 /// Colours of the page that series take in turn.
 const COLOURS: usize = 7;
-/// Least distance of two labels, up or down.
+/// Least distance of two labels, up or down, and about the width of one of their characters.
 const LABEL: f64 = 14.0;
+const CHARACTER: f64 = 7.0;
 
 /// An axis: logarithmic where all values are above 0 and differ much.
 struct Axis {
@@ -165,8 +166,10 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
         top + height / 2.0,
         escaped(y_title)
     );
-    // Where labels stand already.
-    let mut taken: Vec<[f64; 2]> = Vec::new();
+    // Where labels stand already: from, to, and how high.
+    let mut taken: Vec<[f64; 3]> = Vec::new();
+    // Of many series only what is on a front, or usual, is named.
+    let is_crowded = series.len() > 3;
     for (i, series) in series.iter().enumerate() {
         let colour = i % COLOURS;
         let mut front: Vec<&Point> = series.points.iter().filter(|p| p.on_front).collect();
@@ -190,9 +193,12 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
             // Beside the point, on the side with room; left out where another label stands.
             let to_left = px > left + 0.72 * width;
             let (tx, anchor) = if to_left { (px - 9.0, "end") } else { (px + 9.0, "start") };
-            let near = |at: &[f64; 2]| (at[0] - tx).abs() < 96.0 && (at[1] - py).abs() < LABEL;
-            if !taken.iter().any(near) {
-                taken.push([tx, py]);
+            let wide = CHARACTER * point.label.chars().count() as f64;
+            let from = if to_left { tx - wide } else { tx };
+            let meets = |at: &[f64; 3]| at[0] < from + wide && from < at[1] && (at[2] - py).abs() < LABEL;
+            let is_named = !is_crowded || point.on_front || point.usual;
+            if is_named && !taken.iter().any(meets) {
+                taken.push([from, from + wide, py]);
                 let _ = write!(
                     svg,
                     "<text class=\"label\" x=\"{tx:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
@@ -248,7 +254,7 @@ pub(super) fn standalone(svg: &str, names: &[&str]) -> String {
     // The drawing's own head gives way to the file's.
     text.push_str(svg.split_once('>').map_or("", |(_, rest)| rest).trim_end_matches("</svg>"));
     for (i, name) in names.iter().enumerate() {
-        let x = MARGIN[0] + (i % KEYS_IN_A_ROW) as f64 * 216.0;
+        let x = MARGIN[0] + (i % KEYS_IN_A_ROW) as f64 * 310.0;
         let y = SIZE[1] + 12.0 + 20.0 * (i / KEYS_IN_A_ROW) as f64;
         let _ = write!(
             text,
@@ -264,7 +270,7 @@ pub(super) fn standalone(svg: &str, names: &[&str]) -> String {
 }
 
 /// Names of series in a row below a drawing.
-const KEYS_IN_A_ROW: usize = 3;
+const KEYS_IN_A_ROW: usize = 2;
 
 #[cfg(test)]
 mod tests {

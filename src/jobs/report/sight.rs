@@ -45,7 +45,7 @@ impl Bench<'_> {
         Ok(Experiment {
             id: "sight",
             title: "What is kept of what can be seen",
-            about: "Models of what rays from there can reach, against the whole model in pictures from there: three perspective ones from outside, a parallel one from the front. What changes is counted; nothing may.",
+            about: "Models of what rays from there can reach, against the whole model in pictures from there: three perspective ones from outside, a parallel one from the front. What differs is counted; nothing should.",
             cost: 3,
             metric: Metric::WrongPixels,
             rows,
