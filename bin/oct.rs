@@ -337,6 +337,8 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
         threads: args.threads.count(),
         lod: args.lod == Switch::On,
         blended: args.shading == Shading::Blended,
+        traversal: args.traversal,
+        coherence: args.coherence,
         ..RenderRequest::default()
     };
     let (depth, normals) = (args.depth.as_deref(), args.normals.as_deref());
@@ -363,8 +365,7 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
 }
 
 /// What is said of a picture that shows nothing.
-const NO_HIT: &str =
-    "  note: no ray meets the model, so the picture is empty; check --eye, --look-at and --fov\n";
+const NO_HIT: &str = "no ray meets the model, so the picture is empty; check --eye, --look-at and --fov";
 
 fn print_picture(
     as_json: bool,
@@ -372,19 +373,21 @@ fn print_picture(
     output: &Path,
     report: &RenderReport,
 ) -> Result<ExitCode, Error> {
+    let warnings: &[&str] = if report.hits == 0 { &[NO_HIT] } else { &[] };
     let json = || {
         let mut value = serde_json::to_value(report).unwrap_or_default();
         if let Value::Object(map) = &mut value {
             map.insert("input".into(), json!(data(model)));
             map.insert("output".into(), json!(data(output)));
+            map.insert("warnings".into(), json!(warnings));
             map.insert("peak_rss_bytes".into(), json!(infobyte::budget::peak_rss_bytes()));
         }
         value
     };
     let text = || {
-        let nothing = if report.hits == 0 { NO_HIT } else { "" };
+        let notes: String = warnings.iter().map(|note| format!("  note: {note}\n")).collect();
         format!(
-            "{}: {}x{}, {} rays, {} hits, {:.3} s\n{nothing}",
+            "{}: {}x{}, {} rays, {} hits, {:.3} s\n{notes}",
             shown(output),
             report.width,
             report.height,

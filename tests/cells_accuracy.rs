@@ -3,14 +3,17 @@
 //! If this fails, sub-voxel surfaces have become an ornament.
 //!
 //! The bounds are those of a marching-cubes mesh of the same samples at 192^3, cast by the same kind of rays.
-//! The test runs at a smaller size; `INFOBYTE_CELLS_SIDE=192 cargo test --release --test cells_accuracy --
-//! --nocapture` (`scripts/cells_accuracy.sh`) at that one.
+//! The test runs at a smaller size; `scripts/cells_mesh.py` runs it at that one, makes the meshes and casts them
+//! by the very same rays: samples and rays are written into the folder `INFOBYTE_CELLS_MESH`, and the mesh's hits
+//! are read from there. `scripts/cells_accuracy.sh` needs no mesh, and compares with the figures below.
 
 #[path = "support/random.rs"]
 mod random;
 
 #[path = "support/bodies.rs"]
 mod bodies;
+
+use std::path::PathBuf;
 
 use bodies::{Body, Scan, dot, iso, scan};
 use infobyte::format::SurfaceKind;
@@ -41,10 +44,15 @@ fn side() -> u32 {
     std::env::var("INFOBYTE_CELLS_SIDE").ok().and_then(|n| n.parse().ok()).unwrap_or(96)
 }
 
+/// Where meshes are exchanged, if they are.
+fn mesh_folder() -> Option<PathBuf> {
+    std::env::var_os("INFOBYTE_CELLS_MESH").map(PathBuf::from)
+}
+
 /// Perspective rays from three sides: eye, and direction of length 1.
 fn for_each_ray(n: u32, mut each: impl FnMut([f64; 3], [f64; 3])) {
     let span = f64::from(n);
-    let across = 180;
+    let across: u32 = if mesh_folder().is_some() { 512 } else { 180 };
     for side in [[0.3, -0.9, 0.25], [0.85, 0.4, -0.3], [-0.2, 0.3, 0.93]] {
         let l = dot(side, side).sqrt();
         let eye: [f64; 3] = std::array::from_fn(|a| span / 2.0 + side[a] / l * 2.2 * span);
@@ -74,16 +82,29 @@ fn measure(body: &Body, n: u32, how: Scan, surface: SurfaceKind) -> Found {
     let report = infobyte::build(&scan(body, n, how), &options, &path).unwrap();
     let model = Model::open(&path).unwrap();
     let caster = RayCaster::new(&model).unwrap();
+    let found = compare(body, n, |eye, d| {
+        let hit = caster.first_hit(eye, d).unwrap()?;
+        Some((hit.position_mm, hit.normal.unwrap()))
+    });
+    Found { bytes: report.file_bytes, ..found }
+}
+
+/// Compares hits and their normals with a body.
+fn compare(
+    body: &Body,
+    n: u32,
+    mut hit: impl FnMut([f64; 3], [f64; 3]) -> Option<([f64; 3], [f64; 3])>,
+) -> Found {
     let (mut off, mut angles) = (Vec::new(), Vec::new());
     let (mut wrong, mut pixels) = (0, 0);
     for_each_ray(n, |eye, d| {
         let want = body.first_hit(eye, d, 6.0 * f64::from(n));
-        let got = caster.first_hit(eye, d).unwrap();
+        let got = hit(eye, d);
         pixels += u32::from(want.is_some());
         wrong += u32::from(want.is_some() != got.is_some());
-        if let Some(hit) = got {
-            off.push(body.distance(hit.position_mm).abs());
-            let cosine = dot(hit.normal.unwrap(), body.normal(hit.position_mm));
+        if let Some((position, normal)) = got {
+            off.push(body.distance(position).abs());
+            let cosine = dot(normal, body.normal(position));
             angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
         }
     });
@@ -97,8 +118,37 @@ fn measure(body: &Body, n: u32, how: Scan, surface: SurfaceKind) -> Found {
         wrong_percent: 100.0 * f64::from(wrong) / f64::from(pixels),
         angle: angles.iter().sum::<f64>() / angles.len() as f64,
         angle_p99: at_99(&angles),
-        bytes: report.file_bytes,
+        bytes: 0,
     }
+}
+
+/// What a mesh of the samples gives, cast by the same rays, if there is one: its hits as the script left them,
+/// four doubles a ray (the parameter, or NaN, and the face's normal), then vertices and triangles. If there is
+/// none, what it takes to make it is written.
+fn meshed(name: &str, body: &Body, n: u32, how: Scan) -> Option<Found> {
+    let folder = mesh_folder()?;
+    let slug: String = name.chars().filter(char::is_ascii_alphanumeric).collect();
+    let Ok(bytes) = std::fs::read(folder.join(format!("{slug}.hits"))) else {
+        let samples: Vec<u8> =
+            scan(body, n, how).samples().iter().flat_map(|v: &u16| v.to_le_bytes()).collect();
+        let mut rays = Vec::new();
+        for_each_ray(n, |eye, d| eye.iter().chain(&d).for_each(|c| rays.extend(c.to_le_bytes())));
+        let facts = format!("{n} {} {} {}\n", n / how.thick, how.thick, iso(how));
+        for (ending, content) in [("samples", samples), ("rays", rays), ("facts", facts.into_bytes())] {
+            std::fs::write(folder.join(format!("{slug}.{ending}")), content).unwrap();
+        }
+        return None;
+    };
+    let mut numbers = bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b));
+    let mut next = move || numbers.next().unwrap();
+    let found = compare(body, n, |eye, d| {
+        let (t, normal) = (next(), [next(), next(), next()]);
+        (!t.is_nan()).then(|| (std::array::from_fn(|a| eye[a] + t * d[a]), normal))
+    });
+    let [vertices, triangles]: [f64; 2] = [&bytes[bytes.len() - 16..][..8], &bytes[bytes.len() - 8..]]
+        .map(|b| f64::from_le_bytes(b.try_into().unwrap()));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers of a small mesh")]
+    Some(Found { bytes: (24.0 * vertices + 12.0 * triangles) as u64, ..found })
 }
 
 /// RMS and 99th percentile of the distance of the hits of the same rays on the trilinear interpolation of the
@@ -172,6 +222,21 @@ fn cells_are_as_true_as_a_mesh() {
     let mut failed = Vec::new();
     for (name, at, how, rms, p99, wrong, angle) in ROWS {
         let found = measure(&bodies[at].1, n, how, SurfaceKind::Cells);
+        if mesh_folder().is_some() {
+            let Some(mesh) = meshed(name, &bodies[at].1, n, how) else { continue };
+            println!("{name:20} cells {}\n{:20} mesh  {}", found.row(), "", mesh.row());
+            let lines = [
+                ("RMS", found.rms, mesh.rms * 1.05 + 0.002),
+                ("p99", found.p99, mesh.p99 * 1.2 + 0.01),
+                ("wrong", found.wrong_percent, mesh.wrong_percent + 0.02),
+                ("normals", found.angle, angle),
+                ("bytes", found.bytes as f64, mesh.bytes as f64 / 10.0),
+            ];
+            for (line, got, most) in lines.into_iter().filter(|(_, got, most)| got > most) {
+                failed.push(format!("{name}: {line} {got:.4}, at most {most:.4}"));
+            }
+            continue;
+        }
         // What linear interpolation between thick slices costs depends on where the rays come from: of these.
         let (rms, p99) = if how.thick > 1 {
             let (rms, p99) = interpolated(&bodies[at].1, n, how);
@@ -185,7 +250,7 @@ fn cells_are_as_true_as_a_mesh() {
             && found.wrong_percent <= (wrong + 0.02) * coarser * coarser + 0.05
             && found.angle <= angle * coarser.powf(1.2);
         if !ok {
-            failed.push(name);
+            failed.push(name.to_string());
         }
     }
     assert!(failed.is_empty(), "{failed:?}");

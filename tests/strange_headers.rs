@@ -289,20 +289,18 @@ fn what_a_threshold_does_to_the_whole_volume_is_told() {
     // A picture without the model.
     assert_eq!(build(folder.path(), &ball, &["--iso", "5"]).0.code, 0);
     let picture = text(&folder.path().join("p.png"));
-    let run = oct(&[
-        "render",
-        &text(&model),
-        "-o",
-        &picture,
-        "--size",
-        "8x8",
-        "--eye",
-        "0,-100,0",
-        "--look-at",
-        "0,-200,0",
-    ]);
+    let model = text(&model);
+    let away = ["--eye", "0,-100,0", "--look-at", "0,-200,0"];
+    let all = |more: &[&str]| {
+        oct(&[&["render", model.as_str(), "-o", &picture, "--size", "8x8"][..], more].concat())
+    };
+    let run = all(&away);
     assert!(run.code == 0 && run.stdout.contains("no ray meets the model"), "{run:?}");
-    let run = oct(&["render", &text(&model), "-o", &picture, "--size", "8x8"]);
+    let told = all(&[&away[..], &["--json"]].concat()).json();
+    assert_eq!(told["hits"], 0);
+    assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("no ray meets the model")), "{told}");
+    assert_eq!(all(&["--json"]).json()["warnings"], serde_json::json!([]));
+    let run = all(&[]);
     assert!(run.code == 0 && !run.stdout.contains("note:"), "{run:?}");
 }
 

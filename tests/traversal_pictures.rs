@@ -9,6 +9,7 @@ mod support;
 use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::jobs::render::{RenderRequest, render_view as render, selfcheck, thumbnail};
 use infobyte::load::MemoryTree;
+use infobyte::render::picture::Traversal;
 use infobyte::render::{Image, NamedView, Projection, RenderError, ViewPoint};
 use support::{Scene, in_ball, in_torus};
 
@@ -284,6 +285,71 @@ fn a_camera_within_the_model_sees_what_is_before_it() {
     let (image, report) = render(&full.tree, full.dims, &unit_affine(), &asked).unwrap();
     assert_eq!(report.hits, report.rays);
     assert!(image.depth.unwrap().iter().all(|d| *d == 1), "the eye's own voxel is hit at depth 0");
+}
+
+/// Pixels of which a colour differs by more than this, and pixels on the other side of the silhouette.
+fn differing(a: &Image, b: &Image, more_than: u8) -> (usize, usize) {
+    let pairs = || a.rgba.as_chunks::<4>().0.iter().zip(b.rgba.as_chunks::<4>().0);
+    let color = pairs().filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > more_than)).count();
+    (color, pairs().filter(|(a, b)| a[3] != b[3]).count())
+}
+
+#[test]
+fn coherence_traces_fewer_rays_and_keeps_the_silhouette() {
+    let ball = Scene::skin("ball", [64; 3], |c| in_ball(c, 64)).with_normals(|p| p.map(|v| v - 32.0));
+    for projection in [Projection::Parallel, Projection::Perspective] {
+        let every = RenderRequest {
+            width: 403,
+            height: 398,
+            depth: true,
+            normals: true,
+            ..request(NamedView::Iso, projection)
+        };
+        let (whole, report) = render(&ball.tree, ball.dims, &unit_affine(), &every).unwrap();
+        assert_eq!(report.rays, 403 * 398);
+        let mut last = report.rays;
+        for coherence in [2, 8, 32] {
+            let fewer = RenderRequest { coherence, ..every };
+            let (image, report) = render(&ball.tree, ball.dims, &unit_affine(), &fewer).unwrap();
+            assert!(report.rays < last, "{} rays at {coherence}, {last} before", report.rays);
+            last = report.rays;
+            let (color, silhouette) = differing(&image, &whole, coherence);
+            assert_eq!(silhouette, 0, "the background is exact");
+            assert!(color < 403 * 398 / 100, "{color} pixels are off at {coherence}");
+            let depths = || image.depth.as_ref().unwrap().iter().zip(whole.depth.as_ref().unwrap());
+            assert!(depths().all(|(a, b)| (*a == 0) == (*b == 0)));
+            let one = RenderRequest { threads: 1, ..fewer };
+            assert_eq!(render(&ball.tree, ball.dims, &unit_affine(), &one).unwrap().0, image);
+        }
+        assert!(last < report.rays / 2);
+    }
+}
+
+#[test]
+fn discrete_rays_show_nearly_the_same_picture() {
+    let ball = Scene::skin("ball", [64; 3], |c| in_ball(c, 64)).with_normals(|p| p.map(|v| v - 32.0));
+    for projection in [Projection::Parallel, Projection::Perspective] {
+        let exact = RenderRequest { depth: true, ..request(NamedView::Iso, projection) };
+        let discrete = RenderRequest { traversal: Traversal::Discrete, ..exact };
+        let (a, _) = render(&ball.tree, ball.dims, &unit_affine(), &exact).unwrap();
+        let (b, report) = render(&ball.tree, ball.dims, &unit_affine(), &discrete).unwrap();
+        assert_eq!(report.traversal, "discrete");
+        show(&b, "discrete");
+        let (color, silhouette) = differing(&a, &b, 0);
+        // A voxel that the line passes by may come first: every fifth hit, and a few more at the silhouette.
+        assert!(color > 0 && color < 160 * 160 / 5 && silhouette < 160 * 160 / 50, "{color} {silhouette}");
+        let lost = a
+            .rgba
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .zip(b.rgba.as_chunks::<4>().0)
+            .filter(|(a, b)| a[3] > b[3])
+            .count();
+        assert_eq!(lost, 0, "what the line pierces is never missed");
+        let one = RenderRequest { threads: 1, ..discrete };
+        assert_eq!(render(&ball.tree, ball.dims, &unit_affine(), &one).unwrap().0, b);
+    }
 }
 
 #[test]

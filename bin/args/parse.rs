@@ -7,6 +7,7 @@ use infobyte::builder::{Connectivity, Gradient, ViewedFrom};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims, Orientation};
+use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection};
 use infobyte::volume::{Endian, ScalarType};
 
@@ -300,4 +301,9 @@ pub(super) fn views() -> impl TypedValueParser<Value = NamedView> {
 
 pub(super) fn projections() -> impl TypedValueParser<Value = Projection> {
     PossibleValuesParser::new(["parallel", "perspective"]).try_map(|name| name.parse())
+}
+
+pub(super) fn traversals() -> impl TypedValueParser<Value = Traversal> {
+    PossibleValuesParser::new(Traversal::ALL.map(Traversal::name))
+        .try_map(|name| Traversal::ALL.into_iter().find(|t| t.name() == name).ok_or("no such traversal"))
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::jobs::render::RenderRequest;
+use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection};
 
 use super::{Switch, ThreadArgs, parse};
@@ -55,6 +56,12 @@ pub(crate) struct RenderArgs {
     /// Shade by the normals as they are stored, or blended between the boxes around a hit: no facets in close-ups
     #[arg(long, value_enum, default_value_t = Shading::Stored)]
     pub(crate) shading: Shading,
+    /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
+    #[arg(long, default_value = "exact", value_parser = parse::traversals())]
+    pub(crate) traversal: Traversal,
+    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0: all
+    #[arg(long, value_name = "0..255", default_value_t = 0)]
+    pub(crate) coherence: u8,
     /// Also write a picture of the distances
     #[arg(long, value_name = "F.png")]
     pub(crate) depth: Option<PathBuf>,

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
 use crate::progress::{Progress, Silent};
-use crate::render::picture::{self, Canvas};
+use crate::render::picture::{self, Canvas, Traversal};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
 use crate::render::{Camera, GridSpace, Image, NamedView, Projection, RenderError, ViewPoint};
@@ -38,6 +38,10 @@ pub struct RenderRequest {
     pub normals: bool,
     /// Blend normals between the boxes around a hit: smoother close-ups, some microseconds a pixel.
     pub blended: bool,
+    /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
+    pub traversal: Traversal,
+    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 traces all.
+    pub coherence: u8,
 }
 
 impl RenderRequest {
@@ -60,6 +64,8 @@ impl Default for RenderRequest {
             depth: false,
             normals: false,
             blended: false,
+            traversal: Traversal::Exact,
+            coherence: 0,
         }
     }
 }
@@ -73,7 +79,9 @@ pub struct RenderReport {
     pub height: u32,
     /// Threads used.
     pub threads: usize,
-    /// Rays traced.
+    /// What the rays hit: `exact` or `discrete`.
+    pub traversal: &'static str,
+    /// Rays traced; with a coherence above 0 those that had to be compared with the model.
     pub rays: u64,
     /// Rays that hit the model.
     pub hits: u64,
@@ -147,6 +155,8 @@ pub fn render_view_watched<V: NodeView>(
         depth_range_mm: request.depth.then_some((near, far)),
         normals: request.normals,
         blended: request.blended,
+        traversal: request.traversal,
+        coherence: request.coherence,
     };
     progress.stage("render", request.height.into());
     let rows_done = |rows: u32| progress.advance(rows.into());
@@ -157,6 +167,7 @@ pub fn render_view_watched<V: NodeView>(
         width: request.width,
         height: request.height,
         threads: request.threads.max(1),
+        traversal: request.traversal.name(),
         rays: counts.rays,
         hits: counts.hits,
         setup_s: wall.saturating_sub(counts.trace + counts.shade).as_secs_f64(),

@@ -44,6 +44,8 @@ pub enum RenderError {
         /// The greatest depth that can be.
         most: u32,
     },
+    /// Discrete rays meet voxels, and the model has cells with a surface within.
+    DiscreteCells,
     /// The model's affine cannot be inverted.
     SingularAffine,
     /// The image cannot be written.
@@ -110,6 +112,7 @@ impl RenderError {
             | Self::Ray(_)
             | Self::Size { .. }
             | Self::NoLayer(_)
+            | Self::DiscreteCells
             | Self::Threads { .. }
             | Self::TooDeep { .. } => ExitKind::Usage,
             Self::SingularAffine => ExitKind::Input,

@@ -9,12 +9,13 @@
 //! the plane's takes its place.
 //!
 //! All this is counted in boxes, not in millimetres: in thick slices a steep surface shows wide treads of a stair
-//! whose stored normals are right, and they stay. Memory: a few hundred bytes of stack. Cost: nothing where the
-//! stored normal is near the face's, else a walk to the boxes around, some half a microsecond.
+//! whose stored normals are right, and they stay. Memory: [`Surroundings`] for each thread. Cost: a
+//! few nanoseconds where the stored normal is near the face's, else a look at the boxes around, some 0.2
+//! microseconds.
 
-use crate::geom::{BoxIndex, NodeIndex, Octant};
 use crate::load::NodeView;
 
+use super::around::{SIDE, Surroundings};
 use super::ray::Face;
 use super::space::dot;
 
@@ -37,23 +38,30 @@ pub(super) enum Company {
     Noise,
 }
 
-/// What the boxes before and behind one in the order of the file say of its normal; `of` gives theirs, by their
-/// distance in that order.
+/// What the boxes before and behind one in the order of the file say of its normal; `agrees` tells whether the one
+/// so far away has a normal [`alike`], or none.
 #[inline]
-pub(super) fn company(stored: [f64; 3], of: impl Fn(i64) -> Option<[f64; 3]>) -> Company {
-    let stored = scaled(stored);
-    let agrees = |distance: i64| {
-        of(distance).is_none_or(|other| {
-            let other = scaled(other);
-            let apart = |sign: f64| (0..3).map(|a| (stored[a] - sign * other[a]).abs()).sum::<f64>();
-            apart(1.0) < AGREE || apart(-1.0) < AGREE
-        })
-    };
+pub(super) fn company(agrees: impl Fn(i64) -> bool) -> Company {
     if agrees(1) && agrees(-1) && (agrees(2) || agrees(-2)) {
         return Company::Calm;
     }
     let agreeing = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().filter(|at| agrees(*at)).count();
     if agreeing <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
+}
+
+/// Do two normals of any length agree, or one and what is opposite to the other?
+#[inline]
+pub(super) fn alike(one: [f64; 3], other: [f64; 3]) -> bool {
+    let (one, other) = (scaled(one), scaled(other));
+    let apart = |sign: f64| (0..3).map(|a| (one[a] - sign * other[a]).abs()).sum::<f64>();
+    apart(1.0) < AGREE || apart(-1.0) < AGREE
+}
+
+/// As [`alike`], of normals whose parts' sizes add up to `size`: whole numbers in boxes that are cubes.
+#[inline]
+pub(super) fn alike_whole(one: [i32; 3], other: [i32; 3], size: i32) -> bool {
+    let apart = |sign: i32| (0..3).map(|a| (one[a] - sign * other[a]).abs()).sum::<i32>();
+    2 * apart(1).min(apart(-1)) < size
 }
 
 /// At a sum of sizes of 1.
@@ -82,10 +90,6 @@ const FAR_FROM_PLANE: f64 = 0.6;
 const FLAT: f64 = 0.1;
 const NOT_FLAT: f64 = 0.18;
 
-/// Reach of the fit in boxes, and the boxes along a side of its window.
-const REACH: i64 = 2;
-const SIDE: u32 = 5;
-
 /// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.
 const FACE_WEIGHT: f64 = 1e-3;
 
@@ -107,6 +111,7 @@ pub(super) struct Struck {
 #[inline]
 pub(super) fn shown<V: NodeView>(
     view: &V,
+    around: &mut Surroundings,
     face: Face,
     struck: impl FnOnce() -> Struck,
     stored: [f64; 3],
@@ -128,7 +133,7 @@ pub(super) fn shown<V: NodeView>(
     }
     let mut face = [0.0; 3];
     face[axis] = outward;
-    let (plane, scatter) = Around::of(view, &struck())?.plane(face);
+    let (plane, scatter) = Around::of(view, around, &struck())?.plane(face);
     let toward = if dot(stored, plane) < 0.0 { -1.0 } else { 1.0 };
     let cosine = dot(stored, plane) * toward / length;
     let mut share = ramp(scatter, FLAT, NOT_FLAT);
@@ -144,63 +149,13 @@ fn ramp(value: f64, all: f64, none: f64) -> f64 {
     ((none - value) / (none - all)).clamp(0.0, 1.0)
 }
 
-/// Which boxes within [`REACH`] of one are skin: bit `x + 5 y + 25 z`.
+/// Which boxes near one are skin, as [`Surroundings::window`] tells: bit `x + 5 y + 25 z`.
 struct Around(u128);
-
-/// What is looked for below a node.
-struct Search {
-    /// Lowest box of the window; negative at the grid's border.
-    low: [i64; 3],
-    /// Number of the box in the middle, once it was met.
-    middle: u64,
-    found: u128,
-}
-
-impl Search {
-    /// Adds the boxes of the window below `node`, whose own box begins at `from` and has an edge of 2^level.
-    fn descend<V: NodeView>(&mut self, view: &V, node: NodeIndex, from: [i64; 3], level: u32) {
-        let infobyte = view.infobyte(node);
-        if infobyte == 0 || level == 0 {
-            return;
-        }
-        let half = 1_i64 << (level - 1);
-        // The octants that the window reaches, axis by axis.
-        let mut reached = infobyte;
-        for axis in 0..3 {
-            let middle = from[axis] + half;
-            if self.low[axis] >= middle {
-                reached &= HIGH[axis];
-            } else if self.low[axis] + i64::from(SIDE) <= middle {
-                reached &= !HIGH[axis];
-            }
-        }
-        if reached == 0 {
-            return;
-        }
-        let first = view.first_child(node);
-        while reached != 0 {
-            let octant = Octant::low_bits(reached.trailing_zeros());
-            reached &= reached - 1;
-            let high = octant.high();
-            let at = [0, 1, 2].map(|a: usize| from[a] + i64::from(high[a]) * half);
-            let child = first.after(octant.rank_in(infobyte));
-            if level > 1 {
-                self.descend(view, child.node(), at, level - 1);
-                continue;
-            }
-            let [x, y, z] = [0, 1, 2].map(|a: usize| at[a] - self.low[a]);
-            self.found |= 1 << (x + 5 * y + 25 * z);
-            if [x, y, z] == [REACH; 3] {
-                self.middle = child.get();
-            }
-        }
-    }
-}
 
 impl Around {
     /// The boxes around the one that was struck; `None` where it is not found: a hit's place is rounded, and may
     /// come out in a neighbour.
-    fn of<V: NodeView>(view: &V, struck: &Struck) -> Option<Self> {
+    fn of<V: NodeView>(view: &V, around: &mut Surroundings, struck: &Struck) -> Option<Self> {
         let axis = usize::from(struck.face.axis % 3);
         let levels = view.depth().checked_sub(struck.edge_log2)?;
         let limit = (1_i64 << levels) - 1;
@@ -217,10 +172,9 @@ impl Around {
         if levels == 0 {
             return Some(Self(1 << 62));
         }
-        let look = |cell: [i64; 3]| {
-            let mut search = Search { low: cell.map(|c| c - REACH), middle: u64::MAX, found: 0 };
-            search.descend(view, BoxIndex::ROOT.node(), [0; 3], levels);
-            (search.middle == struck.number).then_some(Self(search.found))
+        let mut look = |cell: [i64; 3]| {
+            let (found, middle) = around.window(view, levels, cell);
+            (middle == Some(struck.number)).then_some(Self(found))
         };
         // On an edge of the box, the neighbour across it.
         let beside = (0..3).filter(|a| *a != axis).map(|a| {
@@ -229,7 +183,7 @@ impl Around {
             next[a] += if within < 0.5 { -1 } else { 1 };
             next
         });
-        look(cell).or_else(|| beside.filter_map(look).next())
+        look(cell).or_else(|| beside.into_iter().find_map(look))
     }
 
     /// The boxes that hang together with the middle one, by faces, edges and corners.
@@ -343,9 +297,6 @@ const MOMENTS: [[u64; 2]; 128] = {
     table
 };
 
-/// Octants on the high side along x, y and z, as bits of an infobyte.
-const HIGH: [u8; 3] = [0b1010_1010, 0b1100_1100, 0b1111_0000];
-
 /// Boxes at the ends of the window's rows along x, and of its columns along y.
 const ROW_LOW: u128 = ends(1, 0);
 const ROW_HIGH: u128 = ends(1, 4);
@@ -367,7 +318,7 @@ const fn ends(step: u32, at: u32) -> u128 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::{Dims, morton};
+    use crate::geom::{BoxIndex, Dims, Octant, morton};
     use crate::load::MemoryTree;
 
     const UP: Face = Face { axis: 2, high: true };
@@ -392,7 +343,7 @@ mod tests {
     }
 
     fn of(tree: &MemoryTree, hit: Struck, stored: [f64; 3]) -> Option<[f64; 3]> {
-        shown(tree, hit.face, || hit, stored, Company::Calm)
+        shown(tree, &mut Surroundings::new(), hit.face, || hit, stored, Company::Calm)
     }
 
     #[test]
@@ -430,14 +381,20 @@ mod tests {
         let up = [0.0, 0.0, 1.0];
         let side = [1.0, 0.0, 0.0];
         let of = |others: [[f64; 3]; 8]| {
-            company(up, |at| usize::try_from(at + if at < 0 { 4 } else { 3 }).ok().map(|i| others[i]))
+            company(|at| {
+                let other = others[usize::try_from(at + if at < 0 { 4 } else { 3 }).unwrap()];
+                #[expect(clippy::cast_possible_truncation, reason = "whole numbers")]
+                let whole = |n: [f64; 3]| n.map(|c| c as i32 * 127);
+                assert_eq!(alike(up, other), alike_whole(whole(up), whole(other), 127));
+                alike(up, other)
+            })
         };
         assert_eq!(of([up; 8]), Company::Calm);
         // The far side of a thin sheet is no other direction.
         assert_eq!(of([up.map(|c| -c); 8]), Company::Calm);
         assert_eq!(of([side; 8]), Company::Noise);
         assert_eq!(of([up, up, up, up, side, side, side, side]), Company::Mixed);
-        assert_eq!(company(up, |_| None), Company::Calm);
+        assert_eq!(company(|_| true), Company::Calm);
     }
 
     #[test]

@@ -12,19 +12,24 @@
 //! | [`single`] | the same for one ray alone |
 //! | [`surface`] | the last decision: is this box a hit |
 //! | [`cells`] | the surface within a cell |
+//! | [`discrete`] | the paper's own traversal |
+//! | `coherence` | fewer rays where neighbours look alike |
 //! | [`form`] | portable, AVX2 or AVX-512; `lanes` and `lanes_x86` are their arithmetic |
 //! | `occupancy`, `pierce` | two levels of the octree at once; whether a ray passes through a box, exactly |
 //! | [`sight`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
-//! | `facing` | normals that the skin around a hit contradicts |
+//! | `facing`, `around` | normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
 
+mod around;
 pub(crate) mod blend;
 pub mod camera;
 mod caster;
 pub mod cells;
+mod coherence;
+pub mod discrete;
 mod error;
 mod facing;
 pub mod form;

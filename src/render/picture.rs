@@ -11,8 +11,11 @@ use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
+use super::around::Surroundings;
 use super::blend;
 use super::cells::Cells;
+use super::coherence::{Band, Look, Sample, Tolerance};
+use super::discrete::DiscreteRays;
 use super::facing;
 use super::form::Form;
 use super::image::Image;
@@ -31,6 +34,9 @@ const BAND_PIXELS: usize = 1 << 18;
 
 /// Stack of a worker; nothing here recurses.
 const WORKER_STACK_BYTES: usize = 4 << 20;
+
+/// Of neighbours that look alike a depth differs by less than this many boxes from what the others foretell.
+const TOLERATED_BOXES: f64 = 1.5;
 
 /// Longest side and most pixels of a picture.
 const MAX_SIDE: u32 = 32_768;
@@ -55,6 +61,34 @@ pub struct Canvas {
     pub normals: bool,
     /// Are normals blended between the boxes around a hit?
     pub blended: bool,
+    /// What a hit is.
+    pub traversal: Traversal,
+    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 for a ray
+    /// per pixel. Half of it is allowed where that is looked at, the rest for what lies between.
+    pub coherence: u8,
+}
+
+/// What the rays of a picture hit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Traversal {
+    /// The first box that the line pierces.
+    #[default]
+    Exact,
+    /// The first voxel of a 6-connected discrete ray ([`super::discrete`]).
+    Discrete,
+}
+
+impl Traversal {
+    /// Every one.
+    pub const ALL: [Self; 2] = [Self::Exact, Self::Discrete];
+
+    /// Its name on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Discrete => "discrete",
+        }
+    }
 }
 
 /// Counts and times of a painted picture.
@@ -62,6 +96,8 @@ pub struct Canvas {
 pub struct Counts {
     /// Rays traced.
     pub rays: u64,
+    /// Of those, rays that had to be compared with the model: not those of a tile whose beam meets nothing.
+    pub compared: u64,
     /// Rays that hit.
     pub hits: u64,
     /// Bricks of 4 x 4 x 4 boxes that rays were compared with.
@@ -77,14 +113,16 @@ pub struct Counts {
 impl Counts {
     fn add(mut self, trace: &Trace) -> Self {
         self.rays += 1;
+        self.compared += u64::from(trace.steps > 0);
         self.hits += u64::from(trace.hit.is_some());
         self.steps += u64::from(trace.steps);
         self.max_steps = self.max_steps.max(trace.steps);
         self
     }
 
-    fn plus(mut self, other: Self) -> Self {
+    pub(super) fn plus(mut self, other: Self) -> Self {
         self.rays += other.rays;
+        self.compared += other.compared;
         self.hits += other.hits;
         self.steps += other.steps;
         self.max_steps = self.max_steps.max(other.max_steps);
@@ -171,11 +209,47 @@ pub(super) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3
     std::array::from_fn(|a| (2.0 * (at[a] - f64::from(cell[a])) - 1.0).clamp(-1.0, 1.0))
 }
 
+/// Grey of a depth in a depth image of this range.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+fn depth_code((near, far): (f64, f64), depth: f32) -> u16 {
+    let scale = if far > near { 65_534.0 / (far - near) } else { 0.0 };
+    1 + ((f64::from(depth) - near) * scale + 0.5).clamp(0.0, 65_534.0) as u16
+}
+
+/// Colour of a component of a normal in a normal image.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+fn normal_code(component: f64) -> u8 {
+    (128.5 + component * 127.0).clamp(1.0, 255.0) as u8
+}
+
 /// Row `y` of a band whose hits stand tile after tile.
 fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
     let first = y / TILE * width.div_ceil(TILE) * TILE_PIXELS + y % TILE * TILE;
     (0..width)
         .map(move |x| seen.get(first + x / TILE * TILE_PIXELS + x % TILE).copied().unwrap_or(Seen::NOTHING))
+}
+
+/// Base-2 logarithm of the normals that a worker keeps, and an odd number that scatters their keys.
+const KEPT_BITS: u32 = 9;
+const MIXER: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// What a worker keeps from one pixel to the next.
+struct Kept {
+    around: Surroundings,
+    /// Round, box and face, and the normal that is shown there.
+    normals: Vec<(u32, u64, [f64; 3])>,
+    round: u32,
+}
+
+impl Kept {
+    fn new() -> Self {
+        Self { around: Surroundings::new(), normals: vec![(0, 0, [0.0; 3]); 1 << KEPT_BITS], round: 0 }
+    }
+
+    /// Begins a row of tiles without normals, so that the picture does not depend on who paints which.
+    fn forget(&mut self) {
+        self.round += 1;
+    }
 }
 
 /// Everything that a pixel's worker reads.
@@ -185,6 +259,8 @@ struct Painter<'a, V, S> {
     /// The cells, if the model has them: normals are of index space then.
     cells: Option<Cells<'a>>,
     sight: Sight<'a>,
+    /// The rays of the discrete mode, if that is asked for.
+    discrete: Option<DiscreteRays<'a>>,
     form: Form,
     canvas: Canvas,
     shader: Shader,
@@ -203,7 +279,8 @@ pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
 /// Memory: the image, 4 MiB for hits, and with smooth edges 8 bytes a pixel of the silhouette.
 ///
 /// # Errors
-/// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start.
+/// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start,
+/// [`RenderError::DiscreteCells`] for discrete rays in a model of cells.
 pub fn paint<V: NodeView>(
     view: &V,
     space: &GridSpace,
@@ -227,16 +304,21 @@ pub fn paint_watched<V: NodeView>(
     check_size(canvas.width, canvas.height)?;
     let sight = Sight::new(space, camera, canvas.width, canvas.height);
     let cells = view.cells().map(Cells::new);
+    let discrete = (canvas.traversal == Traversal::Discrete)
+        .then(|| DiscreteRays::new(sight, canvas.width, canvas.height));
+    if discrete.is_some() && cells.is_some() {
+        return Err(RenderError::DiscreteCells);
+    }
     let (form, shader) = (Form::best(), Shader::new());
     let pool = pool(canvas.threads)?;
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
         Some(surface) => {
-            let painter = Painter { view, surface, cells, sight, form, canvas, shader };
+            let painter = Painter { view, surface, cells, sight, discrete, form, canvas, shader };
             pool.install(|| painter.paint(rows_done))
         }
         // Coarse boxes are solid, whatever the finest are.
         None => {
-            let painter = Painter { view, surface: Skin, cells, sight, form, canvas, shader };
+            let painter = Painter { view, surface: Skin, cells, sight, discrete, form, canvas, shader };
             pool.install(|| painter.paint(rows_done))
         }
     })
@@ -256,7 +338,10 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         let tile_rows = (BAND_PIXELS / (tiles_across * TILE_PIXELS)).clamp(1, height.div_ceil(TILE));
         let mut seen = vec![Seen::NOTHING; tile_rows * tiles_across * TILE_PIXELS];
         let mut counts = Counts::default();
-        let mut top = 0;
+        if self.canvas.coherence > 0 {
+            counts = self.paint_coherent(&mut image, tile_rows * TILE, rows_done);
+        }
+        let mut top = if self.canvas.coherence > 0 { height } else { 0 };
         while top < height {
             let rows = (tile_rows * TILE).min(height - top);
             let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
@@ -303,6 +388,16 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         limits: (usize, usize),
     ) -> Counts {
         let tile = Tile { corner, limits, lod_edge_log2: self.canvas.lod_edge_log2 };
+        if let Some(discrete) = &self.discrete {
+            let mut counts = Counts::default();
+            discrete.trace_tile(self.view, tile, |ray, trace| {
+                counts = counts.add(&trace);
+                if let Some(pixel) = seen.get_mut(ray) {
+                    *pixel = Seen::new(&trace);
+                }
+            });
+            return counts;
+        }
         let hits = tracer.trace(self.view, &self.surface, &self.sight, tile);
         let mut counts = Counts::default();
         for (ray, pixel) in seen.iter_mut().enumerate() {
@@ -316,47 +411,101 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         counts
     }
 
+    /// Paints with fewer rays where neighbours look alike; tracing and shading take turns, so their times are one.
+    fn paint_coherent(
+        &self,
+        image: &mut Image,
+        band_rows: usize,
+        rows_done: &(dyn Fn(u32) + Sync),
+    ) -> Counts {
+        let start = Instant::now();
+        let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
+        let edge_mm =
+            f64::from(1_u32 << self.canvas.lod_edge_log2.min(31)) * self.sight.space().largest_spacing_mm();
+        #[expect(clippy::cast_possible_truncation, reason = "a tolerance")]
+        let tolerance =
+            Tolerance { color: self.canvas.coherence / 2, depth_mm: (TOLERATED_BOXES * edge_mm) as f32 };
+        let looks = Looks { painter: self };
+        let mut counts = Counts::default();
+        for top in (0..height).step_by(band_rows) {
+            let rows = band_rows.min(height - top);
+            let mut band = Band::new(width, height, top, rows);
+            counts = counts.plus(band.fill(&looks, tolerance));
+            image.rgba.par_chunks_mut(width * 4).enumerate().skip(top).take(rows).for_each(|(y, out)| {
+                let (out, _) = out.as_chunks_mut::<4>();
+                for (sample, out) in band.row(y).iter().zip(out) {
+                    if sample.is_hit() {
+                        let [r, g, b] = sample.color;
+                        *out = [r, g, b, 255];
+                    }
+                }
+            });
+            if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
+                for (y, out) in depth.chunks_mut(width).enumerate().skip(top).take(rows) {
+                    for (sample, out) in band.row(y).iter().zip(out) {
+                        *out = if sample.is_hit() { depth_code(range, sample.depth) } else { 0 };
+                    }
+                }
+            }
+            if let Some(normals) = &mut image.normals {
+                for (y, out) in normals.chunks_mut(width * 3).enumerate().skip(top).take(rows) {
+                    for (sample, out) in band.row(y).iter().zip(out.as_chunks_mut::<3>().0) {
+                        *out = sample.normal;
+                    }
+                }
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+            rows_done(rows as u32);
+        }
+        Counts { rays: counts.compared, trace: start.elapsed(), ..counts }
+    }
+
     /// Colours the rows of a traced band.
     fn shade_band(&self, seen: &[Seen], image: &mut Image, top: usize, rows: usize) -> Duration {
         let start = Instant::now();
         let width = self.canvas.width as usize;
-        image.rgba.par_chunks_mut(width * 4).skip(top).take(rows).enumerate().for_each(|(y, row)| {
-            let (out, _) = row.as_chunks_mut::<4>();
-            let mut last = None;
-            for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
-                if pixel.is_hit() {
-                    let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
-                    let light = self.shader.light(self.normal_after(&mut last, pixel, line), line.1);
-                    let [r, g, b] = light.map(|c| self.shader.encode(c));
-                    *out = [r, g, b, 255];
-                }
-            }
+        self.fill(seen, &mut image.rgba, top, rows, |normal, line| {
+            let [r, g, b] = self.shader.light(normal, line.1).map(|c| self.shader.encode(c));
+            [r, g, b, 255]
         });
-        if let (Some(depth), Some((near, far))) = (&mut image.depth, self.canvas.depth_range_mm) {
-            let scale = if far > near { 65_534.0 / (far - near) } else { 0.0 };
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-            let code = |d: f32| 1 + ((f64::from(d) - near) * scale + 0.5).clamp(0.0, 65_534.0) as u16;
+        if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
             depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
                 for (pixel, out) in row_of(seen, width, y).zip(row) {
-                    *out = if pixel.is_hit() { code(pixel.depth) } else { 0 };
+                    *out = if pixel.is_hit() { depth_code(range, pixel.depth) } else { 0 };
                 }
             });
         }
         if let Some(normals) = &mut image.normals {
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-            let code = |c: f64| (128.5 + c * 127.0).clamp(1.0, 255.0) as u8;
-            normals.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
-                let (out, _) = row.as_chunks_mut::<3>();
-                let mut last = None;
-                for (x, (pixel, out)) in row_of(seen, width, y).zip(out).enumerate() {
-                    if pixel.is_hit() {
-                        let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
-                        *out = self.normal_after(&mut last, pixel, line).map(code);
-                    }
-                }
-            });
+            self.fill(seen, normals, top, rows, |normal, _| normal.map(normal_code));
         }
         start.elapsed()
+    }
+
+    /// Gives each pixel of a traced band that hit something its bytes, from its normal and its line of sight.
+    fn fill<const N: usize>(
+        &self,
+        seen: &[Seen],
+        out: &mut [u8],
+        top: usize,
+        rows: usize,
+        bytes: impl Fn([f64; 3], Line) -> [u8; N] + Sync,
+    ) {
+        let width = self.canvas.width as usize;
+        let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
+        let out = out.par_chunks_mut(width * N * TILE).skip(top / TILE).take(rows.div_ceil(TILE));
+        let tiles = out.zip(seen.par_chunks(tile_row)).enumerate();
+        tiles.for_each_init(Kept::new, |kept, (n, (out, seen))| {
+            kept.forget();
+            let (out, _) = out.as_chunks_mut::<N>();
+            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
+                let (x, y) = (at / TILE_PIXELS * TILE + at % TILE, at % TILE_PIXELS / TILE);
+                // Tiles at the border reach over it; what is there may be of an earlier band.
+                if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
+                    let line = self.sight.line(x as f64 + 0.5, (top + n * TILE + y) as f64 + 0.5);
+                    *out = bytes(self.normal_of(kept, *pixel, line), line);
+                }
+            }
+        });
     }
 
     /// Pixels whose neighbour is on the other side of the silhouette get the mean of four more rays.
@@ -382,7 +531,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         let mut counts = edges
             .par_iter()
             .zip(&mut pixels)
-            .map(|(i, pixel)| {
+            .map_init(Surroundings::new, |around, (i, pixel)| {
                 let i = *i as usize;
                 let (x, y) = ((i % width) as f64, (i / width) as f64);
                 let mut counts = Counts::default();
@@ -394,7 +543,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     let seen = self.seen(&trace, x + dx, y + dy);
                     if seen.is_hit() {
                         hits += 1;
-                        let light = self.light(seen, self.sight.line(x + dx, y + dy));
+                        let line = self.sight.line(x + dx, y + dy);
+                        let light = self.shader.light(self.normal(around, seen, line), line.1);
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -417,6 +567,9 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// Traces the ray through a point of the picture alone.
     fn trace(&self, x: f64, y: f64) -> Trace {
+        if let Some(discrete) = &self.discrete {
+            return discrete.trace(self.view, x, y, self.canvas.lod_edge_log2);
+        }
         let ray = self.sight.ray(x, y);
         let alone = |ray| single::trace(self.form, self.view, &self.surface, &ray, self.canvas.lod_edge_log2);
         ray.map_or(Trace { hit: None, steps: 0 }, alone)
@@ -446,10 +599,6 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         normal::encode(cells.normal(number, u).map(|c| c as f32))
     }
 
-    fn light(&self, seen: Seen, line: Line) -> [f64; 3] {
-        self.shader.light(self.normal(seen, line), line.1)
-    }
-
     /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
     #[inline]
     fn blended(&self, seen: Seen, (origin, sight): Line, own: [f64; 3]) -> [f64; 3] {
@@ -460,19 +609,22 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         blend::blended(self.view, self.sight.space().to_grid(world), own)
     }
 
-    /// As [`Painter::normal`], for pixels of one row from left to right: those of one face have one normal.
+    /// As [`Painter::normal`]; pixels of one face have one normal, which is found once.
     #[inline]
-    fn normal_after(&self, last: &mut Option<(u64, u8, [f64; 3])>, seen: Seen, line: Line) -> [f64; 3] {
-        match last {
-            Some((number, face, normal))
-                if (*number, *face) == (seen.box_number, seen.face) && !self.canvas.blended =>
-            {
-                *normal
-            }
+    fn normal_of(&self, kept: &mut Kept, seen: Seen, line: Line) -> [f64; 3] {
+        // Without a face it may depend on the line of sight.
+        if seen.face == Seen::NO_FACE || seen.kind == SeenKind::Own || self.canvas.blended {
+            return self.normal(&mut kept.around, seen, line);
+        }
+        let key = seen.box_number.wrapping_mul(8) | u64::from(seen.face);
+        let slot = (key.wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize;
+        match kept.normals.get(slot) {
+            Some((round, known, normal)) if (*round, *known) == (kept.round, key) => *normal,
             _ => {
-                let normal = self.normal(seen, line);
-                // Without a face it may depend on the line of sight.
-                *last = (seen.face != Seen::NO_FACE).then_some((seen.box_number, seen.face, normal));
+                let normal = self.normal(&mut kept.around, seen, line);
+                if let Some(place) = kept.normals.get_mut(slot) {
+                    *place = (kept.round, key, normal);
+                }
                 normal
             }
         }
@@ -480,14 +632,14 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
     /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
-    fn normal(&self, seen: Seen, line: Line) -> [f64; 3] {
+    fn normal(&self, around: &mut Surroundings, seen: Seen, line: Line) -> [f64; 3] {
         let box_frame = match (self.stored(seen, 0), seen.face()) {
             (Some(stored), _) if self.cells.is_some() => {
                 let own = self.blended(seen, line, stored.map(f64::from));
                 return self.sight.space().index_normal_to_world(own);
             }
             (Some(stored), Some(face)) => {
-                let own = self.facing(seen, face, line, stored).unwrap_or(stored.map(f64::from));
+                let own = self.facing(around, seen, face, line, stored).unwrap_or(stored.map(f64::from));
                 self.blended(seen, line, own)
             }
             (Some(stored), None) => self.blended(seen, line, stored.map(f64::from)),
@@ -520,7 +672,14 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
     #[inline]
-    fn facing(&self, seen: Seen, face: Face, (origin, sight): Line, stored: [i32; 3]) -> Option<[f64; 3]> {
+    fn facing(
+        &self,
+        around: &mut Surroundings,
+        seen: Seen,
+        face: Face,
+        (origin, sight): Line,
+        stored: [i32; 3],
+    ) -> Option<[f64; 3]> {
         let space = self.sight.space();
         // In voxels instead of millimetres: a normal's components grow with the spacing.
         let spacing = space.spacing_mm();
@@ -533,9 +692,66 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let at = space.world_to_grid().apply(world).map(|c| c / edge);
             facing::Struck { number: seen.box_number, at, edge_log2, face }
         };
-        let company = facing::company(in_voxels, |distance| self.stored(seen, distance).map(scale));
-        let shown = facing::shown(self.view, face, struck, in_voxels, company)?;
+        let cubes = spacing[0] == spacing[1] && spacing[1] == spacing[2];
+        let company = facing::company(|distance| match self.stored(seen, distance) {
+            Some(other) if cubes => facing::alike_whole(stored, other, normal::SCALE),
+            Some(other) => facing::alike(in_voxels, scale(other)),
+            None => true,
+        });
+        let shown = facing::shown(self.view, around, face, struck, in_voxels, company)?;
         Some(std::array::from_fn(|a| shown[a] / spacing[a]))
+    }
+}
+
+/// The pixels of a painter, one by one and in tiles.
+struct Looks<'a, 'p, V, S> {
+    painter: &'a Painter<'p, V, S>,
+}
+
+impl<V: NodeView, S: Surface<V>> Looks<'_, '_, V, S> {
+    fn sample(&self, around: &mut Surroundings, seen: Seen, [x, y]: [usize; 2]) -> Sample {
+        if !seen.is_hit() {
+            return Sample::NOTHING;
+        }
+        let painter = self.painter;
+        let line = painter.sight.line(x as f64 + 0.5, y as f64 + 0.5);
+        let normal = painter.normal(around, seen, line);
+        Sample {
+            color: painter.shader.light(normal, line.1).map(|c| painter.shader.encode(c)),
+            depth: seen.depth,
+            normal: normal.map(normal_code),
+        }
+    }
+}
+
+impl<V: NodeView, S: Surface<V>> Look for Looks<'_, '_, V, S> {
+    type Kept = (Tracer, Surroundings);
+
+    fn begin(&self) -> Self::Kept {
+        (Tracer::new(self.painter.form), Surroundings::new())
+    }
+
+    fn pixel(&self, (_, around): &mut Self::Kept, at: [usize; 2]) -> (Sample, Counts) {
+        let (x, y) = (at[0] as f64 + 0.5, at[1] as f64 + 0.5);
+        let trace = self.painter.trace(x, y);
+        let seen = self.painter.seen(&trace, x, y);
+        (self.sample(around, seen, at), Counts::default().add(&trace))
+    }
+
+    fn tile(
+        &self,
+        (tracer, around): &mut Self::Kept,
+        corner: [usize; 2],
+        out: &mut [Sample; TILE_PIXELS],
+    ) -> Counts {
+        let mut seen = [Seen::NOTHING; TILE_PIXELS];
+        let canvas = &self.painter.canvas;
+        let limits = (canvas.width as usize - corner[0], canvas.height as usize - corner[1]);
+        let counts = self.painter.trace_tile(tracer, &mut seen, (corner[0], corner[1]), limits);
+        for (i, (out, seen)) in out.iter_mut().zip(seen).enumerate() {
+            *out = self.sample(around, seen, [corner[0] + i % TILE, corner[1] + i / TILE]);
+        }
+        counts
     }
 }
 

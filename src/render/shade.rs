@@ -34,11 +34,14 @@ impl Shader {
     pub fn new() -> Self {
         let mut srgb = Vec::with_capacity(STEPS + 1);
         let mut code = 0_u8;
+        let ends = |code: u8| linear((f64::from(code) + 0.5) / 255.0);
+        let mut end = ends(code);
         for i in 0..=STEPS {
             #[expect(clippy::cast_precision_loss, reason = "small")]
             let light = i as f64 / STEPS as f64;
-            while code < 255 && linear((f64::from(code) + 0.5) / 255.0) < light {
+            while code < 255 && end < light {
                 code += 1;
+                end = ends(code);
             }
             srgb.push(code);
         }

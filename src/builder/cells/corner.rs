@@ -5,9 +5,14 @@ use crate::format::normal;
 /// How far a plane may cover an outside corner, in voxels of the index space.
 pub(super) const TOLERANCE: f32 = 0.1;
 
-/// How far the plane of the smooth gradient may be from the crossings and from corners on the wrong side. The
-/// smaller, the sharper are edges, and the more does noise turn normals.
-pub(super) const NEAR_CROSSINGS: f32 = 0.15;
+/// How far the plane of the smooth gradient may be from the crossings and from corners on the wrong side: where
+/// the surface is smooth, and where it bends. The smaller, the sharper are edges, and the more does noise turn
+/// normals.
+pub(super) const NEAR_SMOOTH: f32 = 0.15;
+pub(super) const NEAR_BENT: f32 = 0.05;
+
+/// Curvature from which a surface bends, per voxel of the index space.
+pub(super) const BENT: f32 = 0.12;
 
 /// The twelve edges as pairs of corners.
 pub(super) const EDGES: [(usize, usize); 12] =

@@ -1,7 +1,9 @@
 //! Planes of cells in batches, without a branch: the loop over a batch becomes vectors.
 
-use super::corner::{EDGES, NEAR_CROSSINGS, TOLERANCE, signed_depth};
+use super::corner::{EDGES, TOLERANCE, signed_depth};
 use super::jet::{Jet, Seen};
+use super::pick::{self, SEPARABLE};
+use super::sharp::{Sharp, Waiting};
 use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
@@ -25,9 +27,14 @@ pub(super) struct Batch {
     crossing: [[f32; BATCH]; 12],
     /// Mean of the crossings, in voxels from the middle of the cell.
     mean: [[f32; BATCH]; 3],
+    /// How far the smooth plane may be from the crossings.
+    near: [f32; BATCH],
     code: [u16; BATCH],
     offset: [f32; BATCH],
+    badness: [f32; BATCH],
+    covers: [u32; BATCH],
     fitted: [u32; BATCH],
+    sharp: Sharp,
 }
 
 impl Batch {
@@ -41,9 +48,13 @@ impl Batch {
             second: [[0.0; BATCH]; 6],
             crossing: [[0.0; BATCH]; 12],
             mean: [[0.0; BATCH]; 3],
+            near: [0.0; BATCH],
             code: [0; BATCH],
             offset: [0.0; BATCH],
+            badness: [0.0; BATCH],
+            covers: [0; BATCH],
             fitted: [0; BATCH],
+            sharp: Sharp::new(),
         })
     }
 
@@ -97,10 +108,12 @@ impl Batch {
         self.mask[at].to_le_bytes()[0]
     }
 
-    /// Depths at the corners and, of a batch that was fitted, the gradient at the mean of the crossings, unless the cell lies at the border.
-    pub(super) fn inner(&self, at: usize) -> Option<([f32; CORNERS], [f32; 3])> {
+    /// Of a batch that was fitted the depths at a cell's corners, the gradient at the mean of its crossings and
+    /// how far the smooth plane may be from them, unless the cell lies at the border.
+    pub(super) fn inner(&self, at: usize) -> Option<([f32; CORNERS], [f32; 3], f32)> {
         let gradient: [f32; 3] = std::array::from_fn(|a| self.gradient[a][at]);
-        (!gradient[0].is_nan()).then(|| (std::array::from_fn(|c| self.depth[c][at]), gradient))
+        let depth = || std::array::from_fn(|c| self.depth[c][at]);
+        (!gradient[0].is_nan()).then(|| (depth(), gradient, self.near[at]))
     }
 
     pub(super) fn is_fitted(&self, at: usize) -> bool {
@@ -113,9 +126,41 @@ impl Batch {
         (self.code[at], self.offset[at] as i8)
     }
 
-    /// Fits all cells of the batch; those for which the smooth gradient will not do stay unfitted.
-    pub(super) fn fit(&mut self) {
+    /// Fits all cells of the batch. Unfitted stay those at the border, those that no plane describes, and, if a
+    /// single value is inside, all for which the smooth gradient will not do.
+    pub(super) fn fit(&mut self, is_label: bool) {
         dispatch(FitKernel(self));
+        if is_label {
+            return;
+        }
+        self.sharp.clear();
+        for i in 0..self.len.min(BATCH) {
+            let is_inner = !self.gradient[0][i].is_nan();
+            let two_values = self.covers[i] != 0 && self.has_two_values(i);
+            if self.fitted[i] != 0 || !is_inner || two_values || !SEPARABLE[usize::from(self.mask(i))] {
+                continue;
+            }
+            self.sharp.push(&Waiting {
+                slot: i,
+                mask: self.mask[i],
+                depth: std::array::from_fn(|c| self.depth[c][i]),
+                crossing: std::array::from_fn(|e| self.crossing[e][i]),
+                mean: std::array::from_fn(|a| self.mean[a][i]),
+                near: self.near[i],
+                code: self.code[i],
+                fitted: Fitted { offset: self.offset[i], badness: self.badness[i], covers: self.covers[i] },
+            });
+        }
+        self.sharp.fit();
+        for (slot, code, plane) in self.sharp.found() {
+            (self.code[slot], self.offset[slot]) = (code, plane.offset);
+            self.fitted[slot] = u32::from(plane.covers == 0);
+        }
+    }
+
+    /// Has the cell one depth inside, and one outside?
+    fn has_two_values(&self, at: usize) -> bool {
+        pick::has_two_values(self.mask(at), &std::array::from_fn(|c| self.depth[c][at]))
     }
 }
 
@@ -129,19 +174,16 @@ impl Kernel for FitKernel<'_> {
         let b = self.0;
         // Whole groups of 8 become vectors; slots past the end hold old cells and are not used.
         let len = b.len.next_multiple_of(8).min(BATCH);
+        find_crossings(b, len);
         for i in 0..len {
-            let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
-            let (crossing, mean) = crossings(b.mask[i], depth);
-            for (all, t) in b.crossing.iter_mut().zip(crossing) {
-                all[i] = t;
-            }
             let jet = Jet {
                 gradient: [b.gradient[0][i], b.gradient[1][i], b.gradient[2][i]],
                 second: std::array::from_fn(|k| b.second[k][i]),
             };
-            let gradient = jet.at(mean);
+            let gradient = jet.at([b.mean[0][i], b.mean[1][i], b.mean[2][i]]);
+            b.near[i] = jet.near_crossings(gradient);
             for a in 0..3 {
-                (b.mean[a][i], b.gradient[a][i]) = (mean[a], gradient[a]);
+                b.gradient[a][i] = gradient[a];
             }
         }
         for i in 0..len {
@@ -151,45 +193,81 @@ impl Kernel for FitKernel<'_> {
             let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
             let crossing: [f32; 12] = std::array::from_fn(|e| b.crossing[e][i]);
             let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
-            let (offset, fitted) = plane(b.code[i], b.mask[i], depth, crossing, mean);
-            b.offset[i] = offset;
-            b.fitted[i] = fitted & u32::from(!b.gradient[0][i].is_nan());
+            let fitted = fit_plane(b.code[i], b.mask[i], depth, crossing, mean);
+            let agrees = (fitted.badness <= b.near[i] * b.near[i]) & (fitted.covers == 0);
+            (b.offset[i], b.badness[i], b.covers[i]) = (fitted.offset, fitted.badness, fitted.covers);
+            b.fitted[i] = u32::from(agrees & !b.gradient[0][i].is_nan());
         }
     }
 }
 
-/// Where the edges of a cell are crossed, from their first corner (0..=1, NaN where they are not), and the mean in
-/// voxels from the middle of the cell.
+/// Gives depths the signs of their sides, and finds where edges are crossed and the mean of that: edge by edge,
+/// as vectors need it.
 #[inline(always)]
-fn crossings(mask: u32, depth: [f32; CORNERS]) -> ([f32; 12], [f32; 3]) {
-    let inside: [bool; CORNERS] = std::array::from_fn(|c| mask >> c & 1 == 1);
-    let depth: [f32; CORNERS] = std::array::from_fn(|c| signed_depth(depth[c], inside[c]));
-    let mut at = [0.0_f32; 12];
-    let (mut sum, mut count) = ([0.0_f32; 3], 0.0_f32);
-    for (at, (p, q)) in at.iter_mut().zip(EDGES) {
-        let crosses = inside[p] != inside[q];
-        let t = depth[p] / (depth[p] - depth[q]);
-        *at = if crosses { t } else { f32::NAN };
-        for (a, sum) in sum.iter_mut().enumerate() {
-            let along = if p >> a & 1 == 1 {
-                0.5
-            } else if q >> a & 1 == 1 {
-                t - 0.5
-            } else {
-                -0.5
-            };
-            *sum += if crosses { along } else { 0.0 };
+fn find_crossings(b: &mut Batch, len: usize) {
+    for (c, depths) in b.depth.iter_mut().enumerate() {
+        for i in 0..len {
+            depths[i] = signed_depth(depths[i], b.mask[i] >> c & 1 == 1);
         }
-        count += if crosses { 1.0 } else { 0.0 };
     }
-    (at, [sum[0] / count, sum[1] / count, sum[2] / count])
+    let (mut sum, mut count) = ([[0.0; BATCH]; 3], [0.0; BATCH]);
+    for (at, (p, q)) in b.crossing.iter_mut().zip(EDGES) {
+        cross_edge((p, q), [&b.depth[p], &b.depth[q]], at, &mut sum, &mut count, len);
+    }
+    for (mean, sum) in b.mean.iter_mut().zip(&sum) {
+        for i in 0..len {
+            mean[i] = sum[i] / count[i];
+        }
+    }
 }
 
-/// Offset of the plane with this normal through the mean of the crossings, behind which every inside corner
-/// lies; and whether plane and cell agree.
+/// Where one edge is crossed in the first `len` cells; adds the points, in voxels from the middle of the cell.
+#[inline(always)]
+fn cross_edge(
+    (p, q): (usize, usize),
+    [depth_p, depth_q]: [&[f32; BATCH]; 2],
+    at: &mut [f32; BATCH],
+    [x, y, z]: &mut [[f32; BATCH]; 3],
+    count: &mut [f32; BATCH],
+    len: usize,
+) {
+    let [sx, sy, sz] = [0, 1, 2].map(|a| if p >> a & 1 == 1 { 0.5 } else { -0.5 });
+    let [dx, dy, dz] = [0, 1, 2].map(|a| if (p ^ q) >> a & 1 == 1 { 1.0 } else { 0.0 });
+    for i in 0..len {
+        let (d, e) = (depth_p[i], depth_q[i]);
+        let t = d / (d - e);
+        // All bits where the signs differ. Conditions would become masked stores, which some machines take apart.
+        let crosses = 0_u32.wrapping_sub((d.to_bits() ^ e.to_bits()) >> 31);
+        let or_zero = |v: f32| f32::from_bits(v.to_bits() & crosses);
+        at[i] = f32::from_bits(t.to_bits() | !crosses);
+        x[i] += or_zero(sx + dx * t);
+        y[i] += or_zero(sy + dy * t);
+        z[i] += or_zero(sz + dz * t);
+        count[i] += or_zero(1.0);
+    }
+}
+
+/// A plane that was fitted to a cell.
+#[derive(Clone, Copy)]
+pub(super) struct Fitted {
+    pub(super) offset: f32,
+    /// Greatest distance of a crossing, or of a corner on the wrong side; its square.
+    pub(super) badness: f32,
+    /// Would it cover an outside corner too far, or are there two values only, which do not say where between
+    /// them the surface lies?
+    pub(super) covers: u32,
+}
+
+/// The plane with this normal through the mean of the crossings, moved so that every inside corner lies behind it.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, reason = "small integers")]
-fn plane(code: u16, mask: u32, depth: [f32; CORNERS], crossing: [f32; 12], mean: [f32; 3]) -> (f32, u32) {
+pub(super) fn fit_plane(
+    code: u16,
+    mask: u32,
+    depth: [f32; CORNERS],
+    crossing: [f32; 12],
+    mean: [f32; 3],
+) -> Fitted {
     let n = normal::decode_l1(code).map(|c| c as f32);
     let inside: [bool; CORNERS] = std::array::from_fn(|c| mask >> c & 1 == 1);
 
@@ -200,8 +278,6 @@ fn plane(code: u16, mask: u32, depth: [f32; CORNERS], crossing: [f32; 12], mean:
     });
     let mean = 2.0 * (n[0] * mean[0] + n[1] * mean[1] + n[2] * mean[2]);
     let square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
-    let limit = 4.0 * NEAR_CROSSINGS * NEAR_CROSSINGS * square;
-    let covers = 4.0 * TOLERANCE * TOLERANCE * square;
     let mut worst = 0.0_f32;
     for (t, (p, q)) in crossing.into_iter().zip(EDGES) {
         let off = corner[p] + t * (corner[q] - corner[p]) - mean;
@@ -221,14 +297,12 @@ fn plane(code: u16, mask: u32, depth: [f32; CORNERS], crossing: [f32; 12], mean:
     }
     let positive = |v: f32| if v > 0.0 { v } else { 0.0 };
     let (in_front, behind) = (positive(highest_in - mean), positive(mean - lowest_out));
+    worst = if in_front * in_front > worst { in_front * in_front } else { worst };
+    worst = if behind * behind > worst { behind * behind } else { worst };
     let rounded = (mean + 0.5).floor();
     let offset = if rounded > highest_in { rounded } else { highest_in };
     let covered = positive(offset - lowest_out);
-    let agrees = (worst <= limit)
-        & (in_front * in_front <= limit)
-        & (behind * behind <= limit)
-        & (covered * covered <= covers)
-        // Two values alone say where they are, not where the surface lies between them.
-        & !((in_low == in_high) & (out_low == out_high));
-    (offset, u32::from(agrees))
+    let covers = (covered * covered > 4.0 * TOLERANCE * TOLERANCE * square)
+        | ((in_low == in_high) & (out_low == out_high));
+    Fitted { offset, badness: worst / (4.0 * square), covers: u32::from(covers) }
 }

@@ -1,5 +1,6 @@
 //! A field around the middle of a cell: its gradient and second derivatives, over 4 x 4 x 4 samples.
 
+use super::corner::{BENT, NEAR_BENT, NEAR_SMOOTH};
 use crate::format::cell::CORNERS;
 
 /// Samples of a cell's neighbourhood along an axis.
@@ -38,6 +39,21 @@ impl Jet {
     pub(super) fn at(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         let ([gx, gy, gz], [xx, yy, zz, xy, xz, yz]) = (self.gradient, self.second);
         [gx + (x * xx + y * xy + z * xz), gy + (x * xy + y * yy + z * yz), gz + (x * xz + y * yz + z * zz)]
+    }
+
+    /// How far the plane of the smooth gradient may be from the crossings: less where the surface bends much.
+    /// `gradient` is that at the mean of the crossings.
+    #[inline(always)]
+    pub(super) fn near_crossings(&self, [gx, gy, gz]: [f32; 3]) -> f32 {
+        let [xx, yy, zz, xy, xz, yz] = self.second;
+        // The second derivatives across the gradient, P H P: the sum of their squares.
+        let square = gx * gx + gy * gy + gz * gz;
+        let along = [gx * xx + gy * xy + gz * xz, gx * xy + gy * yy + gz * yz, gx * xz + gy * yz + gz * zz];
+        let once = along[0] * along[0] + along[1] * along[1] + along[2] * along[2];
+        let twice = (gx * along[0] + gy * along[1] + gz * along[2]) / square;
+        let all = xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz);
+        let across = all - 2.0 * (once / square) + twice * twice;
+        if across > BENT * BENT * square { NEAR_BENT } else { NEAR_SMOOTH }
     }
 }
 

@@ -7,8 +7,8 @@
 //!
 //! Most cells are fitted in batches without a branch ([`fit`]): the normal is that of the smooth gradient, the
 //! plane goes through the mean of the crossings, and is moved outwards where a corner inside would lie in front
-//! of it. Cells that such a plane does not describe are fitted one by one ([`mod@pick`]): sharp edges, noise, thin
-//! walls, label maps, and whatever touches the border of the volume.
+//! of it. Of cells that such a plane does not describe, as at sharp edges and in noise, two more normals are tried
+//! ([`sharp`]). One by one ([`mod@pick`]) go thin walls, label maps, and whatever touches the border of the volume.
 //!
 //! Every operation is an IEEE operation in a fixed order, and the last decisions are of integers: models are the
 //! same on every machine.
@@ -20,6 +20,7 @@ mod fit;
 mod jet;
 mod label;
 mod pick;
+mod sharp;
 mod window;
 
 use super::error::BuildError;
@@ -183,7 +184,7 @@ impl<F: RingForm> CellWorker<'_, F> {
 
     /// Fits the cells of the batch and appends their items.
     fn flush(&mut self) {
-        self.batch.fit();
+        self.batch.fit(self.is_label);
         for at in 0..self.batch.len() {
             if self.batch.is_fitted(at) {
                 let (code, offset) = self.batch.plane(at);
@@ -193,12 +194,13 @@ impl<F: RingForm> CellWorker<'_, F> {
             }
             let (place, mask, is_label) = (self.batch.cell(at), self.batch.mask(at), self.is_label);
             let cell = match self.batch.inner(at) {
-                Some((depth, gradient)) => Cell { mask, depth, gradient, is_label },
+                Some((depth, gradient, near)) => Cell { mask, depth, gradient, near, is_label },
                 None => {
                     let field = self.field(place, mask);
                     let depth = field.corners();
-                    let gradient = field.jet().at(pick::mean_crossing(mask, &depth));
-                    Cell { mask, depth, gradient, is_label }
+                    let jet = field.jet();
+                    let gradient = jet.at(pick::mean_crossing(mask, &depth));
+                    Cell { mask, depth, gradient, near: jet.near_crossings(gradient), is_label }
                 }
             };
             let (code, offset) = match pick::pick(&cell, || self.field(place, mask)) {

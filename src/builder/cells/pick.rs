@@ -5,7 +5,7 @@
 //! outside. Where no plane separates the corners, or where the best plane would still cover an outside corner by more than [`TOLERANCE`], there are two surfaces in
 //! the cell: it keeps its corners.
 
-use super::corner::{EDGES, NEAR_CROSSINGS, TOLERANCE, encode, outward, signed_depth};
+use super::corner::{EDGES, TOLERANCE, encode, outward, signed_depth};
 use super::field::Field;
 use super::label;
 use crate::format::cell::{CORNERS, at_corner};
@@ -42,6 +42,8 @@ pub(super) struct Cell {
     pub(super) depth: [f32; CORNERS],
     /// Direction in which depths rise.
     pub(super) gradient: [f32; 3],
+    /// How far the plane of that direction may be from the crossings.
+    pub(super) near: f32,
     /// Is a single value inside, as in a map of labels?
     pub(super) is_label: bool,
 }
@@ -65,7 +67,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
     }
     let crossings = Crossings::new(cell.mask, &depth);
     let smooth = outward(cell.gradient.map(f64::from)).map(|code| Tried::new(code, cell.mask, &crossings));
-    if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(NEAR_CROSSINGS)) {
+    if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(cell.near)) {
         return smooth.picked(cell.mask, &depth, TOLERANCE);
     }
     let near = |guess: [f64; 3]| {
@@ -77,7 +79,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
         (a, b) => a.or(b),
     };
     let mut best = better(smooth, near(crossings.gradient(&depth)));
-    if best.is_none_or(|best| best.badness > f64::from(NEAR_CROSSINGS)) {
+    if best.is_none_or(|best| best.badness > f64::from(cell.near)) {
         best = better(best, near(crossings.across(cell.mask)));
     }
     // A cell without any direction: its corners say all.
@@ -85,7 +87,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
 }
 
 /// Patterns of corners that some plane separates: 104 of 256, the empty and the full one among them.
-const SEPARABLE: [bool; 256] = {
+pub(super) const SEPARABLE: [bool; 256] = {
     // Whole weights of -2 to 2 do for every such pattern of three variables.
     let mut table = [false; 256];
     let mut weights = 0;
@@ -115,7 +117,8 @@ const SEPARABLE: [bool; 256] = {
 /// The code of +z.
 const ANY: u16 = 0;
 
-fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
+/// Is there one depth inside, and one outside?
+pub(super) fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
     let same = |side: bool| {
         let mut of = (0..CORNERS).filter(|c| (mask >> c & 1 == 1) == side).map(|c| depth[c]);
         let first = of.next();
@@ -322,7 +325,7 @@ mod tests {
             if mask == 0 || mask == 255 {
                 continue;
             }
-            let cell = Cell { mask, depth, gradient: [0.0; 3], is_label: false };
+            let cell = Cell { mask, depth, gradient: [0.0; 3], near: 0.15, is_label: false };
             let Picked::Plane(code, offset) = pick(&cell, || Field::EMPTY) else { panic!("{n:?} {at:?}") };
             let plane = Plane::new(code, offset);
             assert_eq!(plane.inside() & mask, mask);
@@ -351,7 +354,7 @@ mod tests {
                     if mask >> c & 1 == 1 { size } else { -size }
                 });
                 let gradient = [f32::from(u8::try_from(round).unwrap()) - 20.0, 3.0, -7.0];
-                let cell = Cell { mask, depth, gradient, is_label: false };
+                let cell = Cell { mask, depth, gradient, near: 0.15, is_label: false };
                 match pick(&cell, || Field::EMPTY) {
                     Picked::Plane(code, offset) => {
                         assert_eq!(Plane::new(code, offset).inside() & mask, mask, "{mask:08b}");

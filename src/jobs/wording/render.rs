@@ -40,6 +40,9 @@ impl fmt::Display for RenderError {
                 f,
                 "a grid of 2^{depth} cells a side is too large to be compared cell by cell; choose a model of at most 2^{most}"
             ),
+            Self::DiscreteCells => f.write_str(
+                "discrete rays meet voxels, and this model has cells with a surface within; leave --traversal exact, or build it with --surface skin",
+            ),
             Self::SingularAffine => f.write_str(
                 "the model's axes are (nearly) parallel, so it has no volume to look at; check its spacing and orientation",
             ),

@@ -23,6 +23,8 @@ pub(super) struct ExactRays {
     /// Rows that are made, and rays that can be used.
     rows: u32,
     valid: u64,
+    /// Those that move along all axes.
+    slanted: u64,
 }
 
 /// A box that a ray surely passes through.
@@ -49,12 +51,13 @@ impl ExactRays {
             t_scale: [0.0; RAYS],
             rows: 0,
             valid: 0,
+            slanted: 0,
         }
     }
 
     /// Forgets the rays of the tile before.
     pub(super) fn clear(&mut self) {
-        (self.rows, self.valid) = (0, 0);
+        (self.rows, self.valid, self.slanted) = (0, 0, 0);
     }
 
     /// Makes the row of a ray, if that was not done yet.
@@ -77,7 +80,7 @@ impl ExactRays {
         let far = l.d(f64::from(1_u32.wrapping_shl(depth)) * f64::from(1_u32 << FRACTION_BITS));
         let (zero, one) = (l.d(0.0), l.d(1.0));
         let (mut origin, mut direction) = (exact.origin, exact.direction);
-        let mut valid = exact.valid;
+        let (mut valid, mut slanted) = (exact.valid, exact.valid);
         for a in 0..3 {
             if mirror >> a & 1 == 1 {
                 origin[a] = far - origin[a];
@@ -85,6 +88,7 @@ impl ExactRays {
             }
             // A direction against the mirror is none that was estimated.
             valid = valid & l.d_le(zero, direction[a]);
+            slanted = slanted & l.d_lt(zero, direction[a]);
         }
         let inverse = each3!(A => one / direction[A]);
         for a in 0..3 {
@@ -95,11 +99,44 @@ impl ExactRays {
         l.d_store(exact.t_start, lanes_of(&mut self.t_start, row));
         l.d_store(exact.t_scale, lanes_of(&mut self.t_scale, row));
         self.valid |= u64::from(valid.bits() & 0xff) << (TILE * row);
+        self.slanted |= u64::from((valid & slanted).bits() & 0xff) << (TILE * row);
     }
 
     /// The way of a ray through the box of edge `2^unit` at the mirrored cell `low`.
     #[inline(always)]
     pub(super) fn way(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Way {
+        let ray = ray % RAYS;
+        if self.slanted >> ray & 1 == 0 {
+            return self.way_along_axes(ray, box_number, low, unit, mirror);
+        }
+        // Without a branch until all is known: which face is crossed last is anybody's guess.
+        let one_cell = f64::from(1_u32 << FRACTION_BITS);
+        let edge = f64::from(1_u32.wrapping_shl(unit)) * one_cell;
+        let direction = each3!(A => self.direction[A][ray]);
+        let inverse = each3!(A => self.inverse[A][ray]);
+        let n = each3!(A => f64::from(low[A]) * one_cell - self.origin[A][ray]);
+        let into = each3!(A => n[A] * inverse[A]);
+        let out = each3!(A => (n[A] + edge) * inverse[A]);
+        let (most, least) = (larger(into[0], into[1]), smaller(into[0], into[1]));
+        let (enter, before) = (larger(most, into[2]), larger(least, smaller(most, into[2])));
+        let leave = smaller(smaller(out[0], out[1]), out[2]);
+        // Whole numbers: a box is behind the ray when one of its far planes is.
+        if (enter > leave + SAME_TIME) | (leave <= 0.0) {
+            return Way::Past;
+        }
+        // Ties, and rays that start in the box, are for the integers.
+        if (enter + SAME_TIME < leave) & (before + SAME_TIME < enter) & (enter > SAME_TIME) {
+            let axis = usize::from(into[1] == enter) + 2 * usize::from(into[2] == enter);
+            let from_middle = each3!(A => -n[A] - 0.5 * edge);
+            let glance = Glance { box_number, mirror, from_middle, direction, enter, leave };
+            return Way::Through(Pierced { glance, axis });
+        }
+        Way::Unsure
+    }
+
+    /// [`ExactRays::way`] of rays that may stand still along an axis.
+    #[inline(never)]
+    fn way_along_axes(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Way {
         let ray = ray % RAYS;
         if self.valid >> ray & 1 == 0 {
             return Way::Unsure;
@@ -152,6 +189,16 @@ impl ExactRays {
         let plane = f64::from(low[a]) * f64::from(1_u32 << FRACTION_BITS);
         (plane - self.origin[a][ray], self.direction[a][ray])
     }
+}
+
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
 /// The lanes of a row.

@@ -1,0 +1,289 @@
+//! Cells that the smooth gradient does not describe, in batches: edges, noise, thin walls.
+//!
+//! Two more normals are tried, each by the plane that fits the crossings best near a direction: the gradient of the
+//! trilinear interpolation at their mean and, where that will not do, the direction from the corners inside to
+//! those outside. The plane nearest to the crossings is taken, be it the smooth one. What still covers an outside
+//! corner is left to [`super::pick`], as are cells that no plane separates.
+
+use super::corner::EDGES;
+use super::fit::{BATCH, Fitted, fit_plane};
+use crate::builder::simd::{Isa, Kernel, dispatch};
+use crate::format::cell::CORNERS;
+use crate::format::normal;
+
+/// Pulls a fitted plane towards the direction that it is sought near, in square voxels.
+const TOWARDS_GUESS: f32 = 0.05;
+
+/// Cells of a batch that wait for a closer look, one value of each in every array.
+pub(super) struct Sharp {
+    len: usize,
+    slot: [usize; BATCH],
+    mask: [u32; BATCH],
+    depth: [[f32; BATCH]; CORNERS],
+    crossing: [[f32; BATCH]; 12],
+    mean: [[f32; BATCH]; 3],
+    near: [f32; BATCH],
+    /// Direction in which the inside lies, as first guessed; then the normal that was fitted near it.
+    normal: [[f32; BATCH]; 3],
+    tried: Planes,
+    /// The best planes so far.
+    best: Planes,
+}
+
+/// A plane of each cell.
+struct Planes {
+    code: [u16; BATCH],
+    offset: [f32; BATCH],
+    badness: [f32; BATCH],
+    covers: [u32; BATCH],
+}
+
+/// A cell to look at, as the batch knows it.
+pub(super) struct Waiting {
+    pub(super) slot: usize,
+    pub(super) mask: u32,
+    pub(super) depth: [f32; CORNERS],
+    pub(super) crossing: [f32; 12],
+    pub(super) mean: [f32; 3],
+    pub(super) near: f32,
+    /// The smooth plane.
+    pub(super) code: u16,
+    pub(super) fitted: Fitted,
+}
+
+impl Sharp {
+    pub(super) const fn new() -> Self {
+        const NONE: [f32; BATCH] = [0.0; BATCH];
+        Self {
+            len: 0,
+            slot: [0; BATCH],
+            mask: [0; BATCH],
+            depth: [NONE; CORNERS],
+            crossing: [NONE; 12],
+            mean: [NONE; 3],
+            near: NONE,
+            normal: [NONE; 3],
+            tried: Planes::NONE,
+            best: Planes::NONE,
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    pub(super) fn push(&mut self, cell: &Waiting) {
+        let at = self.len % BATCH;
+        (self.slot[at], self.mask[at], self.near[at]) = (cell.slot, cell.mask, cell.near);
+        for (all, depth) in self.depth.iter_mut().zip(cell.depth) {
+            all[at] = depth;
+        }
+        for (all, t) in self.crossing.iter_mut().zip(cell.crossing) {
+            all[at] = t;
+        }
+        for (all, mean) in self.mean.iter_mut().zip(cell.mean) {
+            all[at] = mean;
+        }
+        self.best.set(at, cell.code, cell.fitted);
+        self.len += 1;
+    }
+
+    pub(super) fn fit(&mut self) {
+        dispatch(SharpKernel(self));
+    }
+
+    /// The slot, the code and the plane of each cell.
+    pub(super) fn found(&self) -> impl Iterator<Item = (usize, u16, Fitted)> + '_ {
+        (0..self.len.min(BATCH)).map(|i| (self.slot[i], self.best.code[i], self.best.at(i)))
+    }
+}
+
+impl Planes {
+    const NONE: Self =
+        Self { code: [0; BATCH], offset: [0.0; BATCH], badness: [0.0; BATCH], covers: [0; BATCH] };
+
+    #[inline(always)]
+    fn at(&self, i: usize) -> Fitted {
+        Fitted { offset: self.offset[i], badness: self.badness[i], covers: self.covers[i] }
+    }
+
+    #[inline(always)]
+    fn set(&mut self, i: usize, code: u16, plane: Fitted) {
+        (self.code[i], self.offset[i]) = (code, plane.offset);
+        (self.badness[i], self.covers[i]) = (plane.badness, plane.covers);
+    }
+}
+
+struct SharpKernel<'a>(&'a mut Sharp);
+
+impl Kernel for SharpKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let s = self.0;
+        // Whole groups of 8 become vectors; slots past the end hold old cells and are not used.
+        let len = s.len.next_multiple_of(8).min(BATCH);
+        for i in 0..len {
+            let depth: [f32; CORNERS] = std::array::from_fn(|c| s.depth[c][i]);
+            let g = outwards(depth, [s.mean[0][i], s.mean[1][i], s.mean[2][i]]);
+            (s.normal[0][i], s.normal[1][i], s.normal[2][i]) = (g[0], g[1], g[2]);
+        }
+        try_near(s, len, true);
+        for i in 0..len {
+            let g = across(s.mask[i]);
+            (s.normal[0][i], s.normal[1][i], s.normal[2][i]) = (g[0], g[1], g[2]);
+        }
+        try_near(s, len, false);
+    }
+}
+
+/// Tries the planes near the directions in `normal`: of all cells, or of those without a good one.
+#[inline(always)]
+fn try_near(s: &mut Sharp, len: usize, all: bool) {
+    fit_near(s, len);
+    for i in 0..len {
+        s.tried.code[i] = normal::encode([s.normal[0][i], s.normal[1][i], s.normal[2][i]]);
+    }
+    for i in 0..len {
+        let depth: [f32; CORNERS] = std::array::from_fn(|c| s.depth[c][i]);
+        let crossing: [f32; 12] = std::array::from_fn(|e| s.crossing[e][i]);
+        let mean = [s.mean[0][i], s.mean[1][i], s.mean[2][i]];
+        let code = s.tried.code[i];
+        s.tried.set(i, code, fit_plane(code, s.mask[i], depth, crossing, mean));
+    }
+    let (tried, best) = (&s.tried, &mut s.best);
+    for i in 0..len {
+        let wanted = all | (best.badness[i] > s.near[i] * s.near[i]);
+        let better = wanted & (tried.badness[i] < best.badness[i]);
+        best.code[i] = if better { tried.code[i] } else { best.code[i] };
+        best.offset[i] = choose(better, tried.offset[i], best.offset[i]);
+        best.badness[i] = choose(better, tried.badness[i], best.badness[i]);
+        best.covers[i] = if better { tried.covers[i] } else { best.covers[i] };
+    }
+}
+
+/// Against the gradient of the trilinear interpolation at a point, in voxels from the middle of the cell.
+#[inline(always)]
+fn outwards(depth: [f32; CORNERS], [x, y, z]: [f32; 3]) -> [f32; 3] {
+    let d = depth;
+    let part = |low: f32, high: f32, at: f32| low * (0.5 - at) + high * (0.5 + at);
+    // Differences along an axis on its four edges, interpolated along the other two.
+    let of =
+        |e: [f32; 4], first: f32, second: f32| part(part(e[0], e[1], first), part(e[2], e[3], first), second);
+    [
+        of([d[0] - d[1], d[2] - d[3], d[4] - d[5], d[6] - d[7]], y, z),
+        of([d[0] - d[2], d[1] - d[3], d[4] - d[6], d[5] - d[7]], x, z),
+        of([d[0] - d[4], d[1] - d[5], d[2] - d[6], d[3] - d[7]], x, y),
+    ]
+}
+
+/// From the middle of the corners inside to that of those outside.
+#[inline(always)]
+fn across(mask: u32) -> [f32; 3] {
+    let (mut inside, mut sum) = (0.0_f32, [0.0_f32; 3]);
+    for c in 0..CORNERS {
+        let is_in = mask >> c & 1 == 1;
+        inside += choose(is_in, 1.0, 0.0);
+        for (a, sum) in sum.iter_mut().enumerate() {
+            *sum += choose(is_in, if c >> a & 1 == 1 { 1.0 } else { -1.0 }, 0.0);
+        }
+    }
+    // Those outside sum to the opposite.
+    let weight = -1.0 / inside - 1.0 / (8.0 - inside);
+    [sum[0] * weight, sum[1] * weight, sum[2] * weight]
+}
+
+/// Two directions at right angles to a third one, in a batch.
+type Basis = [[[f32; BATCH]; 3]; 2];
+
+/// Sums over crossings: of products of their places along the two directions, and of those with the place along
+/// the guess.
+struct Sums {
+    square: [[f32; BATCH]; 3],
+    across: [[f32; BATCH]; 2],
+}
+
+/// Normals of the planes that fit the crossings best, near the directions in `normal`: that of least squares among
+/// the guess of length 1 plus something at right angles to it, which is held small.
+#[inline(always)]
+fn fit_near(s: &mut Sharp, len: usize) {
+    let mut basis = [[[0.0; BATCH]; 3]; 2];
+    for i in 0..len {
+        let [g, e1, e2] = directions([s.normal[0][i], s.normal[1][i], s.normal[2][i]]);
+        for a in 0..3 {
+            (s.normal[a][i], basis[0][a][i], basis[1][a][i]) = (g[a], e1[a], e2[a]);
+        }
+    }
+    let mut sums = Sums {
+        square: [[TOWARDS_GUESS; BATCH], [0.0; BATCH], [TOWARDS_GUESS; BATCH]],
+        across: [[0.0; BATCH]; 2],
+    };
+    for (t, edge) in s.crossing.iter().zip(EDGES) {
+        add_edge(edge, t, &s.mean, &s.normal, &basis, &mut sums, len);
+    }
+    let ([s11, s12, s22], [r1, r2]) = (&sums.square, &sums.across);
+    for i in 0..len {
+        let determinant = s11[i] * s22[i] - s12[i] * s12[i];
+        let u = (r2[i] * s12[i] - r1[i] * s22[i]) / determinant;
+        let v = (r1[i] * s12[i] - r2[i] * s11[i]) / determinant;
+        for (a, normal) in s.normal.iter_mut().enumerate() {
+            normal[i] += u * basis[0][a][i] + v * basis[1][a][i];
+        }
+    }
+}
+
+/// One of two numbers, without a branch.
+#[inline(always)]
+fn choose(first: bool, one: f32, other: f32) -> f32 {
+    let mask = 0_u32.wrapping_sub(u32::from(first));
+    f32::from_bits(one.to_bits() & mask | other.to_bits() & !mask)
+}
+
+/// A guess with length 1, and two directions at right angles to it (Duff and others 2017); z for what is not a
+/// direction.
+#[inline(always)]
+fn directions(guess: [f32; 3]) -> [[f32; 3]; 3] {
+    // Scaled first, so that squares stay finite.
+    let (x, y, z) = (guess[0].abs(), guess[1].abs(), guess[2].abs());
+    let most = if x > y { x } else { y };
+    let most = if most > z { most } else { z };
+    let usable = (most > 0.0) & (most < f32::INFINITY);
+    let [x, y, z] = [guess[0] / most, guess[1] / most, guess[2] / most];
+    let length = (x * x + y * y + z * z).sqrt();
+    let (x, y) = (choose(usable, x / length, 0.0), choose(usable, y / length, 0.0));
+    let z = choose(usable, z / length, 1.0);
+    let sign = 1.0_f32.copysign(z);
+    let a = -1.0 / (sign + z);
+    let b = x * y * a;
+    [[x, y, z], [1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]]
+}
+
+/// Adds the crossings of one edge.
+#[inline(always)]
+fn add_edge(
+    (p, q): (usize, usize),
+    crossing: &[f32; BATCH],
+    [mean_x, mean_y, mean_z]: &[[f32; BATCH]; 3],
+    [gx, gy, gz]: &[[f32; BATCH]; 3],
+    [[ux, uy, uz], [vx, vy, vz]]: &Basis,
+    sums: &mut Sums,
+    len: usize,
+) {
+    let [start_x, start_y, start_z] = [0, 1, 2].map(|a| if p >> a & 1 == 1 { 0.5 } else { -0.5 });
+    let [dx, dy, dz] = [0, 1, 2].map(|a| if (p ^ q) >> a & 1 == 1 { 1.0 } else { 0.0 });
+    let (Sums { square: [s11, s12, s22], across: [r1, r2] }, t) = (sums, crossing);
+    for i in 0..len {
+        let x = choose(t[i] >= 0.0, start_x + dx * t[i] - mean_x[i], 0.0);
+        let y = choose(t[i] >= 0.0, start_y + dy * t[i] - mean_y[i], 0.0);
+        let z = choose(t[i] >= 0.0, start_z + dz * t[i] - mean_z[i], 0.0);
+        let along = x * gx[i] + y * gy[i] + z * gz[i];
+        let u = x * ux[i] + y * uy[i] + z * uz[i];
+        let v = x * vx[i] + y * vy[i] + z * vz[i];
+        s11[i] += u * u;
+        s12[i] += u * v;
+        s22[i] += v * v;
+        r1[i] += u * along;
+        r2[i] += v * along;
+    }
+}

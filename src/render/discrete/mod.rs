@@ -1,0 +1,39 @@
+//! The paper's own traversal (section 3), by its names: a discrete, 6-connected ray.
+//!
+//! A ray is seen by three points per box: on the planes of its *floor*, *middle* and *ceiling*, which lie across
+//! the ray's *main axis*. Their coordinates along the two other axes name a quadrant each; the quadrants of floor and
+//! middle make the path through the lower *storey* of the box, those of middle and ceiling the path through the
+//! upper one. Path byte AND infobyte are the children to visit, front to back. Sums, shifts and comparisons of
+//! whole numbers are all that a box costs.
+//!
+//! | file | what it owns |
+//! |---|---|
+//! | [`line`](mod@line) | main axis, and the three points of a box |
+//! | [`path`] | path byte, order of visits, the 14-bit look-up table |
+//! | [`walk`] | the first hit |
+//! | [`frame`] | rays of a parallel projection by increments |
+//!
+//! The exact mode ([`crate::render::traverse`]) is what pictures use. This one visits every voxel that the line
+//! pierces and some that it only passes by, so a silhouette may gain a voxel; how many pixels differ is told by
+//! `oct report`.
+//!
+//! What the paper has wrong or leaves open (E1 to E7 in the notes to this project), and what is done here:
+//!
+//! | | the paper | here |
+//! |---|---|---|
+//! | E1 | main axis by the greatest component | by the greatest absolute value; of equal ones the first of x, y, z |
+//! | E2 | the middle point always lies in the box | it need not; quadrants are numbers -1, 0, 1, 2, of which 0 and 1 are in the box |
+//! | E3 | one bit per coordinate addresses the table | the bits are taken after what lies outside of the box was dropped, so no child is visited that the path does not touch |
+//! | E4 | the worked example is printed with a digit missing, and visits are "left to right" | axes are mirrored so that the ray runs upwards; then front to back is the lowest bit first |
+//! | E5 | of two boxes that widening adds, lower levels choose | at the last level nothing is left to choose by: both count as visited, the first in Morton order of the walk's frame first |
+//! | E6 | skins of 26 or of 6 connections | either: the widened ray is 6-connected, so it finds no tunnel in a 26-connected skin |
+//! | E7 | points by increments | only in parallel projection; in perspective each ray is set up for itself. A ray that starts in the grid begins with its own coordinates, not with those of its storey's floor |
+
+pub mod frame;
+pub mod line;
+pub mod path;
+pub mod walk;
+
+pub use frame::DiscreteRays;
+pub use line::{Line, MainAxis};
+pub use walk::{Order, first_hit};
