@@ -15,8 +15,9 @@ mod volume;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use infobyte::format::Channels;
 
-pub(crate) use picture::{RenderArgs, ThumbnailArgs};
+pub(crate) use picture::{RenderArgs, Shading, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, DemoArgs, RawArgs, ScanArgs};
 
 /// Volumes into compact surface octrees in a fixed amount of memory, shown by exact ray traversal.
@@ -50,6 +51,9 @@ pub(crate) enum Command {
     /// Unpack a packed model; gives the original byte for byte
     #[command(after_help = examples::UNPACK)]
     Unpack(PackArgs),
+    /// Leave channels or fine levels out of a model
+    #[command(after_help = examples::STRIP)]
+    Strip(StripArgs),
     /// Render a picture of a model
     #[command(after_help = examples::RENDER)]
     Render(RenderArgs),
@@ -83,6 +87,7 @@ impl Command {
             Self::Info(args) => args.json,
             Self::Verify(args) => args.json,
             Self::Pack(args) | Self::Unpack(args) => args.json,
+            Self::Strip(args) => args.files.json,
             Self::Render(args) => args.json,
             Self::Thumbnail(args) => args.json,
             Self::Demo(args) => args.json,
@@ -91,6 +96,21 @@ impl Command {
             Self::Completions(_) | Self::Man(_) => false,
         }
     }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct StripArgs {
+    #[command(flatten)]
+    pub(crate) files: PackArgs,
+    /// Channels that stay, separated by commas, or none; all by default
+    #[arg(long, value_name = "LIST", value_parser = parse::kept_channels)]
+    pub(crate) channels: Option<Channels>,
+    /// How many of the finest levels go: each makes boxes twice as long
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) levels: u32,
+    /// Keep the means of coarse nodes, where they are
+    #[arg(long, value_enum, default_value_t = Switch::On)]
+    pub(crate) lod: Switch,
 }
 
 #[derive(Debug, Args)]
@@ -176,7 +196,7 @@ pub(crate) struct ReportArgs {
     /// for the head; may be given several times
     #[arg(long, value_name = "NAME", group = "subject")]
     pub(crate) synthetic: Vec<String>,
-    /// Folder of report.html, report.csv and report.json; made if it is not there
+    /// Folder of the page, its tables and drawings; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Pixels along a side of the pictures that errors are measured on

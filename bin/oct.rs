@@ -17,6 +17,7 @@ use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
+use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
@@ -29,7 +30,7 @@ use infobyte::volume::Placement;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
-use args::{Cli, Command, Switch, cores};
+use args::{Cli, Command, Shading, Switch, cores};
 use bars::{Bars, BatchBars};
 use failure::{Dash, Failure, Refusal, Written, json_of, one_line, tell};
 use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash};
@@ -98,6 +99,11 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         }
         Command::Pack(args) => pack_with(&args, pack::pack),
         Command::Unpack(args) => pack_with(&args, pack::unpack),
+        Command::Strip(args) => {
+            let request =
+                StripRequest { channels: args.channels, levels: args.levels, lod: args.lod == Switch::On };
+            pack_with(&args.files, |input, output| pack::strip(input, output, &request))
+        }
         Command::Render(args) => render(&args),
         Command::Thumbnail(args) => thumbnail(&args),
         Command::Demo(args) => demo(&args),
@@ -118,6 +124,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         connectivity: args.skin.connectivity,
         channels: args.skin.channels,
         gradient: args.skin.gradient,
+        visible_from: args.visible_from.clone(),
         lod: args.lod == Switch::On,
         memory: MemoryCap::Process(args.memory),
         threads: args.threads.count(),
@@ -191,6 +198,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             connectivity: args.skin.connectivity,
             channels: args.skin.channels,
             gradient: args.skin.gradient,
+            visible_from: Vec::new(),
             lod: args.lod == Switch::On,
             memory: MemoryCap::Process(args.memory),
             threads: args.threads.count(),
@@ -328,6 +336,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
         fov_deg: args.fov,
         threads: args.threads.count(),
         lod: args.lod == Switch::On,
+        blended: args.shading == Shading::Blended,
         traversal: args.traversal,
         coherence: args.coherence,
         ..RenderRequest::default()

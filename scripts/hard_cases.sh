@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 times=${1:-20}
 [[ $times =~ ^[1-9][0-9]*$ ]] || { echo "'$times' is not a number of times; give 1 or more" >&2; exit 2; }
 export INFOBYTE_HARD=$times INFOBYTE_RAYS=$((30000 * times)) INFOBYTE_ORACLE_RAYS=$((1200 * times))
-tests=(hard_cases oracle traversal traversal_forms normals synthetic)
+tests=(hard_cases oracle traversal traversal_forms normals synthetic visible)
 
 bar() {
     local done=$1 all=$2 width=30

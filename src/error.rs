@@ -8,7 +8,7 @@ use crate::builder::BuildError;
 use crate::clean::CleanError;
 use crate::exit::ExitKind;
 use crate::facts::SourceError;
-use crate::format::FormatError;
+use crate::format::{Channel, FormatError};
 use crate::load::LoadError;
 use crate::render::RenderError;
 
@@ -67,10 +67,41 @@ pub enum UsageError {
         /// The picture.
         path: PathBuf,
     },
+    /// What is to be left out of a model cannot be.
+    Strip {
+        /// The model.
+        path: PathBuf,
+        /// Why not.
+        fault: StripFault,
+    },
     /// A synthetic head of this size cannot be made.
     HeadSize {
         /// Voxels a side.
         side: u32,
+    },
+}
+
+/// Why something cannot be left out of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StripFault {
+    /// Of cells normals, offsets and corners are the surface, and only the finest level has them.
+    Cells,
+    /// The model does not have so many levels.
+    Levels {
+        /// Levels that were to go.
+        asked: u32,
+        /// Most that can.
+        most: u32,
+    },
+    /// Coarse boxes cannot have this channel.
+    NoMeans {
+        /// The channel.
+        channel: Channel,
+    },
+    /// The model does not have this channel.
+    NoChannel {
+        /// The channel.
+        channel: Channel,
     },
 }
 

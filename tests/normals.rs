@@ -79,6 +79,7 @@ fn stored_codes(
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),
         gradient: ESTIMATOR.get(),
+        visible_from: Vec::new(),
         lod: false,
         memory,
         threads,
@@ -459,6 +460,19 @@ fn the_marschner_lobb_signal_is_resolved() {
     }
 }
 
+/// Mean and 99th percentile that the automatic choice has to keep within.
+fn gate(signal: &str) -> (f64, f64) {
+    match signal {
+        "ball" => (0.40, 0.65),
+        "2.5 % noise" => (0.85, 2.1),
+        "binary" => (4.2, 10.0),
+        "1:1:2" => (0.60, 1.5),
+        "Marschner-Lobb 80^3" => (12.0, 30.0),
+        "Marschner-Lobb 160^3" => (3.0, 10.0),
+        _ => (f64::INFINITY, f64::INFINITY),
+    }
+}
+
 #[test]
 fn estimators_have_the_errors_of_their_table_and_the_automatic_one_is_near_the_best() {
     let middle = AIR + STEP / 2.0;
@@ -481,14 +495,17 @@ fn estimators_have_the_errors_of_their_table_and_the_automatic_one_is_near_the_b
         signals.push((name, volume, 0.5, Box::new(truth)));
     }
     for (name, volume, iso, truth) in &signals {
-        let mean = |gradient: Gradient| {
+        let errors = |gradient: Gradient| {
             ESTIMATOR.set(gradient);
-            row(&format!("{name}: {gradient}"), angles(volume, *iso, truth), "").mean
+            row(&format!("{name}: {gradient}"), angles(volume, *iso, truth), "")
         };
-        let means = Gradient::ALL.map(mean);
-        let [fixed @ .., auto] = means;
-        let best = fixed.into_iter().fold(f64::INFINITY, f64::min);
-        assert!(auto <= 1.1 * best, "{name}: {auto} of {best}");
+        let all = Gradient::ALL.map(errors);
+        let [fixed @ .., auto] = &all;
+        let best = fixed.iter().fold(f64::INFINITY, |best, e| best.min(e.mean));
+        assert!(auto.mean <= 1.1 * best, "{name}: {auto:?} of {best}");
+        // The gates of all rows at once, which no fixed estimator meets.
+        let (mean, p99) = gate(name);
+        assert!(auto.mean <= mean && auto.p99 <= p99, "{name}: {auto:?}");
     }
     ESTIMATOR.set(Gradient::default());
 }

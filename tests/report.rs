@@ -68,7 +68,9 @@ fn page_table_and_json_tell_the_same_rows_and_need_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("new").join("report");
     let report = run(&out, &["sphere@32", "head@48"], "2");
-    assert_eq!(names(&out), ["report.csv", "report.html", "report.json"]);
+    let (drawings, tables): (Vec<_>, Vec<_>) = names(&out).into_iter().partition(|n| n.ends_with(".svg"));
+    assert_eq!(tables, ["report.csv", "report.html", "report.json", "report.md"]);
+    assert!(drawings.contains(&"surface.svg".to_owned()), "{drawings:?}");
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     for outside in ["http", "src=", "<link", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");
@@ -83,6 +85,18 @@ fn page_table_and_json_tell_the_same_rows_and_need_nothing_else() {
     assert_eq!(page.matches("<tr").count() - page.matches("<thead><tr").count(), rows);
     let written: Value = serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
     assert_eq!(written["experiments"], report["experiments"]);
+    // What is left out cannot be seen, and exact traversals agree.
+    for (experiment, choice) in [
+        ("sight", "seen from outside"),
+        ("sight", "seen from the front"),
+        ("traversal", "exact, best instructions"),
+    ] {
+        let errors = &row(&report, experiment, choice)["errors"];
+        assert_eq!(
+            (&errors["depth_max_voxels"], &errors["wrong_pixels_percent"]),
+            (&0.0.into(), &0.0.into())
+        );
+    }
     // Of the head the truth is not known: it is held against its own frame.
     let voxels = &row(&report, "detail_of_frame", "voxels")["errors"];
     assert_eq!((&voxels["depth_max_voxels"], &voxels["wrong_pixels_percent"]), (&0.0.into(), &0.0.into()));

@@ -28,6 +28,10 @@ pub(crate) const UNPACK: &str = "Examples:
   oct unpack head-packed.oct -o head.oct
   oct unpack - -o head.oct";
 
+pub(crate) const STRIP: &str = "Examples:
+  oct strip head.oct -o shape.oct --channels none
+  oct strip head.oct -o small.oct --levels 2";
+
 pub(crate) const RENDER: &str = "Examples:
   oct render head.oct -o head.png --view left --size 1600x1200
   oct render head.oct -o head.png --projection perspective --eye 0,-600,120 --look-at 0,0,0";

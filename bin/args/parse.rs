@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use infobyte::builder::{Connectivity, Gradient};
+use infobyte::builder::{Connectivity, Gradient, ViewedFrom};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims, Orientation};
@@ -95,6 +95,20 @@ pub(super) fn channels(text: &str) -> Result<Channels, String> {
             Err(format!("the channel '{name}' cannot be built by this version; choose from {}", choices()))
         }
         None => Err(format!("'{name}' is not a channel; choose from {}, or none", choices())),
+    };
+    text.split(',').map(str::trim).map(channel).collect()
+}
+
+/// Channels of a model.
+pub(super) fn kept_channels(text: &str) -> Result<Channels, String> {
+    if text == "none" {
+        return Ok(Channels::NONE);
+    }
+    let channel = |name: &str| {
+        Channel::by_name(name).ok_or_else(|| {
+            let names = Channel::all().map(Channel::name).collect::<Vec<_>>().join(", ");
+            format!("'{name}' is not a channel; choose from {names}, or none")
+        })
     };
     text.split(',').map(str::trim).map(channel).collect()
 }
@@ -223,6 +237,26 @@ pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
     match (x, y, z) {
         (Ok(x), Ok(y), Ok(z)) => Ok([x, y, z]),
         _ => Err(bad()),
+    }
+}
+
+pub(super) fn viewed_from(text: &str) -> Result<ViewedFrom, String> {
+    if text == "outside" {
+        return Ok(ViewedFrom::Outside);
+    }
+    if let Ok(view) = text.parse::<NamedView>() {
+        return Ok(ViewedFrom::Along(view.looks_along()));
+    }
+    let refuse = |_| {
+        let views = NamedView::ALL.map(NamedView::name).join(", ");
+        format!("'{text}' is not a place to look from; write outside, {views}, along:X,Y,Z, or X,Y,Z in mm")
+    };
+    match text.strip_prefix("along:") {
+        Some(direction) => match triple(direction) {
+            Ok([0.0, 0.0, 0.0]) => Err("along:0,0,0 is not a direction".into()),
+            other => other.map(ViewedFrom::Along).map_err(refuse),
+        },
+        None => triple(text).map(ViewedFrom::Point).map_err(refuse),
     }
 }
 

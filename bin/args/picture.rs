@@ -2,12 +2,19 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use infobyte::jobs::render::RenderRequest;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection};
 
 use super::{Switch, ThreadArgs, parse};
+
+/// Which normals a surface is shaded by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Shading {
+    Stored,
+    Blended,
+}
 
 #[derive(Debug, Args)]
 pub(crate) struct RenderArgs {
@@ -46,6 +53,9 @@ pub(crate) struct RenderArgs {
     /// Stop at nodes about as small as a pixel instead of at voxels
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     pub(crate) lod: Switch,
+    /// Shade by the normals as they are stored, or blended between the boxes around a hit: no facets in close-ups
+    #[arg(long, value_enum, default_value_t = Shading::Stored)]
+    pub(crate) shading: Shading,
     /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
     #[arg(long, default_value = "exact", value_parser = parse::traversals())]
     pub(crate) traversal: Traversal,

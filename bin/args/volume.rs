@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
-use infobyte::builder::{Connectivity, Gradient, Threshold};
+use infobyte::builder::{Connectivity, Gradient, Threshold, ViewedFrom};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::facts::Fill;
 use infobyte::format::{Channels, SurfaceKind};
@@ -35,6 +35,11 @@ pub(crate) struct BuildArgs {
     pub(crate) threads: ThreadArgs,
     #[command(flatten)]
     pub(crate) skin: SkinArgs,
+    /// Leave out what cannot be seen from there: outside (anywhere beyond the volume's box), a view by its name
+    /// (parallel), along:X,Y,Z (a parallel view in that direction), or the place X,Y,Z of an eye in mm; several times
+    /// for several
+    #[arg(long, value_name = "WHERE", value_parser = parse::viewed_from, allow_hyphen_values = true)]
+    pub(crate) visible_from: Vec<ViewedFrom>,
     /// Store mean attributes of coarse nodes, for quick small pictures
     #[arg(long, value_enum, default_value_t = Switch::On)]
     pub(crate) lod: Switch,
@@ -212,8 +217,8 @@ pub(crate) struct SkinArgs {
     /// Attributes per skin voxel: normal, value, or none; offset means --surface cells
     #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
     pub(crate) channels: Channels,
-    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), or auto,
-    /// which sees finer detail where there is little noise, at three times the time of normals
+    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), label5 (for
+    /// two values), or auto, which takes the best of them where it is, at three times the time of normals
     #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
     pub(crate) gradient: Gradient,
     /// Connectivity of the skin: 26 (thin) or 6 (thick)

@@ -14,6 +14,7 @@
 
 use std::ops::Range;
 
+use super::bits::BitVolume;
 use super::boxes::{count_brick, count_slice};
 use super::error::BuildError;
 use super::item::ChannelForm;
@@ -35,18 +36,26 @@ pub(super) struct ScanContext<'a, S> {
     pub(super) kept: Kept,
     pub(super) plan: &'a ColumnPlan,
     pub(super) scratch: &'a Scratch,
+    /// The boxes that can be seen, if others are not kept.
+    pub(super) seen: Option<&'a BitVolume>,
 }
 
 /// Figures that a worker brings home.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ScanTotals {
     pub(super) skin: u64,
+    /// Boxes of the surface that are not kept because they cannot be seen.
+    pub(super) hidden: u64,
     pub(super) found: Found,
 }
 
 impl ScanTotals {
     pub(super) fn join(self, other: Self) -> Self {
-        Self { skin: self.skin + other.skin, found: self.found.join(other.found) }
+        Self {
+            skin: self.skin + other.skin,
+            hidden: self.hidden + other.hidden,
+            found: self.found.join(other.found),
+        }
     }
 }
 
@@ -150,6 +159,7 @@ pub(super) struct ColumnWorker<'a, S: Solid + 'a> {
     entry_bytes: Vec<u8>,
     writer: FragmentWriter<'a>,
     skin_voxels: u64,
+    hidden: u64,
 }
 
 /// Words of skin bits across a column.
@@ -177,6 +187,7 @@ impl<'a, S: Solid> ColumnWorker<'a, S> {
             entry_bytes: Vec::with_capacity(plan.tile_bricks() * super::swap::ENTRY_BYTES),
             writer: FragmentWriter::new(shared.scratch),
             skin_voxels: 0,
+            hidden: 0,
         }
     }
 
@@ -200,10 +211,67 @@ impl<'a, S: Solid> ColumnWorker<'a, S> {
         Ok(())
     }
 
+    /// Writes the occupancy of one column.
+    pub(super) fn store_occupancy(&mut self, column: &VoxelBox, to: &BitVolume) -> Result<(), BuildError> {
+        self.solid.start(column)?;
+        for cover in &mut self.covers {
+            cover.slab = SlabCover::NONE;
+        }
+        let (ahead_by, behind_by) = (LOOKAHEAD, self.shared.solid.lookbehind());
+        let slices = column.z.start.saturating_sub(behind_by)..(column.z.end + ahead_by).min(self.dims[2]);
+        let (words, row_words) = (words_across(column), self.no_bits.len());
+        for z in slices {
+            self.load(column, z)?;
+            if !column.z.contains(&z) {
+                continue;
+            }
+            // The skin is not asked for: its place holds the rows, one after the other.
+            let rows = &mut self.skin[..words * column.y.len()];
+            let slice = &self.bits[z as usize % BIT_RING * BIT_ROWS * row_words..][row_words..];
+            for (row, from) in rows.chunks_exact_mut(words).zip(slice.chunks_exact(row_words)) {
+                row.copy_from_slice(&from[1..=words]);
+            }
+            let first = to.row(column.y.start, z);
+            if words == to.row_words {
+                to.write(first, 0, rows)?;
+                continue;
+            }
+            for (row, number) in rows.chunks_exact(words).zip(first..) {
+                to.write(number, column.x.start as usize / 64, row)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Clears the bits of what cannot be seen.
+    fn hide(&mut self, column: &VoxelBox, z: u32, seen: &BitVolume) -> Result<(), BuildError> {
+        let words = words_across(column);
+        self.payload.clear();
+        // As many rows as the buffer of fragments has room for, which is not in use here.
+        let at_once = (self.payload.capacity() / 8 / words).clamp(1, BRICK_ROWS);
+        let at_once = if words == seen.row_words { at_once } else { 1 };
+        self.payload.resize((at_once * words * 8).min(BRICK_ROWS * words * 8), 0);
+        let rows = &mut self.skin[..words * column.y.len()];
+        let first = seen.row(column.y.start, z);
+        for (rows, at) in rows.chunks_mut(at_once * words).zip((first..).step_by(at_once)) {
+            if rows.iter().all(|word| *word == 0) {
+                continue;
+            }
+            let bytes = &mut self.payload[..rows.len() * 8];
+            seen.read_bytes(at, column.x.start as usize / 64, bytes).map_err(|e| seen.failed(e))?;
+            for (word, seen) in rows.iter_mut().zip(bytes.as_chunks::<8>().0) {
+                let kept = *word & u64::from_ne_bytes(*seen);
+                self.hidden += u64::from((*word ^ kept).count_ones());
+                *word = kept;
+            }
+        }
+        Ok(())
+    }
+
     /// Writes what is still gathered and returns the worker's figures.
     pub(super) fn finish(mut self) -> Result<ScanTotals, BuildError> {
         self.writer.flush()?;
-        Ok(ScanTotals { skin: self.skin_voxels, found: self.solid.found() })
+        Ok(ScanTotals { skin: self.skin_voxels, hidden: self.hidden, found: self.solid.found() })
     }
 
     /// Asks for the cover of a slab, box by box: the whole tile first, halves where it is mixed.
@@ -303,11 +371,23 @@ impl<'a, S: Solid> ColumnWorker<'a, S> {
         let slab = z / BRICK;
         let words = words_across(column);
         let bricks = column.x.len().div_ceil(BRICK_ROWS);
+        if let Some(seen) = self.shared.seen {
+            // Only words of mixed runs are found below; the others are left from before.
+            self.skin[..words * BRICK_ROWS].fill(0);
+            for run in &self.covers[slab as usize % 2].mixed {
+                let bits = BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] };
+                let skin = &mut self.skin[..words * BRICK_ROWS];
+                find_skin(&bits, run.clone(), column.y.len(), self.shared.kept, skin);
+            }
+            self.hide(column, z, seen)?;
+        }
         for at in 0..self.covers[slab as usize % 2].mixed.len() {
             let run = self.covers[slab as usize % 2].mixed[at].clone();
-            let bits = BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] };
-            let skin = &mut self.skin[..words * BRICK_ROWS];
-            find_skin(&bits, run.clone(), column.y.len(), self.shared.kept, skin);
+            if self.shared.seen.is_none() {
+                let bits = BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] };
+                let skin = &mut self.skin[..words * BRICK_ROWS];
+                find_skin(&bits, run.clone(), column.y.len(), self.shared.kept, skin);
+            }
             for brick in 2 * run.start..(2 * run.end).min(bricks) {
                 self.scan_brick_slice(column, z, brick)?;
             }

@@ -39,6 +39,13 @@ pub enum BuildError {
         /// The solid.
         name: String,
     },
+    /// Nothing of the surface can be seen from where the model will be looked at.
+    NothingVisible {
+        /// The input.
+        name: String,
+        /// Boxes of the surface.
+        boxes: u64,
+    },
     /// The solid does not have a channel that was asked for.
     NoChannel {
         /// The solid.
@@ -125,6 +132,7 @@ impl Error for BuildError {
             Self::BudgetTooSmall { .. }
             | Self::EmptyResult { .. }
             | Self::NothingInside { .. }
+            | Self::NothingVisible { .. }
             | Self::NoChannel { .. }
             | Self::NoRoomForCells { .. }
             | Self::NoNumbers { .. }
@@ -152,7 +160,10 @@ impl BuildError {
             Self::Source(e) => e.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
             Self::EmptyResult { .. } | Self::NothingInside { .. } | Self::NoNumbers { .. } => ExitKind::Input,
-            Self::EmptyRange { .. } | Self::NoChannel { .. } | Self::NoRoomForCells { .. } => ExitKind::Usage,
+            Self::EmptyRange { .. }
+            | Self::NothingVisible { .. }
+            | Self::NoChannel { .. }
+            | Self::NoRoomForCells { .. } => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,
         }

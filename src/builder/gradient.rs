@@ -230,6 +230,8 @@ pub(super) struct NormalRule {
     usual: Estimate,
     /// Of [`Gradient::Auto`]: [`Gradient::Central`] and [`Gradient::Sobel`].
     small: Option<[Estimate; 2]>,
+    /// Of [`Gradient::Auto`]: [`Gradient::Label5`].
+    label: Estimate,
 }
 
 /// Where 5x5x5 turns normals by more than this part of what 3x3x3 does, by the squares of the angles, it is the surface
@@ -241,7 +243,7 @@ impl NormalRule {
     pub(super) fn new(spacing_mm: [f64; 3], gradient: Gradient) -> Self {
         let estimate = |gradient| Estimate::new(gradient, spacing_mm);
         let small = (gradient == Gradient::Auto).then(|| [Gradient::Central, Gradient::Sobel].map(estimate));
-        Self { usual: estimate(gradient), small }
+        Self { usual: estimate(gradient), small, label: estimate(Gradient::Label5) }
     }
 
     /// Bytes of [`Gradients`] beyond what every rule takes.
@@ -251,7 +253,8 @@ impl NormalRule {
 
     /// Computes the gradients of the interior voxels of a brick slice, and says which estimator was taken.
     ///
-    /// [`Gradient::Auto`] decides for the slice of a brick as a whole, the same 32 x 32 voxels in every build. From
+    /// [`Gradient::Auto`] decides for the slice of a brick as a whole, the same 32 x 32 voxels in every build. Where
+    /// there are two values only, all is said by where they meet, and the widest weights are best. Else: from
     /// two samples an axis to 3x3x3, and from there to 5x5x5, noise is averaged out less and less, but a surface that
     /// bends is blurred more and more: so the second turn of the normals is small against the first where there is
     /// noise (or steps, or a smooth surface), and great where the surface bends.
@@ -260,6 +263,10 @@ impl NormalRule {
         window: &SliceWindow<'_, R>,
         out: &mut Gradients,
     ) -> Estimate {
+        if self.small.is_some() && has_two_values(window) {
+            gradients(window, &self.label, &mut out.axes);
+            return self.label;
+        }
         gradients(window, &self.usual, &mut out.axes);
         let (Some(small), Some(axes)) = (&self.small, out.small.as_deref_mut()) else { return self.usual };
         for (estimate, axes) in small.iter().zip(&mut *axes) {
@@ -334,6 +341,29 @@ impl NormalRule {
         }
         dispatch(EncodeKernel { g, codes, len: at });
     }
+}
+
+/// Are there no more than two values around the interior voxels? Grey levels say no at the first voxel.
+fn has_two_values<R: RingSample>(window: &SliceWindow<'_, R>) -> bool {
+    let mut values: [Option<R>; 2] = [None; 2];
+    for (y, interior) in window.interior.iter().enumerate().filter(|(_, interior)| **interior != 0) {
+        let (first, last) = (interior.trailing_zeros() as usize, 31 - interior.leading_zeros() as usize);
+        let corner = window.origin + y * window.stride + first - 2 * window.stride - 2;
+        for plane in window.planes {
+            for row in 0..5 {
+                for sample in &plane[corner + row * window.stride..][..last - first + 5] {
+                    match values {
+                        [Some(a), _] if a == *sample => {}
+                        [_, Some(b)] if b == *sample => {}
+                        [None, _] => values[0] = Some(*sample),
+                        [_, None] => values[1] = Some(*sample),
+                        _ => return false,
+                    }
+                }
+            }
+        }
+    }
+    true
 }
 
 /// The rare cases of [`NormalRule::codes`]: `n` is the plain outward vector, `open` the voxel's faces.

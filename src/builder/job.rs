@@ -1,10 +1,11 @@
 //! One build of any solid: plan, scan, merge, seal.
 
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use super::bits::BitVolume;
 use super::column::{ColumnWorker, ScanContext, ScanTotals};
 use super::error::BuildError;
 use super::item::{ChannelForm, ItemForm};
@@ -12,13 +13,14 @@ use super::layout::{Census, Layout, StoredChannels};
 use super::merge::{self, Merge, Target};
 use super::plan::{ColumnPlan, PlanRequest};
 use super::skin::{Connectivity, Kept};
-use super::solid::{BRICK, Found, Solid};
+use super::solid::{BRICK, Found, Solid, VoxelBox};
 use super::swap::Scratch;
+use super::visible::{self, Search};
 use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
 use crate::format::{Channel, Channels, Metadata, SurfaceKind};
-use crate::geom::Dims;
+use crate::geom::{Affine, Dims};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
 ///
@@ -73,7 +75,7 @@ fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote
     let count =
         |less: u32| dims.to_array().map(|side| u64::from(side.saturating_sub(less))).iter().product::<u64>();
     // All voxels are inside where the skin is that of the box. Cells lie between samples, and around them.
-    let all = totals.skin == count(0) - count(2);
+    let all = totals.skin + totals.hidden == count(0) - count(2);
     let voxels = count(u32::from(surface == SurfaceKind::Cells));
     let found = [(BuildNote::NotNumbers, totals.found.not_numbers), (BuildNote::AllInside { voxels }, all)];
     found.into_iter().filter(|(_, is_so)| *is_so).map(|(note, _)| note).collect()
@@ -107,7 +109,10 @@ impl Job<'_> {
         let mut seconds = StageSeconds::default();
         let Files { atomic, scratch } = files;
         let started = Instant::now();
-        let totals = self.scan(solid, &forms, &plan, &scratch)?;
+        let seen = self.look(solid, &forms, &plan, &scratch)?;
+        seconds.sight = started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        let totals = self.scan(solid, &forms, &plan, &scratch, seen.as_ref())?;
         seconds.scan = started.elapsed().as_secs_f64();
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         {
@@ -115,7 +120,11 @@ impl Job<'_> {
         }
         if totals.skin == 0 {
             drop(plan);
-            return Err(solid.nothing_inside());
+            let name = solid.name();
+            return Err(match totals.hidden {
+                0 => solid.nothing_inside(),
+                boxes => BuildError::NothingVisible { name, boxes },
+            });
         }
 
         let started = Instant::now();
@@ -144,6 +153,7 @@ impl Job<'_> {
         Ok(BuildReport {
             selection,
             skin_voxels: census.voxels,
+            hidden: seen.map(|_| totals.hidden),
             nodes: census.nodes(),
             file_bytes,
             section_bytes: layout
@@ -206,33 +216,93 @@ impl Job<'_> {
         channels: &[ChannelForm],
         plan: &ColumnPlan,
         scratch: &Scratch,
+        seen: Option<&BitVolume>,
     ) -> Result<ScanTotals, BuildError> {
-        let kept = match solid.surface() {
-            SurfaceKind::Skin => Kept::Skin(self.options.connectivity),
-            SurfaceKind::Cells => Kept::Cells,
-        };
-        let shared = ScanContext { solid, channels, kept, plan, scratch };
-        let count = plan.column_count();
-        self.progress.stage("scan", count);
-        let next = AtomicU64::new(0);
+        let shared = ScanContext { solid, channels, kept: self.kept(solid), plan, scratch, seen };
+        self.progress.stage("scan", plan.column_count());
         let totals = Mutex::new(ScanTotals::default());
-        parallel::run_stage(plan.threads, self.options.memory, &|stop| {
-            let _memory = self.part(solid, plan, plan.scan_bytes)?;
-            let mut worker = ColumnWorker::new(&shared);
-            while !stop() {
-                let at = next.fetch_add(1, Ordering::Relaxed);
-                if at >= count {
-                    break;
-                }
-                worker.scan(&plan.column(at))?;
-                self.progress.advance(1);
-            }
+        self.columns(&shared, &|worker, column| worker.scan(column), &|worker| {
             let own = worker.finish()?;
-            let mut all = totals.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let mut all = totals.lock().unwrap_or_else(PoisonError::into_inner);
             *all = all.join(own);
             Ok(())
         })?;
-        Ok(totals.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+        Ok(totals.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn kept<S: Solid>(&self, solid: &S) -> Kept {
+        match solid.surface() {
+            SurfaceKind::Skin => Kept::Skin(self.options.connectivity),
+            SurfaceKind::Cells => Kept::Cells,
+        }
+    }
+
+    /// Does `work` on every column, and has every worker `finish`.
+    fn columns<'a, S: Solid>(
+        &self,
+        shared: &'a ScanContext<'a, S>,
+        work: &(dyn Fn(&mut ColumnWorker<'a, S>, &VoxelBox) -> Result<(), BuildError> + Sync),
+        finish: &(dyn Fn(ColumnWorker<'a, S>) -> Result<(), BuildError> + Sync),
+    ) -> Result<(), BuildError> {
+        let (plan, next) = (shared.plan, AtomicU64::new(0));
+        parallel::run_stage(plan.threads, self.options.memory, &|stop| {
+            let _memory = self.part(shared.solid, plan, plan.scan_bytes)?;
+            let mut worker = ColumnWorker::new(shared);
+            while !stop() {
+                let at = next.fetch_add(1, Ordering::Relaxed);
+                if at >= plan.column_count() {
+                    break;
+                }
+                work(&mut worker, &plan.column(at))?;
+                self.progress.advance(1);
+            }
+            finish(worker)
+        })
+    }
+
+    /// The boxes that can be seen from where the model will be looked at; `None` where nobody said from where.
+    fn look<S: Solid>(
+        &self,
+        solid: &S,
+        channels: &[ChannelForm],
+        plan: &ColumnPlan,
+        scratch: &Scratch,
+    ) -> Result<Option<BitVolume>, BuildError> {
+        if self.options.visible_from.is_empty() {
+            return Ok(None);
+        }
+        let (dims, folder) = (solid.dims(), self.options.scratch_folder(self.output));
+        let occupancy = BitVolume::create(&folder, dims)?;
+        let shared = ScanContext { solid, channels, kept: self.kept(solid), plan, scratch, seen: None };
+        self.progress.stage("occupancy", plan.column_count());
+        self.columns(&shared, &|worker, column| worker.store_occupancy(column, &occupancy), &|_| Ok(()))?;
+
+        let affine = Affine { rows: solid.metadata(&Found::default()).affine };
+        let is_cells = solid.surface() == SurfaceKind::Cells;
+        let search = Search::new(&self.options.visible_from, affine, is_cells, &occupancy);
+        self.progress.stage("sight", 2 * u64::from(dims.nz()));
+        let (next, seen) = (AtomicU64::new(0), Mutex::new(None));
+        let lock = || seen.lock().unwrap_or_else(PoisonError::into_inner);
+        parallel::run_stage(plan.threads.min(2), self.options.memory, &|stop| {
+            let _memory = self.part(solid, plan, search.group_bytes())?;
+            while !stop() {
+                let back = match next.fetch_add(1, Ordering::Relaxed) {
+                    0 => false,
+                    1 => true,
+                    _ => break,
+                };
+                let held: Option<BitVolume> = lock().take();
+                let own = held.map_or_else(|| BitVolume::create(&folder, dims), Ok)?;
+                search.follow(back, &own, &|| self.progress.advance(1))?;
+                let mut held = lock();
+                match &*held {
+                    Some(all) => visible::join(all, &own)?,
+                    None => *held = Some(own),
+                }
+            }
+            Ok(())
+        })?;
+        Ok(seen.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn merge<S: Solid>(
@@ -261,6 +331,11 @@ impl Job<'_> {
             SurfaceKind::Skin => self.options.connectivity.code(),
             SurfaceKind::Cells => Connectivity::default().code(),
         };
+        if let [first, others @ ..] = &self.options.visible_from[..] {
+            // Behind the source's name, as all that was done to the volume.
+            let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
+            metadata.source.kind.push_str(&format!(" [visible-from {first}{more}]"));
+        }
         if !self.options.channels.contains(Channel::Normal) {
             metadata.gradient = String::new();
         }

@@ -25,7 +25,7 @@ pub(super) trait Lanes: Copy {
 }
 
 /// A sample as it stands in the ring of slices.
-pub(super) trait RingSample: bytemuck::Pod {
+pub(super) trait RingSample: bytemuck::Pod + PartialEq {
     /// Lanes for any machine.
     type Portable: Lanes<Proof = ()>;
     /// Lanes for a machine with AVX2, with the same sums.

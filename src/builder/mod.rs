@@ -20,6 +20,7 @@
 //! The result does not depend on the budget, the number of threads or the shape of columns: records are
 //! functions of voxels alone, and their offsets follow from the census.
 
+mod bits;
 mod boxes;
 mod brick;
 mod cells;
@@ -49,9 +50,11 @@ mod skin;
 mod slices;
 mod solid;
 mod swap;
+mod visible;
 mod volume;
 mod walk;
 
+pub(crate) use bits::{BitVolume, scratch_error};
 pub use choose::choose_selection;
 pub use error::{BuildError, ScratchFault, Sought};
 pub use estimator::Gradient;
@@ -61,6 +64,8 @@ pub use options::{BuildOptions, Threshold};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+
+pub use visible::ViewedFrom;
 
 pub(crate) use occupancy::{RangeTest, for_each_block, range_test, worker_bytes as occupancy_worker_bytes};
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Connectivity, Gradient};
+use super::{Connectivity, Gradient, ViewedFrom};
 use crate::budget::MemoryCap;
 use crate::format::{Channel, Channels, Selection, SurfaceKind};
 
@@ -33,6 +33,9 @@ pub struct BuildOptions {
     pub channels: Channels,
     /// How normals are estimated, of volumes.
     pub gradient: Gradient,
+    /// From where the model will be looked at: what cannot be seen from there is not kept. Everything is, if nothing
+    /// is said.
+    pub visible_from: Vec<ViewedFrom>,
     /// Store means of coarse nodes for level of detail?
     pub lod: bool,
     /// Cap on resident memory.
@@ -53,6 +56,7 @@ impl Default for BuildOptions {
             connectivity: Connectivity::Thin26,
             channels: Channels::default(),
             gradient: Gradient::default(),
+            visible_from: Vec::new(),
             lod: true,
             memory: MemoryCap::Share(64 << 20),
             threads: std::thread::available_parallelism().map_or(1, usize::from),

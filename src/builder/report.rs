@@ -9,6 +9,8 @@ pub struct BuildReport {
     pub selection: Selection,
     /// Skin voxels.
     pub skin_voxels: u64,
+    /// Boxes of the surface that cannot be seen and are not kept; `None` where nobody asked.
+    pub hidden: Option<u64>,
     /// Infobytes.
     pub nodes: u64,
     /// Length of the file.
@@ -29,6 +31,14 @@ pub struct BuildReport {
     pub notes: Vec<BuildNote>,
 }
 
+impl BuildReport {
+    /// Bytes that the boxes left out would have taken, if they take as many as those that are kept.
+    pub fn bytes_saved_about(&self) -> u64 {
+        let all = u128::from(self.file_bytes) * u128::from(self.hidden.unwrap_or(0));
+        u64::try_from(all / u128::from(self.skin_voxels.max(1))).unwrap_or(u64::MAX)
+    }
+}
+
 /// Something that whoever chose a threshold should know.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +57,8 @@ pub enum BuildNote {
 pub struct StageSeconds {
     /// Histogram passes of Otsu's method.
     pub histogram: f64,
+    /// Finding out what can be seen.
+    pub sight: f64,
     /// Part of the scan that one worker waited for the source, on average.
     pub read: f64,
     /// Reading, range test, skin, gradients, swapping out.

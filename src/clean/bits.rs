@@ -1,88 +1,10 @@
-//! One bit per voxel in a nameless scratch file, rows padded to whole words, and the runs of a row.
-
-use std::fs::File;
-use std::io;
-use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
+//! Rows of the occupancy read one after the other, and their runs.
 
 use crate::builder::BuildError;
-use crate::geom::Dims;
-use crate::scratch::nameless_for;
+pub(super) use crate::builder::{BitVolume, scratch_error};
 
 /// Bytes of rows that are read at a time.
 const WINDOW_BYTES: usize = 16 << 10;
-
-/// Occupancy of a volume: bit x of a row is word x / 64, bit x % 64; bits beyond the row are 0.
-#[derive(Debug)]
-pub(super) struct BitVolume {
-    file: File,
-    folder: PathBuf,
-    dims: Dims,
-    /// Words of a row.
-    pub(super) row_words: usize,
-}
-
-impl BitVolume {
-    /// An empty volume.
-    pub(super) fn create(folder: &Path, dims: Dims) -> Result<Self, BuildError> {
-        let row_words = dims.nx().div_ceil(64) as usize;
-        let bytes = row_words as u64 * 8 * u64::from(dims.ny()) * u64::from(dims.nz());
-        let failed = |cause| scratch_error(folder, cause);
-        let file = nameless_for(folder, bytes).map_err(failed)?;
-        file.set_len(bytes).map_err(failed)?;
-        Ok(Self { file, folder: folder.to_path_buf(), dims, row_words })
-    }
-
-    pub(super) fn dims(&self) -> Dims {
-        self.dims
-    }
-
-    /// Where the file is, without a name.
-    pub(super) fn folder(&self) -> &Path {
-        &self.folder
-    }
-
-    /// Length of the file.
-    pub(super) fn bytes(&self) -> u64 {
-        self.row_words as u64 * 8 * self.rows()
-    }
-
-    /// Rows of all slices.
-    pub(super) fn rows(&self) -> u64 {
-        u64::from(self.dims.ny()) * u64::from(self.dims.nz())
-    }
-
-    /// Number of a row among all.
-    pub(super) fn row(&self, y: u32, z: u32) -> u64 {
-        u64::from(z) * u64::from(self.dims.ny()) + u64::from(y)
-    }
-
-    /// Reads `words` from word `first` of row `row` on; whole rows follow each other.
-    pub(super) fn read(&self, row: u64, first: usize, words: &mut [u64]) -> io::Result<()> {
-        self.file.read_exact_at(bytemuck::cast_slice_mut(words), self.offset(row, first))
-    }
-
-    /// Writes `words` at word `first` of row `row`.
-    pub(super) fn write(&self, row: u64, first: usize, words: &[u64]) -> Result<(), BuildError> {
-        self.file
-            .write_all_at(bytemuck::cast_slice(words), self.offset(row, first))
-            .map_err(|cause| self.failed(cause))
-    }
-
-    fn offset(&self, row: u64, first: usize) -> u64 {
-        (row * self.row_words as u64 + first as u64) * 8
-    }
-
-    /// The words for a failure of the file.
-    pub(super) fn failed(&self, cause: io::Error) -> BuildError {
-        scratch_error(&self.folder, cause)
-    }
-}
-
-/// The error of a scratch file in `folder`.
-pub(super) fn scratch_error(folder: &Path, cause: io::Error) -> BuildError {
-    BuildError::Scratch { path: folder.to_path_buf(), cause }
-}
 
 /// Rows read from front to back, many at a time.
 pub(super) struct RowWindow<'a> {
@@ -192,7 +114,10 @@ pub(super) fn fill(words: &mut [u64], run: Run, set: bool) {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+    use crate::geom::Dims;
     use crate::random::Random;
 
     #[test]

@@ -252,7 +252,7 @@ impl BuildSummary {
         put("tile_columns", json!(r.tile));
         let s = &r.seconds;
         put("read_s", json!(s.read));
-        put("build_s", json!(s.histogram + s.scan - s.read + s.merge));
+        put("build_s", json!(s.histogram + s.sight + s.scan - s.read + s.merge));
         put("write_s", json!(s.seal + s.commit));
         put("wall_s", json!(self.wall_s));
         put(
@@ -261,6 +261,12 @@ impl BuildSummary {
                 "histogram": s.histogram, "scan": s.scan, "merge": s.merge, "seal": s.seal, "commit": s.commit
             }),
         );
+        if let Some(hidden) = r.hidden {
+            put(
+                "sight",
+                json!({ "hidden": hidden, "bytes_saved_about": r.bytes_saved_about(), "seconds": s.sight }),
+            );
+        }
         if let Some((operations, report)) = &self.cleaning {
             put("cleaning", cleaning_json(operations, report.as_ref()));
         }
@@ -295,6 +301,12 @@ impl BuildSummary {
             Bytes(peak_rss_bytes()),
             Bytes(self.memory_bytes),
         );
+        if let Some(hidden) = r.hidden {
+            text.push_str(&format!(
+                "  left out: {hidden} {kept} that cannot be seen from there, about {}\n",
+                Bytes(r.bytes_saved_about())
+            ));
+        }
         if let Some((operations, report)) = &self.cleaning {
             text.push_str(&format!("  cleaned: {}", operations.join(", ")));
             if let Some(r) = report {

@@ -36,6 +36,8 @@ pub struct RenderRequest {
     pub depth: bool,
     /// Make a normal image, too.
     pub normals: bool,
+    /// Blend normals between the boxes around a hit: smoother close-ups, some microseconds a pixel.
+    pub blended: bool,
     /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
     /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 traces all.
@@ -61,6 +63,7 @@ impl Default for RenderRequest {
             smooth_edges: false,
             depth: false,
             normals: false,
+            blended: false,
             traversal: Traversal::Exact,
             coherence: 0,
         }
@@ -151,6 +154,7 @@ pub fn render_view_watched<V: NodeView>(
         smooth_edges: request.smooth_edges,
         depth_range_mm: request.depth.then_some((near, far)),
         normals: request.normals,
+        blended: request.blended,
         traversal: request.traversal,
         coherence: request.coherence,
     };

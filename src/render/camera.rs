@@ -78,6 +78,11 @@ impl NamedView {
         }
     }
 
+    /// The world direction that it looks along.
+    pub fn looks_along(self) -> [f64; 3] {
+        self.forward_and_up().0
+    }
+
     /// World directions that it looks along and has at the top (not yet at right angles for iso).
     fn forward_and_up(self) -> ([f64; 3], [f64; 3]) {
         let head = [0.0, 0.0, 1.0];

@@ -24,6 +24,7 @@
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
 
 mod around;
+pub(crate) mod blend;
 pub mod camera;
 mod caster;
 pub mod cells;

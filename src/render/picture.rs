@@ -12,6 +12,7 @@ use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
 use super::around::Surroundings;
+use super::blend;
 use super::cells::Cells;
 use super::coherence::{Band, Look, Sample, Tolerance};
 use super::discrete::DiscreteRays;
@@ -58,6 +59,8 @@ pub struct Canvas {
     pub depth_range_mm: Option<(f64, f64)>,
     /// Is a normal image wanted?
     pub normals: bool,
+    /// Are normals blended between the boxes around a hit?
+    pub blended: bool,
     /// What a hit is.
     pub traversal: Traversal,
     /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 for a ray
@@ -596,11 +599,21 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         normal::encode(cells.normal(number, u).map(|c| c as f32))
     }
 
+    /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
+    #[inline]
+    fn blended(&self, seen: Seen, (origin, sight): Line, own: [f64; 3]) -> [f64; 3] {
+        if !self.canvas.blended || seen.kind == SeenKind::Node {
+            return own;
+        }
+        let world = super::space::add_scaled(origin, f64::from(seen.depth), sight);
+        blend::blended(self.view, self.sight.space().to_grid(world), own)
+    }
+
     /// As [`Painter::normal`]; pixels of one face have one normal, which is found once.
     #[inline]
     fn normal_of(&self, kept: &mut Kept, seen: Seen, line: Line) -> [f64; 3] {
         // Without a face it may depend on the line of sight.
-        if seen.face == Seen::NO_FACE || seen.kind == SeenKind::Own {
+        if seen.face == Seen::NO_FACE || seen.kind == SeenKind::Own || self.canvas.blended {
             return self.normal(&mut kept.around, seen, line);
         }
         let key = seen.box_number.wrapping_mul(8) | u64::from(seen.face);
@@ -622,12 +635,14 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     fn normal(&self, around: &mut Surroundings, seen: Seen, line: Line) -> [f64; 3] {
         let box_frame = match (self.stored(seen, 0), seen.face()) {
             (Some(stored), _) if self.cells.is_some() => {
-                return self.sight.space().index_normal_to_world(stored.map(f64::from));
+                let own = self.blended(seen, line, stored.map(f64::from));
+                return self.sight.space().index_normal_to_world(own);
             }
             (Some(stored), Some(face)) => {
-                self.facing(around, seen, face, line, stored).unwrap_or(stored.map(f64::from))
+                let own = self.facing(around, seen, face, line, stored).unwrap_or(stored.map(f64::from));
+                self.blended(seen, line, own)
             }
-            (Some(stored), None) => stored.map(f64::from),
+            (Some(stored), None) => self.blended(seen, line, stored.map(f64::from)),
             (None, Some(face)) => {
                 let mut n = [0.0; 3];
                 n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };

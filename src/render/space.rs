@@ -94,7 +94,7 @@ impl GridSpace {
 
     /// A world point in grid space: cell (i, j, k) is `[i, i + 1) x [j, j + 1) x [k, k + 1)`.
     #[inline]
-    pub(super) fn to_grid(&self, world: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn to_grid(&self, world: [f64; 3]) -> [f64; 3] {
         self.world_to_grid.apply(world)
     }
 

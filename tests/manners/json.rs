@@ -91,6 +91,8 @@ fn every_report_is_what_its_schema_says() {
         ("build", build(&["--otsu", "--spacing", "1x1x4"])),
         ("build", build(&[&["--iso", "500"], &cleaned[..]].concat())),
         ("build", build(&["--range", "200..900", "--channels", "none", "--lod", "off"])),
+        ("build", build(&["--iso", "500", "--visible-from", "outside"])),
+        ("pack", oct(&["strip", &model, "-o", &at("s.oct"), "--levels", "1", "--json"]).json()),
         ("info", oct(&["info", &model, "--json"]).json()),
         ("verify", oct(&["verify", &model, "--json"]).json()),
         ("pack", oct(&["pack", &model, "-o", &at("p.oct"), "--json"]).json()),

@@ -16,8 +16,8 @@ use crate::format::{
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
 
-use super::Stop;
 use super::encode::finish_frame;
+use super::stop::Stop;
 use super::stream::{Subtrees, Writer, roots, subtree_shape};
 
 /// Unpacks into an empty file and returns the frame of what was written; its checksums are verified.
@@ -263,7 +263,7 @@ fn normals<R: ReadAt + ?Sized>(
 }
 
 /// Writes the rank directory of the nodes that are in `out`, and returns its CRC.
-fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
+pub(super) fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
     let (Some(nodes), Some(target)) = (mapped.section(SectionKind::Nodes), mapped.section(SectionKind::Rank))
     else {
         return Ok(0);
@@ -290,7 +290,7 @@ fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
 }
 
 /// SPEC 5.6: writes the coarse means of the voxels that are in `out`.
-fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
+pub(super) fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
     let coarse = mapped.dims().depth().saturating_sub(1);
     let mut writers: Vec<(Channel, usize, Vec<Writer>)> = walked_channels(mapped)
         .into_iter()

@@ -17,7 +17,7 @@ use crate::format::{
 use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt, verify};
 
-use super::Stop;
+use super::stop::Stop;
 use super::stream::{Subtrees, Writer, for_each_in_group, subtree_shape};
 
 /// Packs into an empty file and returns the frame of what was written.

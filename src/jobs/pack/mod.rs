@@ -1,19 +1,22 @@
-//! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5).
+//! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5); `oct strip`: less of it.
 
 mod decode;
 mod encode;
+mod stop;
 mod stream;
+mod strip;
+
+pub(crate) use stop::Stop;
+pub use strip::{StripRequest, strip};
 
 use std::fs::File;
-use std::io;
 use std::path::Path;
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, UsageError};
-use crate::format::FormatError;
-use crate::format::packed::CodingError;
-use crate::load::{Fault, Frame, LoadError, ReadAt, open_regular};
+use crate::load::{Frame, LoadError, ReadAt, open_regular};
+use strip::StripStop;
 
 /// What packing or unpacking did.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,33 +29,6 @@ pub struct PackReport {
     pub skin_voxels: u64,
     /// Seconds from start to end.
     pub wall_s: f64,
-}
-
-/// Why packing stopped: at the input, or at the output.
-#[derive(Debug)]
-pub(crate) enum Stop {
-    /// The input is wrong or cannot be read.
-    Input(Fault),
-    /// The output cannot be written or read back.
-    Output(io::Error),
-}
-
-impl From<Fault> for Stop {
-    fn from(fault: Fault) -> Self {
-        Self::Input(fault)
-    }
-}
-
-impl From<FormatError> for Stop {
-    fn from(cause: FormatError) -> Self {
-        Self::Input(Fault::Format(cause))
-    }
-}
-
-impl From<CodingError> for Stop {
-    fn from(cause: CodingError) -> Self {
-        FormatError::Coding(cause).into()
-    }
 }
 
 /// Packs a mapped file. The input is verified first, so that only sound models are archived.
@@ -85,6 +61,14 @@ fn convert(
     output: &Path,
     work: impl FnOnce(&File, &File) -> Result<Frame, Stop>,
 ) -> Result<PackReport, Error> {
+    convert_with(input, output, |source, out| work(source, out).map_err(StripStop::Stop))
+}
+
+fn convert_with(
+    input: &Path,
+    output: &Path,
+    work: impl FnOnce(&File, &File) -> Result<Frame, StripStop>,
+) -> Result<PackReport, Error> {
     let start = Instant::now();
     let unreadable = |cause| LoadError::Unreadable { path: input.to_path_buf(), cause };
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
@@ -97,10 +81,11 @@ fn convert(
     // The input's frame first: a foreign file is refused before anything is said about the output.
     Frame::read(&source).map_err(|fault| fault.at(input))?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
-    let frame = work(&source, out.file()).map_err(|stop| match stop {
+    let stopped = |stop| match stop {
         Stop::Input(fault) => Error::Load(fault.at(input)),
         Stop::Output(cause) => unwritable(cause),
-    })?;
+    };
+    let frame = work(&source, out.file()).map_err(|stop| stop.at(input, stopped))?;
     out.commit().map_err(unwritable)?;
     Ok(PackReport {
         bytes_in: source.byte_len().map_err(unreadable)?,

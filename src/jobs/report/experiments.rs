@@ -37,9 +37,9 @@ enum Reference<'a> {
 }
 
 /// A model in its file, and how it was built.
-struct Built {
-    model: Model,
-    costs: Costs,
+pub(super) struct Built {
+    pub(super) model: Model,
+    pub(super) costs: Costs,
 }
 
 impl Bench<'_> {
@@ -61,8 +61,9 @@ impl Bench<'_> {
         let mut found = Vec::new();
         match &body {
             Some(body) if body.body().is_smooth() => {
-                found.push(self.surfaces(subject, &*source, &options, body)?);
+                found.extend(self.surfaces(subject, &*source, &options, body)?);
                 found.push(self.gradients(subject, &*source, &options, body)?);
+                found.push(self.normal_bits(subject, &usual.model, body)?);
                 found.push(self.detail(subject, &usual.model, &Reference::Body(body))?);
             }
             _ => {
@@ -70,6 +71,9 @@ impl Bench<'_> {
                 found.push(self.detail(subject, &usual.model, &Reference::Frame(&frame))?);
             }
         }
+        found.push(self.traversals(subject, &usual.model)?);
+        found.push(self.frames(subject, &usual.model)?);
+        found.push(self.sights(subject, &*source, &options, &usual.model, usual.costs)?);
         found.push(self.channels(subject, &*source, &options)?);
         found.push(self.budgets(subject, &*source, &options, &usual)?);
         found.push(self.thread_counts(subject, &*source, &options, &usual)?);
@@ -83,7 +87,11 @@ impl Bench<'_> {
         subject: &str,
     ) -> Result<Vec<Experiment>, Error> {
         let frame = self.frame(model)?;
-        Ok(vec![self.detail(subject, model, &Reference::Frame(&frame))?])
+        Ok(vec![
+            self.detail(subject, model, &Reference::Frame(&frame))?,
+            self.traversals(subject, model)?,
+            self.frames(subject, model)?,
+        ])
     }
 
     fn path(&self) -> PathBuf {
@@ -91,7 +99,7 @@ impl Bench<'_> {
     }
 
     /// Builds a model and opens it; the time is that of the fastest of some builds.
-    fn build(&self, source: &dyn VolumeSource, options: &BuildOptions) -> Result<Built, Error> {
+    pub(super) fn build(&self, source: &dyn VolumeSource, options: &BuildOptions) -> Result<Built, Error> {
         let path = self.path();
         let mut seconds = f64::INFINITY;
         let mut last: Option<BuildReport> = None;
@@ -112,7 +120,7 @@ impl Bench<'_> {
         Ok(Built { model, costs })
     }
 
-    fn lines(&self, model: &Model<impl AsRef<[u8]>>) -> Result<(GridSpace, Vec<Line>), Error> {
+    pub(super) fn lines(&self, model: &Model<impl AsRef<[u8]>>) -> Result<(GridSpace, Vec<Line>), Error> {
         let space = GridSpace::new(model.dims(), &model.affine())?;
         let lines = rays::lines(&space, model, self.pixels)?;
         Ok((space, lines))
@@ -124,7 +132,13 @@ impl Bench<'_> {
         rays::cast(model, &lines, self.threads)
     }
 
-    fn row(subject: &str, choice: impl Into<String>, usual: bool, costs: Costs, errors: Errors) -> Row {
+    pub(super) fn row(
+        subject: &str,
+        choice: impl Into<String>,
+        usual: bool,
+        costs: Costs,
+        errors: Errors,
+    ) -> Row {
         Row { subject: subject.into(), choice: choice.into(), usual, on_front: false, costs, errors }
     }
 
@@ -135,8 +149,8 @@ impl Bench<'_> {
         source: &dyn VolumeSource,
         options: &BuildOptions,
         body: &AnalyticVolume,
-    ) -> Result<Experiment, Error> {
-        let mut rows = Vec::new();
+    ) -> Result<[Experiment; 2], Error> {
+        let (mut rows, mut shadings) = (Vec::new(), Vec::new());
         for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
             let built = self.build(source, &BuildOptions { surface, ..options.clone() })?;
             let (space, lines) = self.lines(&built.model)?;
@@ -145,15 +159,25 @@ impl Bench<'_> {
             let costs = Costs { ns_per_ray: Some(ns), ..built.costs };
             let errors = rays::against_body(&met, &lines, body, self.threads)?;
             rows.push(Self::row(subject, surface.name(), surface == options.surface, costs, errors));
+            shadings.extend(self.shadings(subject, &built.model, body)?);
         }
-        Ok(Experiment {
+        let surfaces = Experiment {
             id: "surface",
             title: "Where a hit lies",
             about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures. Skin are voxels with their faces, cells lie between the samples and hold a plane each.",
             cost: 3,
             metric: Metric::DepthRms,
             rows,
-        })
+        };
+        let shadings = Experiment {
+            id: "shading",
+            title: "Which normals a picture shows",
+            about: "Angle between the normal that a pixel is shaded by and the body's true one: as stored for the box that was hit, or blended with those of the boxes around the hit. The time is that of one ray on one thread, blending included.",
+            cost: 1,
+            metric: Metric::NormalMean,
+            rows: shadings,
+        };
+        Ok([surfaces, shadings])
     }
 
     fn gradients(
@@ -168,11 +192,8 @@ impl Bench<'_> {
             let built = self.build(source, &BuildOptions { gradient, ..options.clone() })?;
             let (_, lines) = self.lines(&built.model)?;
             let met = rays::cast(&built.model, &lines, self.threads)?;
-            let all = rays::against_body(&met, &lines, body, self.threads)?;
             // Where hits lie does not depend on it.
-            let errors = [Metric::NormalMean, Metric::NormalP99]
-                .into_iter()
-                .fold(Errors::default(), |e, m| all.get(m).map_or(e, |v| e.with(m, v)));
+            let errors = rays::against_body(&met, &lines, body, self.threads)?.only_normals();
             rows.push(Self::row(
                 subject,
                 gradient.name(),

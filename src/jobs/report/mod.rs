@@ -9,17 +9,24 @@
 //! | `rows` | what is measured: experiments, rows, costs, errors, the Pareto front |
 //! | `rays` | views, the rays of a picture, and their errors against a body or a frame |
 //! | `experiments` | what is tried on a body, on a volume, on a model |
+//! | `pictures` | traversals, samplings and shadings, a table of each |
+//! | `sight` | models without what cannot be seen |
+//! | `bits` | normals in other numbers of bits |
 //! | `machine` | facts of the machine |
-//! | `page`, `plot` | the HTML page and its drawings |
+//! | `page`, `plot`, `table` | the HTML page, its drawings, and tables for other pages |
 //!
 //! A new choice, such as another surface or traversal, is a row of an experiment, or an experiment more.
 
+mod bits;
 mod experiments;
 mod machine;
 mod page;
+mod pictures;
 mod plot;
 mod rays;
 mod rows;
+mod sight;
+mod table;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -84,9 +91,9 @@ const SUITE: [&str; 7] = [
 /// Size of a body, and of the head, if none is given.
 const USUAL_SIDES: [u32; 2] = [128, 256];
 
-/// Measures, and writes `report.html`, `report.csv` and `report.json`.
+/// Measures, and writes `report.html`, `report.csv`, `report.json` and `report.md`, and each drawing as `ID.svg`.
 ///
-/// Cost: on the head of 256^3 voxels some 10 seconds on two cores. Memory: some models at a time in files, the rest as
+/// Cost: on the head of 256^3 voxels some 20 seconds on two cores. Memory: some models at a time in files, the rest as
 /// pictures.
 ///
 /// # Errors
@@ -130,7 +137,13 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         ("report.html", page::page(&report)),
         ("report.csv", report.csv()),
         ("report.json", format!("{:#}\n", report.json())),
-    ] {
+        ("report.md", table::tables(&report)),
+    ]
+    .into_iter()
+    .map(|(name, text)| (name.to_owned(), text))
+    .chain(page::drawings(&report))
+    .collect::<Vec<_>>()
+    {
         let path = request.out.join(name);
         let failed = |cause| Error::Output { path: path.clone(), cause };
         let file = AtomicFile::create(&path).map_err(failed)?;

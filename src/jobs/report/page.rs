@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::Report;
-use super::plot::{Point, Series, escaped, scatter, short};
+use super::plot::{Point, Series, escaped, scatter, short, standalone};
 use super::rows::{Costs, Experiment, Metric};
 
 const HEAD: &str = r#"<!doctype html>
@@ -57,13 +57,27 @@ pub(super) fn page(report: &Report) -> String {
     html
 }
 
+/// The drawings, each as a file of its own: its name and its text.
+pub(super) fn drawings(report: &Report) -> Vec<(String, String)> {
+    let drawn = |experiment: &Experiment| {
+        let series = series(experiment);
+        let svg = scatter(&series, Costs::TITLES[experiment.cost], experiment.metric.title())?;
+        let names: Vec<&str> = series.iter().map(|s| s.name.as_str()).collect();
+        (!is_all_right(&series)).then(|| (format!("{}.svg", experiment.id), standalone(&svg, &names)))
+    };
+    report.experiments.iter().filter_map(drawn).collect()
+}
+
+/// Is nothing wrong anywhere? A line of zeros shows less than the table.
+fn is_all_right(series: &[Series]) -> bool {
+    series.iter().flat_map(|s| &s.points).all(|p| p.y == 0.0)
+}
+
 fn section(experiment: &Experiment, html: &mut String) {
     let (title, about) = (escaped(experiment.title), escaped(experiment.about));
     let _ = writeln!(html, "<section id=\"{}\"><h2>{title}</h2><p>{about}</p>", experiment.id);
     let series = series(experiment);
-    // Nothing is wrong anywhere: a line of zeros shows less than the table.
-    let all_right = series.iter().flat_map(|s| &s.points).all(|p| p.y == 0.0);
-    if !all_right
+    if !is_all_right(&series)
         && let Some(svg) = scatter(&series, Costs::TITLES[experiment.cost], experiment.metric.title())
     {
         html.push_str(&svg);

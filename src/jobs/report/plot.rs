@@ -23,8 +23,9 @@ const SIZE: [f64; 2] = [720.0, 380.0];
 const MARGIN: [f64; 4] = [74.0, 16.0, 24.0, 52.0];
 /// Colours of the page that series take in turn.
 const COLOURS: usize = 7;
-/// Least distance of two labels, up or down.
+/// Least distance of two labels, up or down, and about the width of one of their characters.
 const LABEL: f64 = 14.0;
+const CHARACTER: f64 = 7.0;
 
 /// An axis: logarithmic where all values are above 0 and differ much.
 struct Axis {
@@ -165,8 +166,10 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
         top + height / 2.0,
         escaped(y_title)
     );
-    // Where labels stand already.
-    let mut taken: Vec<[f64; 2]> = Vec::new();
+    // Where labels stand already: from, to, and how high.
+    let mut taken: Vec<[f64; 3]> = Vec::new();
+    // Of many series only what is on a front, or usual, is named.
+    let is_crowded = series.len() > 3;
     for (i, series) in series.iter().enumerate() {
         let colour = i % COLOURS;
         let mut front: Vec<&Point> = series.points.iter().filter(|p| p.on_front).collect();
@@ -190,9 +193,12 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
             // Beside the point, on the side with room; left out where another label stands.
             let to_left = px > left + 0.72 * width;
             let (tx, anchor) = if to_left { (px - 9.0, "end") } else { (px + 9.0, "start") };
-            let near = |at: &[f64; 2]| (at[0] - tx).abs() < 96.0 && (at[1] - py).abs() < LABEL;
-            if !taken.iter().any(near) {
-                taken.push([tx, py]);
+            let wide = CHARACTER * point.label.chars().count() as f64;
+            let from = if to_left { tx - wide } else { tx };
+            let meets = |at: &[f64; 3]| at[0] < from + wide && from < at[1] && (at[2] - py).abs() < LABEL;
+            let is_named = !is_crowded || point.on_front || point.usual;
+            if is_named && !taken.iter().any(meets) {
+                taken.push([from, from + wide, py]);
                 let _ = write!(
                     svg,
                     "<text class=\"label\" x=\"{tx:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
@@ -205,6 +211,66 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
     svg.push_str("</svg>");
     Some(svg)
 }
+
+/// Colours of a drawing that stands alone: ink, soft, line, ground, and those of the series; for light pages and dark
+/// ones. Written out, as not every viewer of drawings knows variables.
+const LIGHT: [&str; 4 + COLOURS] = [
+    "#1b1f24", "#5f6875", "#dde1e7", "#fff", "#1f6fb2", "#c2571a", "#2c8a4b", "#8a4bb0", "#b0353f",
+    "#7a6a00", "#0f8a8a",
+];
+const DARK: [&str; 4 + COLOURS] = [
+    "#e7eaee", "#9aa4b1", "#323943", "#1d2127", "#6cb2ee", "#f0a06a", "#78cf95", "#c79be8", "#ff8f95",
+    "#d9c86a", "#6fd0d0",
+];
+
+/// The rules of a drawing that stands alone.
+fn style() -> String {
+    let of = |colours: [&str; 4 + COLOURS]| {
+        let [ink, soft, line, ground, series @ ..] = colours;
+        let mut rules = format!(
+            ".ground,.dot{{fill:{ground}}}.grid{{stroke:{line}}}.frame{{stroke:{soft}}}.tick{{fill:{soft}}}.axis,.label,.name{{fill:{ink}}}"
+        );
+        for (i, colour) in series.iter().enumerate() {
+            let _ = write!(rules, ".c{i}{{stroke:{colour}}}.usual.c{i}{{fill:{colour}}}");
+        }
+        rules
+    };
+    format!(
+        "<style>svg{{font-family:system-ui,sans-serif}}.tick,.label,.name{{font-size:12px}}.axis{{font-size:13px}}.frame,.front{{fill:none}}.dot{{stroke-width:2}}.front{{stroke-width:1.5;stroke-dasharray:5 4;opacity:.75}}{}@media(prefers-color-scheme:dark){{{}}}</style>",
+        of(LIGHT),
+        of(DARK)
+    )
+}
+
+/// A drawing as a file of its own, with the names of its series below it.
+pub(super) fn standalone(svg: &str, names: &[&str]) -> String {
+    let rows = names.len().div_ceil(KEYS_IN_A_ROW);
+    let height = SIZE[1] + 20.0 * rows as f64 + 8.0;
+    let width = SIZE[0];
+    let mut text = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\">{}<rect class=\"ground\" width=\"{width}\" height=\"{height}\"/>",
+        style()
+    );
+    // The drawing's own head gives way to the file's.
+    text.push_str(svg.split_once('>').map_or("", |(_, rest)| rest).trim_end_matches("</svg>"));
+    for (i, name) in names.iter().enumerate() {
+        let x = MARGIN[0] + (i % KEYS_IN_A_ROW) as f64 * 310.0;
+        let y = SIZE[1] + 12.0 + 20.0 * (i / KEYS_IN_A_ROW) as f64;
+        let _ = write!(
+            text,
+            "<circle class=\"dot usual c{}\" cx=\"{x:.0}\" cy=\"{:.0}\" r=\"4.5\"/><text class=\"name\" x=\"{:.0}\" y=\"{y:.0}\">{}</text>",
+            i % COLOURS,
+            y - 4.0,
+            x + 10.0,
+            escaped(name)
+        );
+    }
+    text.push_str("</svg>\n");
+    text
+}
+
+/// Names of series in a row below a drawing.
+const KEYS_IN_A_ROW: usize = 2;
 
 #[cfg(test)]
 mod tests {

@@ -8,18 +8,18 @@ use super::rows::{Errors, Metric};
 use crate::error::Error;
 use crate::format::normal;
 use crate::geom::{BoxIndex, Dims, VoxelIndex};
-use crate::load::{Model, NodeView};
+use crate::load::{Model, ModelView, NodeView};
 use crate::render::cells::Cells;
 use crate::render::form::Form;
 use crate::render::picture::pool;
 use crate::render::surface::Skin;
-use crate::render::{Camera, GridSpace, Projection, RayCaster, ViewPoint, single};
+use crate::render::{Camera, GridSpace, NamedView, Projection, RayCaster, ViewPoint, single};
 use crate::synthetic::AnalyticVolume;
 
 /// Directions from which a subject is looked at: none along an axis or a diagonal.
 const SIDES: [[f64; 3]; 3] = [[0.31, -1.0, 0.22], [1.0, 0.37, -0.29], [-0.41, 0.33, 1.0]];
 /// Angle of the pictures, in degrees.
-const FOV_DEG: f64 = 40.0;
+pub(super) const FOV_DEG: f64 = 40.0;
 /// Distance of the eye in half extents: a cube's corners are just within the picture then.
 const AWAY: f64 = 4.8;
 
@@ -30,11 +30,13 @@ pub(super) type Line = ([f64; 3], [f64; 3]);
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Met {
     /// Distance along the line, in lengths of its direction.
-    t: f64,
-    point: [f64; 3],
-    normal: Option<[f64; 3]>,
+    pub(super) t: f64,
+    pub(super) point: [f64; 3],
+    pub(super) normal: Option<[f64; 3]>,
+    /// The voxel or cell, or the first of a box of several.
+    pub(super) voxel: [u32; 3],
     /// Is it in the outermost voxels, where the volume ends and not the body?
-    at_border: bool,
+    pub(super) at_border: bool,
 }
 
 /// Does a box of cells touch the faces of the volume?
@@ -42,17 +44,12 @@ fn at_border(cell: [u32; 3], edge: u32, dims: Dims) -> bool {
     cell.iter().zip(dims.to_array()).any(|(c, n)| *c == 0 || c + edge >= n)
 }
 
-/// Lines of sight through every pixel of the three pictures.
-pub(super) fn lines(
-    space: &GridSpace,
-    model: &Model<impl AsRef<[u8]>>,
-    pixels: u32,
-) -> Result<Vec<Line>, Error> {
+/// Where the three pictures are taken from.
+pub(super) fn points(space: &GridSpace, model: &Model<impl AsRef<[u8]>>) -> [ViewPoint; 3] {
     let view = model.view();
     let (affine, dims) = (model.affine(), model.dims());
     let middle = affine.apply(dims.to_array().map(|n| 0.5 * f64::from(n - 1)));
-    let mut all = Vec::new();
-    for side in SIDES {
+    SIDES.map(|side| {
         let length = dot(side, side).sqrt();
         // As far away as the model's extent across the sight asks for.
         let reach = (0..3)
@@ -65,16 +62,41 @@ pub(super) fn lines(
             .fold(0.0, f64::max);
         let away = AWAY * reach / length;
         let eye = std::array::from_fn(|a| middle[a] + away * side[a]);
-        let point = ViewPoint::Free { eye, look_at: middle, up: None };
+        ViewPoint::Free { eye, look_at: middle, up: None }
+    })
+}
+
+/// Lines of sight through every pixel of the three pictures.
+pub(super) fn lines(
+    space: &GridSpace,
+    model: &Model<impl AsRef<[u8]>>,
+    pixels: u32,
+) -> Result<Vec<Line>, Error> {
+    let mut all = Vec::new();
+    for point in points(space, model) {
         let camera = Camera::new(point, Projection::Perspective, FOV_DEG, 1.0, |_| 0.0)?;
-        let at = |i: u32| (f64::from(i) + 0.5) / f64::from(pixels) * 2.0 - 1.0;
-        all.extend(
-            (0..pixels)
-                .flat_map(|y| (0..pixels).map(move |x| (x, y)))
-                .map(|(x, y)| camera.ray(at(x), -at(y))),
-        );
+        all.extend(through_pixels(&camera, pixels));
     }
     Ok(all)
+}
+
+/// Lines of sight of a parallel picture from the front.
+pub(super) fn front(
+    space: &GridSpace,
+    model: &Model<impl AsRef<[u8]>>,
+    pixels: u32,
+) -> Result<Vec<Line>, Error> {
+    let support = |direction| space.support(&model.view(), direction);
+    let point = ViewPoint::Named(NamedView::Front);
+    let camera = Camera::new(point, Projection::Parallel, FOV_DEG, 1.0, support)?;
+    Ok(through_pixels(&camera, pixels).collect())
+}
+
+fn through_pixels(camera: &Camera, pixels: u32) -> impl Iterator<Item = Line> {
+    let at = move |i: u32| (f64::from(i) + 0.5) / f64::from(pixels) * 2.0 - 1.0;
+    (0..pixels)
+        .flat_map(move |y| (0..pixels).map(move |x| (x, y)))
+        .map(move |(x, y)| camera.ray(at(x), -at(y)))
 }
 
 /// The first surface on every line, as single rays see it.
@@ -87,52 +109,67 @@ pub(super) fn cast(
     let one = |(origin, direction): &Line| {
         let hit = caster.first_hit(*origin, *direction).ok().flatten()?;
         let at_border = at_border(hit.voxel, 1, dims);
-        Some(Met { t: hit.t, point: hit.position_mm, normal: hit.normal, at_border })
+        Some(Met { t: hit.t, point: hit.position_mm, normal: hit.normal, voxel: hit.voxel, at_border })
     };
     Ok(pool(threads)?.install(|| lines.par_iter().map(one).collect()))
 }
 
-/// The first box of an edge of 2^k voxels or less on every line, and the nanoseconds of a ray on one thread.
+/// As [`Scene::boxes`], by the best form.
 pub(super) fn cast_boxes(
     space: &GridSpace,
     model: &Model<impl AsRef<[u8]>>,
     lines: &[Line],
     k: u32,
 ) -> (Vec<Option<Met>>, f64) {
-    let view = model.view();
-    let (form, cells) = (Form::best(), view.cells().map(Cells::new));
-    let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
-    let mut hits = Vec::new();
-    let mut best = f64::INFINITY;
-    for _ in 0..3 {
-        let started = Instant::now();
-        hits = rays
-            .iter()
-            .map(|ray| {
-                let ray = ray.as_ref()?;
-                match &cells {
-                    Some(cells) => single::trace(form, &view, cells, ray, k).hit,
-                    None => single::trace(form, &view, &Skin, ray, k).hit,
-                }
-            })
-            .collect();
-        best = best.min(started.elapsed().as_secs_f64());
+    Scene { space, view: model.view(), dims: model.dims(), lines }.boxes(Form::best(), k)
+}
+
+/// Rays and what they are traced through.
+pub(super) struct Scene<'a> {
+    pub(super) space: &'a GridSpace,
+    pub(super) view: ModelView<'a>,
+    pub(super) dims: Dims,
+    pub(super) lines: &'a [Line],
+}
+
+impl Scene<'_> {
+    /// The first box of an edge of 2^k voxels or less on every line, and the nanoseconds of a ray on one thread.
+    pub(super) fn boxes(&self, form: Form, k: u32) -> (Vec<Option<Met>>, f64) {
+        let Self { space, view, dims, lines } = self;
+        let cells = view.cells().map(Cells::new);
+        let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
+        let mut hits = Vec::new();
+        let mut best = f64::INFINITY;
+        for _ in 0..3 {
+            let started = Instant::now();
+            hits = rays
+                .iter()
+                .map(|ray| {
+                    let ray = ray.as_ref()?;
+                    match &cells {
+                        Some(cells) => single::trace(form, view, cells, ray, k).hit,
+                        None => single::trace(form, view, &Skin, ray, k).hit,
+                    }
+                })
+                .collect();
+            best = best.min(started.elapsed().as_secs_f64());
+        }
+        let met = lines.iter().zip(hits).map(|((o, d), hit)| {
+            let hit = hit?;
+            let number = BoxIndex::new(hit.box_number);
+            let code = match hit.voxel(view) {
+                Some(voxel) => view.voxel_normal(VoxelIndex::new(voxel)),
+                None => view.node_normal(number.node()),
+            };
+            let point = std::array::from_fn(|a| o[a] + hit.t * d[a]);
+            let normal = code.map(|code| space.normal_to_world(normal::decode(code).map(f64::from)));
+            let at_border = at_border(hit.cell, 1 << hit.edge_log2, *dims);
+            Some(Met { t: hit.t, point, normal, voxel: hit.cell, at_border })
+        });
+        #[expect(clippy::cast_precision_loss, reason = "some 10^5 rays")]
+        let ns = best * 1e9 / lines.len().max(1) as f64;
+        (met.collect(), ns)
     }
-    let met = lines.iter().zip(hits).map(|((o, d), hit)| {
-        let hit = hit?;
-        let number = BoxIndex::new(hit.box_number);
-        let code = match hit.voxel(&view) {
-            Some(voxel) => view.voxel_normal(VoxelIndex::new(voxel)),
-            None => view.node_normal(number.node()),
-        };
-        let point = std::array::from_fn(|a| o[a] + hit.t * d[a]);
-        let normal = code.map(|code| space.normal_to_world(normal::decode(code).map(f64::from)));
-        let at_border = at_border(hit.cell, 1 << hit.edge_log2, model.dims());
-        Some(Met { t: hit.t, point, normal, at_border })
-    });
-    #[expect(clippy::cast_precision_loss, reason = "some 10^5 rays")]
-    let ns = best * 1e9 / lines.len().max(1) as f64;
-    (met.collect(), ns)
 }
 
 /// Errors of hits against the true surface of a body.

@@ -82,19 +82,22 @@ pub enum Metric {
     NormalMean,
     /// Its 99th percentile.
     NormalP99,
+    /// Root of the mean square difference of pictures, in grey levels of 0 to 255.
+    Picture,
     /// Bytes of the model that differ from those of the usual choice.
     DifferentBytes,
 }
 
 impl Metric {
     /// All of them, in the order of tables.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::DepthRms,
         Self::DepthP99,
         Self::DepthMax,
         Self::WrongPixels,
         Self::NormalMean,
         Self::NormalP99,
+        Self::Picture,
         Self::DifferentBytes,
     ];
 
@@ -107,6 +110,7 @@ impl Metric {
             "wrong_pixels_percent",
             "normal_mean_deg",
             "normal_p99_deg",
+            "picture_rms_levels",
             "different_bytes",
         ][self as usize]
     }
@@ -120,6 +124,7 @@ impl Metric {
             "wrong pixels, %",
             "normal mean, deg",
             "normal p99, deg",
+            "picture RMS, grey levels",
             "bytes that differ",
         ][self as usize]
     }
@@ -135,6 +140,13 @@ impl Errors {
     pub fn with(mut self, metric: Metric, value: f64) -> Self {
         self.0[metric as usize] = Some(value);
         self
+    }
+
+    /// Those of normals alone.
+    pub(super) fn only_normals(&self) -> Self {
+        [Metric::NormalMean, Metric::NormalP99]
+            .into_iter()
+            .fold(Self::default(), |e, m| self.get(m).map_or(e, |v| e.with(m, v)))
     }
 
     /// One of them.

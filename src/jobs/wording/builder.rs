@@ -29,6 +29,10 @@ impl fmt::Display for BuildError {
                 f,
                 "{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it"
             ),
+            Self::NothingVisible { name, boxes } => write!(
+                f,
+                "{name}: none of the {boxes} boxes of its surface can be seen from there; give another --visible-from"
+            ),
             Self::NoChannel { name, channel } => {
                 write!(f, "{name}: does not have the channel '{channel}'; leave it out")
             }

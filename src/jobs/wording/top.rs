@@ -6,7 +6,7 @@ use super::foreign::shown;
 use super::system::writing;
 use crate::atomic::TargetFault;
 use crate::budget::Bytes;
-use crate::error::{Error, UsageError};
+use crate::error::{Error, StripFault, UsageError};
 use crate::scratch::NoRoom;
 
 impl fmt::Display for Error {
@@ -54,6 +54,25 @@ impl fmt::Display for UsageError {
             ),
             Self::NamedTwice { path } => {
                 write!(f, "{}: is named for two pictures; name another file for one of them", shown(path))
+            }
+            Self::Strip { path, fault } => {
+                write!(f, "{}: ", shown(path))?;
+                match fault {
+                    StripFault::Cells => f.write_str(
+                        "of cells the channels are the surface, and coarse boxes do not have it; only --lod off leaves something out",
+                    ),
+                    StripFault::Levels { asked, most } => write!(
+                        f,
+                        "does not have {asked} levels to leave out; choose --levels 0 to {most}"
+                    ),
+                    StripFault::NoMeans { channel } => write!(
+                        f,
+                        "coarse boxes have no mean of the channel '{channel}'; leave it out with --channels"
+                    ),
+                    StripFault::NoChannel { channel } => {
+                        write!(f, "does not have the channel '{channel}'; oct info names those that it has")
+                    }
+                }
             }
             Self::HeadSize { side } => {
                 write!(f, "a head of {side} voxels a side cannot be made; choose 1 to 65536")

@@ -1,0 +1,315 @@
+//! `oct strip`: a finished model without some channels or fine levels.
+//!
+//! Channels and means that stay are copied. Where fine levels go, the boxes of the finest level that stays become the
+//! voxels: their items are the means of all voxels within, and the means of coarser nodes are made anew from those.
+//! Everything is read and written from front to back. Memory: that of [`crate::load::verify`], under 3 MiB for any
+//! model. Cost: the model is verified, then read once or twice more.
+
+use std::fs::File;
+use std::path::Path;
+
+use super::encode::finish_frame;
+use super::stop::Stop;
+use super::stream::Writer;
+use super::{PackReport, convert_with, decode};
+use crate::error::{Error, StripFault, UsageError};
+use crate::format::{
+    Channel, Channels, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind,
+    SurfaceKind, align_up, rank,
+};
+use crate::geom::{Dims, Level};
+use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
+
+/// Bytes of a cursor's buffer.
+const BUFFER_BYTES: usize = 64 << 10;
+
+/// What is left out of a model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StripRequest {
+    /// The channels that stay; all of them if nothing is said.
+    pub channels: Option<Channels>,
+    /// How many of the finest levels go: each makes boxes twice as long.
+    pub levels: u32,
+    /// Do the means of coarse nodes stay, where they are?
+    pub lod: bool,
+}
+
+/// Writes a model without what the request leaves out; of a mapped file.
+///
+/// # Errors
+/// The input is damaged, foreign or packed; the request does not fit it; the output cannot be written. Nothing is
+/// left at `output` then that was not there before.
+pub fn strip(input: &Path, output: &Path, request: &StripRequest) -> Result<PackReport, Error> {
+    convert_with(input, output, |source, out| strip_file(source, out, request))
+}
+
+/// Why stripping stopped.
+pub(super) enum StripStop {
+    Stop(Stop),
+    Request(StripFault),
+}
+
+impl<T: Into<Stop>> From<T> for StripStop {
+    fn from(cause: T) -> Self {
+        Self::Stop(cause.into())
+    }
+}
+
+impl From<StripFault> for StripStop {
+    fn from(fault: StripFault) -> Self {
+        Self::Request(fault)
+    }
+}
+
+impl StripStop {
+    pub(super) fn at(self, input: &Path, other: impl FnOnce(Stop) -> Error) -> Error {
+        match self {
+            Self::Stop(stop) => other(stop),
+            Self::Request(fault) => UsageError::Strip { path: input.to_path_buf(), fault }.into(),
+        }
+    }
+}
+
+fn strip_file<R: ReadAt + ?Sized>(
+    source: &R,
+    out: &File,
+    request: &StripRequest,
+) -> Result<Frame, StripStop> {
+    if Frame::read(source)?.header.encoding == Encoding::Packed {
+        return Err(Stop::from(FormatError::Packed).into());
+    }
+    let frame = verify(source)?;
+    let kept = kept_channels(&frame, request)?;
+    let mut left = lay_out(&frame, kept, request)?;
+    for entry in left.sections.clone() {
+        match entry.kind {
+            Some(SectionKind::Meta) => write_all(out, &entry, &left.metadata_bytes)?,
+            Some(SectionKind::Levels) => {
+                let bytes: Vec<u8> = left.levels.iter().flat_map(|l| l.to_le_bytes()).collect();
+                write_all(out, &entry, &bytes)?;
+            }
+            Some(SectionKind::Rank | SectionKind::Means(_)) => {}
+            Some(SectionKind::Voxels(_)) if request.levels > 0 => {}
+            _ => copy(source, &frame, out, &entry)?,
+        }
+    }
+    if request.levels > 0 {
+        coarsen(source, &frame, out, &left)?;
+    }
+    decode::rebuild_rank(&left, out)?;
+    if left.sections.iter().any(|e| matches!(e.kind, Some(SectionKind::Means(_)))) {
+        decode::rebuild_means(&left, out)?;
+    }
+    out.set_len(left.header.file_bytes).map_err(Stop::Output)?;
+    for entry in &mut left.sections {
+        let mut cursor = Cursor::new(out, entry.offset, entry.end(), BUFFER_BYTES);
+        let mut crc = 0;
+        while cursor.left() > 0 {
+            crc = crc32c::crc32c_append(crc, cursor.next_part()?);
+        }
+        (entry.stored_crc, entry.content_crc) = (crc, crc);
+    }
+    finish_frame(&mut left, out)?;
+    Ok(left)
+}
+
+/// The channels that stay, if the request fits the model.
+fn kept_channels(frame: &Frame, request: &StripRequest) -> Result<Channels, StripFault> {
+    let there: Channels = frame.channels().map(|(channel, _)| channel).collect();
+    let kept = request.channels.unwrap_or(there);
+    if let Some(channel) = kept.iter().find(|c| !there.contains(*c)) {
+        return Err(StripFault::NoChannel { channel });
+    }
+    if frame.surface() == SurfaceKind::Cells && (kept != there || request.levels > 0) {
+        return Err(StripFault::Cells);
+    }
+    let depth = frame.dims().depth();
+    if request.levels > 0 && request.levels >= depth {
+        return Err(StripFault::Levels { asked: request.levels, most: depth.saturating_sub(1) });
+    }
+    let mean = |channel: &Channel| channel.row().means.is_some();
+    match kept.iter().find(|channel| request.levels > 0 && !mean(channel)) {
+        Some(channel) => Err(StripFault::NoMeans { channel }),
+        None => Ok(kept),
+    }
+}
+
+/// The frame of what is left: header, sections, metadata and levels, without checksums.
+fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Frame, Stop> {
+    let mut left = frame.clone();
+    let edge = 1_u32 << request.levels;
+    let depth = frame.dims().depth() - request.levels;
+    if request.levels > 0 {
+        let [nx, ny, nz] = frame.dims().to_array().map(|n| n.div_ceil(edge));
+        left.header.dims = Dims::new(nx, ny, nz).ok_or(FormatError::DimsRange { dims: [nx, ny, nz] })?;
+        left.metadata.dims = [nx, ny, nz];
+        // The middle of the first box is that of the voxels within.
+        let middle = frame.affine().apply([0.5 * f64::from(edge - 1); 3]);
+        for (row, at) in left.metadata.affine.iter_mut().zip(middle) {
+            row[..3].iter_mut().for_each(|step| *step *= f64::from(edge));
+            row[3] = at;
+        }
+        left.metadata.spacing_mm = left.metadata.spacing_mm.map(|s| s * f64::from(edge));
+        let finest = frame.level(Level::new(depth));
+        left.header.voxels = finest.end - finest.start;
+        left.header.nodes = finest.start;
+        left.levels.truncate(depth as usize + 1);
+    }
+    if !kept.contains(Channel::Normal) {
+        left.metadata.gradient = String::new();
+    }
+    if !kept.contains(Channel::Value) {
+        left.metadata.value_scale = [0.0; 2];
+    }
+    left.metadata_bytes = left.metadata.to_bytes()?;
+    left.sections.retain(|entry| match entry.kind {
+        Some(SectionKind::Voxels(channel)) => kept.contains(channel),
+        Some(SectionKind::Means(channel)) => request.lod && kept.contains(channel),
+        Some(_) => true,
+        None => false,
+    });
+    let (voxels, nodes, coarse) = (left.header.voxels, left.header.nodes, left.coarse_nodes());
+    let mut end = (HEADER_BYTES + left.sections.len() * ENTRY_BYTES) as u64;
+    for entry in &mut left.sections {
+        let items = match entry.kind {
+            Some(SectionKind::Meta) => left.metadata_bytes.len() as u64,
+            Some(SectionKind::Levels) => left.levels.len() as u64,
+            Some(SectionKind::Nodes) => nodes,
+            Some(SectionKind::Rank) => rank::directory_bytes(nodes).1,
+            Some(SectionKind::Means(_)) => coarse,
+            Some(SectionKind::Voxels(channel)) if !channel.row().is_sparse => voxels,
+            _ => entry.items,
+        };
+        *entry = match entry.kind {
+            Some(kind) => SectionEntry::plain(kind, entry.item_bytes, items, align_up(end)),
+            None => *entry,
+        };
+        end = entry.end();
+    }
+    left.header.file_bytes = end;
+    Ok(left)
+}
+
+fn write_all(out: &File, entry: &SectionEntry, bytes: &[u8]) -> Result<(), Stop> {
+    let mut writer = Writer::new(out, entry.offset, entry.end());
+    writer.write(bytes).and_then(|()| writer.flush()).map_err(Stop::Output)
+}
+
+/// Copies the first bytes of a section, as many as are left of it.
+fn copy<R: ReadAt + ?Sized>(source: &R, frame: &Frame, out: &File, entry: &SectionEntry) -> Result<(), Stop> {
+    let Some(from) = entry.kind.and_then(|kind| frame.section(kind)) else { return Ok(()) };
+    let mut cursor = Cursor::new(source, from.offset, from.offset + entry.stored_bytes, BUFFER_BYTES);
+    let mut writer = Writer::new(out, entry.offset, entry.end());
+    while cursor.left() > 0 {
+        writer.write(cursor.next_part()?).map_err(Stop::Output)?;
+    }
+    writer.flush().map_err(Stop::Output)
+}
+
+/// Writes the means of the boxes that become voxels.
+fn coarsen<R: ReadAt + ?Sized>(source: &R, frame: &Frame, out: &File, left: &Frame) -> Result<(), Stop> {
+    let finest = left.dims().depth();
+    let mut writers: Vec<Option<(Channel, usize, Writer<'_>)>> = walked_channels(frame)
+        .into_iter()
+        .map(|channel| {
+            let entry = left.section(SectionKind::Voxels(channel))?;
+            let writer = Writer::new(out, entry.offset, entry.end());
+            Some((channel, usize::from(entry.item_bytes), writer))
+        })
+        .collect();
+    walk(source, frame, &mut |level, sums| {
+        if level != Level::new(finest) {
+            return Ok(());
+        }
+        for (writer, sum) in writers.iter_mut().zip(sums) {
+            let Some((channel, item, writer)) = writer else { continue };
+            if let Some(means) = &channel.row().means {
+                writer.write(means.rule.mean(sum).get(..*item).unwrap_or_default())?;
+            }
+        }
+        Ok::<(), Fault>(())
+    })?;
+    writers.iter_mut().flatten().try_for_each(|(.., writer)| writer.flush()).map_err(Stop::Output)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
+    use crate::format::normal;
+    use crate::load::Model;
+
+    /// A bumpy sheet.
+    fn voxels(dims: [u32; 3]) -> Vec<AssembledVoxel> {
+        let places = (0..dims[1]).flat_map(|y| (0..dims[0]).map(move |x| [x, y]));
+        let voxel = |[x, y]: [u32; 2]| AssembledVoxel {
+            cell: [x, y, (x * x / 7 + y * 3 + (x * y) % 5) % dims[2]],
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            normal: normal::encode([x as f32 - 9.0, y as f32 - 5.0, 7.0]),
+            value: u16::try_from(x * y % 200).unwrap_or(0),
+        };
+        places.map(voxel).collect()
+    }
+
+    fn stripped(file: &[u8], request: StripRequest) -> Result<Vec<u8>, StripFault> {
+        let out = tempfile::tempfile().unwrap();
+        match strip_file(file, &out, &request) {
+            Ok(_) => {}
+            Err(StripStop::Request(fault)) => return Err(fault),
+            Err(StripStop::Stop(stop)) => panic!("{stop:?}"),
+        }
+        let mut all = vec![0; usize::try_from(out.byte_len().unwrap()).unwrap()];
+        out.read_at(&mut all, 0).unwrap();
+        Ok(all)
+    }
+
+    const ALL: OptionalSections = OptionalSections { normal: true, value_bytes: 2, lod: true };
+
+    #[test]
+    fn what_is_left_is_the_model_that_would_have_been_built_so() {
+        for dims in [[3, 5, 4], [40, 33, 20], [65, 3, 9], [150, 140, 40]] {
+            let file = assemble(&plain_metadata(dims, ALL), &voxels(dims), ALL).unwrap();
+            for (channels, lod) in [
+                (Channels::NONE, true),
+                (Channels::from([Channel::Normal]), true),
+                (Channels::from([Channel::Normal, Channel::Value]), false),
+                (Channels::from([Channel::Value]), true),
+            ] {
+                let how = OptionalSections {
+                    normal: channels.contains(Channel::Normal),
+                    value_bytes: if channels.contains(Channel::Value) { 2 } else { 0 },
+                    lod,
+                };
+                let built = assemble(&plain_metadata(dims, how), &voxels(dims), how).unwrap();
+                let request = StripRequest { channels: Some(channels), levels: 0, lod };
+                assert_eq!(stripped(&file, request), Ok(built), "{dims:?} {channels:?} {lod}");
+            }
+            let same = StripRequest { channels: None, levels: 0, lod: true };
+            assert_eq!(stripped(&file, same).as_deref(), Ok(&file[..]));
+        }
+    }
+
+    #[test]
+    fn fine_levels_become_means_that_verify() {
+        let dims = [150, 140, 40];
+        let file = assemble(&plain_metadata(dims, ALL), &voxels(dims), ALL).unwrap();
+        let whole = Model::from_bytes(file.clone()).unwrap();
+        for levels in 1..8 {
+            let request = StripRequest { channels: None, levels, lod: true };
+            let coarse = stripped(&file, request).unwrap();
+            verify(coarse.as_slice()).unwrap();
+            let coarse = Model::from_bytes(coarse).unwrap();
+            let edge = 1 << levels;
+            assert_eq!(coarse.dims().to_array(), dims.map(|n: u32| n.div_ceil(edge)));
+            let level = whole.frame().level(Level::new(8 - levels));
+            assert_eq!(coarse.header().voxels, level.end - level.start);
+            // The corner of the box stays where it is.
+            let corner = |m: &Model<Vec<u8>>| m.affine().apply([-0.5; 3]);
+            assert_eq!(corner(&coarse), corner(&whole));
+        }
+        let too_many = StripRequest { channels: None, levels: 8, lod: true };
+        assert_eq!(stripped(&file, too_many), Err(StripFault::Levels { asked: 8, most: 7 }));
+        let absent = StripRequest { channels: Some(Channels::from([Channel::Color])), levels: 0, lod: true };
+        assert_eq!(stripped(&file, absent), Err(StripFault::NoChannel { channel: Channel::Color }));
+    }
+}

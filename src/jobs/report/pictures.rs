@@ -1,0 +1,246 @@
+//! What a picture may be made by: traversals, samplings of a frame, shadings. A choice more is an entry of a table.
+
+use std::time::Instant;
+
+use super::bits::rounded;
+use super::experiments::Bench;
+use super::rays::{self, Line, Met, Scene};
+use super::rows::{Costs, Errors, Experiment, Metric, Row};
+use crate::error::Error;
+use crate::format::normal;
+use crate::jobs::render::{RenderRequest, render_view};
+use crate::load::{Model, NodeView};
+use crate::render::form::Form;
+use crate::render::{GridSpace, Image, Projection, blend, picture};
+use crate::synthetic::AnalyticVolume;
+
+/// A way to find the first hits of many rays; gives them with the nanoseconds of a ray on one thread.
+struct Traversal {
+    choice: &'static str,
+    usual: bool,
+    cast: fn(&Scene<'_>) -> (Vec<Option<Met>>, f64),
+}
+
+/// All traversals; the first is the reference of the others.
+const TRAVERSALS: [Traversal; 2] = [
+    Traversal { choice: "exact, any machine", usual: false, cast: |scene| scene.boxes(Form::Portable, 0) },
+    Traversal { choice: "exact, best instructions", usual: true, cast: |scene| scene.boxes(Form::best(), 0) },
+];
+
+/// A way to make a frame.
+struct Frame {
+    choice: &'static str,
+    usual: bool,
+    /// By what the sides of the pictures are divided; the plain frame of the same size is the reference.
+    smaller: u32,
+    how: fn(RenderRequest) -> RenderRequest,
+}
+
+/// All of them; the first of each size is the plain one.
+const FRAMES: [Frame; 6] = [
+    Frame { choice: "every pixel", usual: true, smaller: 1, how: |plain| plain },
+    Frame {
+        choice: "coherence 4",
+        usual: false,
+        smaller: 1,
+        how: |plain| RenderRequest { coherence: 4, ..plain },
+    },
+    Frame {
+        choice: "coherence 16",
+        usual: false,
+        smaller: 1,
+        how: |plain| RenderRequest { coherence: 16, ..plain },
+    },
+    Frame {
+        choice: "discrete rays",
+        usual: false,
+        smaller: 1,
+        how: |plain| RenderRequest { traversal: picture::Traversal::Discrete, ..plain },
+    },
+    Frame { choice: "small, every pixel", usual: false, smaller: 5, how: |plain| plain },
+    Frame {
+        choice: "small, boxes of about a pixel",
+        usual: false,
+        smaller: 5,
+        how: |plain| RenderRequest { lod: true, ..plain },
+    },
+];
+
+/// Bits of a normal that are tried; the format has 16.
+const NORMAL_BITS: [u32; 4] = [12, 14, 16, 24];
+
+/// Frames of which the fastest counts.
+const REPEATS: usize = 3;
+
+impl Bench<'_> {
+    /// Every way to find the first hits.
+    pub(super) fn traversals(
+        &self,
+        subject: &str,
+        model: &Model<impl AsRef<[u8]>>,
+    ) -> Result<Experiment, Error> {
+        let (space, lines) = self.lines(model)?;
+        let scene = Scene { space: &space, view: model.view(), dims: model.dims(), lines: &lines };
+        let voxel_mm = model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+        let mut reference: Option<Vec<Option<Met>>> = None;
+        let mut rows = Vec::new();
+        for Traversal { choice, usual, cast } in TRAVERSALS {
+            let (met, ns) = cast(&scene);
+            let reference = reference.get_or_insert_with(|| met.clone());
+            let errors = rays::against_frame(&met, reference, &lines, voxel_mm);
+            let costs = Costs { ns_per_ray: Some(ns), ..Costs::default() };
+            rows.push(Self::row(subject, choice, usual, costs, errors));
+        }
+        Ok(Experiment {
+            id: "traversal",
+            title: "How hits are found",
+            about: "First hits of single rays on one thread, against those of the exact traversal for any machine. Exact ones agree in every hit.",
+            cost: 1,
+            metric: Metric::DepthRms,
+            rows,
+        })
+    }
+
+    /// Every way to make a frame.
+    pub(super) fn frames(&self, subject: &str, model: &Model<impl AsRef<[u8]>>) -> Result<Experiment, Error> {
+        let space = GridSpace::new(model.dims(), &model.affine())?;
+        let points = rays::points(&space, model);
+        let mut plain: Option<(u32, Vec<Image>)> = None;
+        let mut rows = Vec::new();
+        for Frame { choice, usual, smaller, how } in FRAMES {
+            let side = (self.pixels / smaller).max(1);
+            let mut seconds = 0.0;
+            let mut images = Vec::new();
+            for point in points {
+                let request = how(RenderRequest {
+                    width: side,
+                    height: side,
+                    point,
+                    projection: Projection::Perspective,
+                    fov_deg: rays::FOV_DEG,
+                    threads: 1,
+                    ..RenderRequest::default()
+                });
+                let mut best = f64::INFINITY;
+                let mut last = None;
+                for _ in 0..REPEATS {
+                    let (image, report) =
+                        render_view(&model.view(), model.dims(), &model.affine(), &request)?;
+                    best = best.min(report.trace_s + report.shade_s);
+                    last = Some(image);
+                }
+                seconds += best;
+                images.extend(last);
+            }
+            if plain.as_ref().is_none_or(|(of, _)| *of != side) {
+                plain = Some((side, images.clone()));
+            }
+            let reference = plain.as_ref().map_or(&[][..], |(_, images)| images);
+            let errors = Errors::default().with(Metric::Picture, difference(&images, reference));
+            let pixels = f64::from(side) * f64::from(side) * points.len() as f64;
+            let costs = Costs { ns_per_ray: Some(seconds * 1e9 / pixels), ..Costs::default() };
+            rows.push(Self::row(subject, choice, usual, costs, errors));
+        }
+        Ok(Experiment {
+            id: "frame",
+            title: "Whole pictures",
+            about: "Three shaded perspective pictures on one thread, time for each pixel, against the frame of the same size with a ray through the middle of every pixel that stops at voxels: fewer rays where neighbours look alike (coherence: the difference that is borne), the discrete rays of the paper, coarse boxes. The difference is in grey levels of 0 to 255.",
+            cost: 1,
+            metric: Metric::Picture,
+            rows,
+        })
+    }
+
+    /// Normals as they are stored, and blended with those around.
+    pub(super) fn shadings(
+        &self,
+        subject: &str,
+        model: &Model<impl AsRef<[u8]> + Sync>,
+        body: &AnalyticVolume,
+    ) -> Result<Vec<Row>, Error> {
+        let (space, lines) = self.lines(model)?;
+        let view = model.view();
+        let stored = rays::cast(model, &lines, self.threads)?;
+        let scene = Scene { space: &space, view: model.view(), dims: model.dims(), lines: &lines };
+        let (_, ns) = scene.boxes(Form::best(), 0);
+        let surface = view.cells().map_or("skin", |_| "cells");
+        let started = Instant::now();
+        let blended: Vec<Option<Met>> = stored
+            .iter()
+            .map(|met| {
+                let met = (*met)?;
+                let code = blend::find(&view, met.voxel).and_then(|voxel| view.voxel_normal(voxel))?;
+                let own = normal::decode_l1(code).map(f64::from);
+                let n = blend::blended(&view, space.to_grid(met.point), own);
+                let world = match view.cells() {
+                    Some(_) => space.index_normal_to_world(n),
+                    None => space.normal_to_world(n),
+                };
+                Some(Met { normal: Some(world), ..met })
+            })
+            .collect();
+        let blending = started.elapsed().as_secs_f64() * 1e9 / lines.len().max(1) as f64;
+        let mut rows = Vec::new();
+        for (choice, usual, met, ns) in
+            [("stored", true, &stored, ns), ("blended", false, &blended, ns + blending)]
+        {
+            let errors = rays::against_body(met, &lines, body, self.threads)?.only_normals();
+            let costs = Costs { ns_per_ray: Some(ns), ..Costs::default() };
+            rows.push(Self::row(subject, format!("{surface}, {choice}"), usual, costs, errors));
+        }
+        Ok(rows)
+    }
+
+    /// What is lost by writing normals in so many bits, apart from how they were estimated.
+    pub(super) fn normal_bits(
+        &self,
+        subject: &str,
+        model: &Model<impl AsRef<[u8]> + Sync>,
+        body: &AnalyticVolume,
+    ) -> Result<Experiment, Error> {
+        let (_, lines): (_, Vec<Line>) = self.lines(model)?;
+        let met = rays::cast(model, &lines, self.threads)?;
+        let header = model.header();
+        let mut rows = Vec::new();
+        for bits in NORMAL_BITS {
+            let written: Vec<Option<Met>> = met
+                .iter()
+                .map(|met| {
+                    let met = (*met)?;
+                    let truth = body.surface_at(met.point).normal;
+                    Some(Met { normal: Some(rounded(truth, bits)), ..met })
+                })
+                .collect();
+            let errors = rays::against_body(&written, &lines, body, self.threads)?.only_normals();
+            let items = header.voxels * u64::from(bits) / 8;
+            let bytes = (header.file_bytes + items).saturating_sub(2 * header.voxels);
+            let costs = Costs { file_bytes: Some(bytes), ..Costs::default() };
+            rows.push(Self::row(subject, format!("{bits} bits"), bits == 16, costs, errors));
+        }
+        Ok(Experiment {
+            id: "normal_bits",
+            title: "In how many bits normals are written",
+            about: "The body's true normals at the hits, rounded to so many bits by the octahedral map: what is lost by rounding alone. The format has 16; the other sizes are what the file would take.",
+            cost: 3,
+            metric: Metric::NormalMean,
+            rows,
+        })
+    }
+}
+
+/// Root of the mean square difference of two sets of pictures over black, in grey levels.
+fn difference(a: &[Image], b: &[Image]) -> f64 {
+    let over_black = |pixel: &[u8; 4]| {
+        let alpha = f64::from(pixel[3]) / 255.0;
+        [0, 1, 2].map(|c| f64::from(pixel[c]) * alpha)
+    };
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (a, b) in a.iter().zip(b) {
+        for (a, b) in a.rgba.as_chunks::<4>().0.iter().zip(b.rgba.as_chunks::<4>().0) {
+            let (a, b) = (over_black(a), over_black(b));
+            sum += (0..3).map(|c| (a[c] - b[c]) * (a[c] - b[c])).sum::<f64>();
+            count += 3.0;
+        }
+    }
+    if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
+}
