@@ -20,7 +20,6 @@ use infobyte::render::ray::Ray;
 use infobyte::render::reference::{BitVolume, walk};
 use infobyte::render::selfcheck::random_ray;
 use infobyte::render::sight::Sight;
-use infobyte::render::surface::Skin;
 use infobyte::render::tile::{RAYS, TILE, Tile, Tracer};
 use infobyte::render::traverse::Hit;
 use infobyte::render::{Camera, GridSpace, Projection, ViewPoint, single};
