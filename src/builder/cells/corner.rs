@@ -8,6 +8,17 @@ pub(super) const TOLERANCE: f32 = 0.1;
 /// How far the plane of the smooth gradient may be from the crossings and from corners on the wrong side: where
 /// the surface is smooth, and where it bends. The smaller, the sharper are edges, and the more does noise turn
 /// normals.
+///
+/// Of a turned box and a noisy ball of 192 voxels, 99th percentile of the distance of hits from the true surface,
+/// and mean error of the normal in degrees:
+///
+/// | smooth, bent, from a curvature of | box | noise |
+/// |---|---|---|
+/// | .15 everywhere | .057 .91 | .075 .93 |
+/// | .10, .05, .25 | .042 .85 | .076 1.02 |
+/// | .15, .05, .25 | .044 .85 | .075 .93 |
+/// | .15, .05, .12 | .034 .82 | .075 .93 |
+/// | a marching-cubes mesh | .023 1.65 | .088 4.27 |
 pub(super) const NEAR_SMOOTH: f32 = 0.15;
 pub(super) const NEAR_BENT: f32 = 0.05;
 

@@ -182,8 +182,8 @@ impl Kernel for FitKernel<'_> {
             };
             let gradient = jet.at([b.mean[0][i], b.mean[1][i], b.mean[2][i]]);
             b.near[i] = jet.near_crossings(gradient);
-            for a in 0..3 {
-                b.gradient[a][i] = gradient[a];
+            for (all, gradient) in b.gradient.iter_mut().zip(gradient) {
+                all[i] = gradient;
             }
         }
         for i in 0..len {
@@ -206,8 +206,8 @@ impl Kernel for FitKernel<'_> {
 #[inline(always)]
 fn find_crossings(b: &mut Batch, len: usize) {
     for (c, depths) in b.depth.iter_mut().enumerate() {
-        for i in 0..len {
-            depths[i] = signed_depth(depths[i], b.mask[i] >> c & 1 == 1);
+        for (depth, mask) in depths[..len].iter_mut().zip(&b.mask[..len]) {
+            *depth = signed_depth(*depth, mask >> c & 1 == 1);
         }
     }
     let (mut sum, mut count) = ([[0.0; BATCH]; 3], [0.0; BATCH]);
