@@ -3,6 +3,8 @@
 //!
 //! `INFOBYTE_HARD` is how many times as many rays are tried; `scripts/visible.sh` tries ten million.
 
+#![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "samples are clamped to bytes")]
+
 #[path = "support/command.rs"]
 mod command;
 #[path = "support/data.rs"]

@@ -1,4 +1,5 @@
 //! Sweeps against the rule, box by box.
+#![expect(clippy::cast_possible_truncation, reason = "places of a small grid")]
 
 use std::collections::BTreeSet;
 
