@@ -260,7 +260,7 @@ impl<'a, S: Solid> ColumnWorker<'a, S> {
             let bytes = &mut self.payload[..rows.len() * 8];
             seen.read_bytes(at, column.x.start as usize / 64, bytes).map_err(|e| seen.failed(e))?;
             for (word, seen) in rows.iter_mut().zip(bytes.as_chunks::<8>().0) {
-                let kept = *word & u64::from_ne_bytes(*seen);
+                let kept = *word & bytemuck::pod_read_unaligned::<u64>(seen);
                 self.hidden += u64::from((*word ^ kept).count_ones());
                 *word = kept;
             }

@@ -46,7 +46,7 @@ impl fmt::Display for ViewedFrom {
 }
 
 /// Parts of a direction that are this much smaller than its largest are rounded to nothing by the rays of pictures.
-const NOTHING: f64 = 1.0 / (1_u64 << 32) as f64;
+const NOTHING: f64 = 1.0 / 4_294_967_296.0;
 
 /// The ways of all rays from these places, through a grid of boxes of this size.
 ///
@@ -124,7 +124,29 @@ impl<'a> Search<'a> {
         most as u64 * Pass::bytes(self.occupancy.row_words, dims.ny())
     }
 
-    /// Follows the ways of a group, and sets the boxes that it sees.
+    /// Does the eye of a way lie in the solid? Its rays meet the surface from within then.
+    fn is_in_solid(&self, way: &Way) -> Result<bool, BuildError> {
+        let Some(eye) = way.eye.filter(|_| way.within) else { return Ok(false) };
+        let dims = self.occupancy.dims().to_array();
+        // Cell i lies between samples i - 1 and i.
+        let before = i64::from(self.is_cells);
+        for corner in 0..8_i64 {
+            let at = [0, 1, 2].map(|a| eye[a] - before * (corner >> a & 1));
+            let [Ok(x), Ok(y), Ok(z)] = at.map(u32::try_from) else { return Ok(false) };
+            if x >= dims[0] || y >= dims[1] || z >= dims[2] {
+                return Ok(false);
+            }
+            let mut word = [0];
+            let row = self.occupancy.row(y, z);
+            self.occupancy.read(row, x as usize / 64, &mut word).map_err(|e| self.occupancy.failed(e))?;
+            if word[0] >> (x % 64) & 1 == 0 {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Follows the ways of a group, and sets the boxes that it sees; all of them from within the solid.
     pub(super) fn follow(&self, back: bool, seen: &BitVolume, advance: &dyn Fn()) -> Result<(), BuildError> {
         let ways: Vec<Way> = self.group(back).collect();
         let dims = self.occupancy.dims();
@@ -132,6 +154,12 @@ impl<'a> Search<'a> {
         else {
             return Ok(());
         };
+        for way in &ways {
+            if self.is_in_solid(way)? {
+                let row = vec![u64::MAX; seen.row_words];
+                return (0..seen.rows()).try_for_each(|number| seen.write(number, 0, &row));
+            }
+        }
         let slices = BitVolume::create(seen.folder(), slots)?;
         let pass = |(slot, way)| Pass::new(way, self.occupancy, self.is_cells, (&slices, slot), seen);
         let mut passes: Vec<Pass<'_>> = (0..).zip(ways).map(pass).collect();

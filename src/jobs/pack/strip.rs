@@ -2,7 +2,7 @@
 //!
 //! Channels and means that stay are copied. Where fine levels go, the boxes of the finest level that stays become the
 //! voxels: their items are the means of all voxels within, and the means of coarser nodes are made anew from those.
-//! Everything is read and written from front to back. Memory: that of [`crate::load::verify`], under 3 MiB for any
+//! Everything is read and written from front to back. Memory: that of [`crate::load::verify()`], under 3 MiB for any
 //! model. Cost: the model is verified, then read once or twice more.
 
 use std::fs::File;
