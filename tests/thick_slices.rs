@@ -28,7 +28,7 @@ impl Samples {
         let mut depth = Vec::new();
         for z in 0..nz {
             volume.read_rows(z, 0..ny, 0..nx, &mut bytes).unwrap();
-            let samples = bytes.as_chunks().0.iter().map(|b| f64::from(u16::from_ne_bytes(*b)));
+            let samples = bytes.as_chunks().0.iter().map(|b| f64::from(u16::from_le_bytes(*b)));
             depth.extend(samples.map(|v| info.rescale.apply(v) - threshold));
         }
         let to_world = info.affine;

@@ -202,7 +202,8 @@ mod tests {
                     });
                     assert_eq!(found >> bit & 1 == 1, there, "{side}: {cell:?} bit {bit}");
                 }
-                let code = morton::encode(cell[0] as u32, cell[1] as u32, cell[2] as u32);
+                let [x, y, z] = cell.map(|c| u32::try_from(c).unwrap());
+                let code = morton::encode(x, y, z);
                 let at = codes.binary_search(&code).ok().map(|at| tree.node_count() + at as u64);
                 assert_eq!(number, at, "{side}: {cell:?}");
             }

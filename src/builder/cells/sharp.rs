@@ -207,6 +207,7 @@ struct Sums {
 /// Normals of the planes that fit the crossings best, near the directions in `normal`: that of least squares among
 /// the guess of length 1 plus something at right angles to it, which is held small.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "an item indexes several arrays")]
 fn fit_near(s: &mut Sharp, len: usize) {
     let mut basis = [[[0.0; BATCH]; 3]; 2];
     for i in 0..len {

@@ -143,6 +143,7 @@ fn walk<V: NodeView>(
 
 /// A box as what the ray hits. Where its line passes by the box, the hit is where it is nearest to it.
 #[expect(clippy::cast_precision_loss, reason = "all below 2^53")]
+#[expect(clippy::needless_range_loop, reason = "an axis indexes several arrays")]
 fn struck(ray: &Ray, box_number: u64, cell: [u32; 3], edge_log2: u32) -> Hit {
     let edge = 1_i64 << edge_log2;
     let (mut enter, mut leave) = (None::<(usize, i64, f64)>, f64::INFINITY);
