@@ -221,12 +221,16 @@ impl Job<'_> {
         let shared = ScanContext { solid, channels, kept: self.kept(solid), plan, scratch, seen };
         self.progress.stage("scan", plan.column_count());
         let totals = Mutex::new(ScanTotals::default());
-        self.columns(&shared, &|worker, column| worker.scan(column), &|worker| {
-            let own = worker.finish()?;
-            let mut all = totals.lock().unwrap_or_else(PoisonError::into_inner);
-            *all = all.join(own);
-            Ok(())
-        })?;
+        self.columns(
+            &shared,
+            |worker, column| worker.scan(column),
+            |worker| {
+                let own = worker.finish()?;
+                let mut all = totals.lock().unwrap_or_else(PoisonError::into_inner);
+                *all = all.join(own);
+                Ok(())
+            },
+        )?;
         Ok(totals.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
@@ -241,8 +245,8 @@ impl Job<'_> {
     fn columns<'a, S: Solid>(
         &self,
         shared: &'a ScanContext<'a, S>,
-        work: &(dyn Fn(&mut ColumnWorker<'a, S>, &VoxelBox) -> Result<(), BuildError> + Sync),
-        finish: &(dyn Fn(ColumnWorker<'a, S>) -> Result<(), BuildError> + Sync),
+        work: impl Fn(&mut ColumnWorker<'a, S>, &VoxelBox) -> Result<(), BuildError> + Sync,
+        finish: impl Fn(ColumnWorker<'a, S>) -> Result<(), BuildError> + Sync,
     ) -> Result<(), BuildError> {
         let (plan, next) = (shared.plan, AtomicU64::new(0));
         parallel::run_stage(plan.threads, self.options.memory, &|stop| {
@@ -275,7 +279,7 @@ impl Job<'_> {
         let occupancy = BitVolume::create(&folder, dims)?;
         let shared = ScanContext { solid, channels, kept: self.kept(solid), plan, scratch, seen: None };
         self.progress.stage("occupancy", plan.column_count());
-        self.columns(&shared, &|worker, column| worker.store_occupancy(column, &occupancy), &|_| Ok(()))?;
+        self.columns(&shared, |worker, column| worker.store_occupancy(column, &occupancy), |_| Ok(()))?;
 
         let affine = Affine { rows: solid.metadata(&Found::default()).affine };
         let is_cells = solid.surface() == SurfaceKind::Cells;
