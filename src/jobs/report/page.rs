@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Report;
 use super::plot::{Point, Series, escaped, scatter, short, standalone};
-use super::rows::{Costs, Experiment, Metric};
+use super::rows::{Costs, Experiment};
 
 const HEAD: &str = r#"<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">
@@ -123,16 +123,10 @@ fn series(experiment: &Experiment) -> Vec<Series> {
 }
 
 fn table(experiment: &Experiment, html: &mut String) {
-    let costs: Vec<usize> = (0..Costs::NAMES.len())
-        .filter(|c| experiment.rows.iter().any(|row| row.costs.values()[*c].is_some()))
-        .collect();
-    let metrics: Vec<Metric> = Metric::ALL
-        .into_iter()
-        .filter(|m| experiment.rows.iter().any(|row| row.errors.get(*m).is_some()))
-        .collect();
+    let columns = experiment.columns();
     html.push_str("<div class=\"wide\"><table><thead><tr><th>subject</th><th>choice</th>");
-    for title in costs.iter().map(|c| Costs::TITLES[*c]).chain(metrics.iter().map(|m| m.title())) {
-        let _ = write!(html, "<th>{}</th>", escaped(title));
+    for column in &columns {
+        let _ = write!(html, "<th>{}</th>", escaped(column.title()));
     }
     html.push_str("</tr></thead><tbody>\n");
     for row in &experiment.rows {
@@ -140,10 +134,8 @@ fn table(experiment: &Experiment, html: &mut String) {
         let choice = if row.usual { format!("<b>{choice}</b>") } else { choice };
         let class = if row.on_front { " class=\"on\"" } else { "" };
         let _ = write!(html, "<tr{class}><td>{}</td><td>{choice}</td>", escaped(&row.subject));
-        let values =
-            costs.iter().map(|c| row.costs.values()[*c]).chain(metrics.iter().map(|m| row.errors.get(*m)));
-        for value in values {
-            let _ = write!(html, "<td>{}</td>", value.map(short).unwrap_or_default());
+        for column in &columns {
+            let _ = write!(html, "<td>{}</td>", column.of(row).map(short).unwrap_or_default());
         }
         html.push_str("</tr>\n");
     }

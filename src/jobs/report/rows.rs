@@ -180,7 +180,38 @@ pub(super) fn mark_fronts(all: &mut [Experiment]) {
     }
 }
 
+/// A column of a table of numbers.
+#[derive(Clone, Copy)]
+pub(super) enum Column {
+    /// One of [`Costs::NAMES`].
+    Cost(usize),
+    Error(Metric),
+}
+
+impl Column {
+    pub(super) fn title(self) -> &'static str {
+        match self {
+            Self::Cost(cost) => Costs::TITLES[cost],
+            Self::Error(metric) => metric.title(),
+        }
+    }
+
+    pub(super) fn of(self, row: &Row) -> Option<f64> {
+        match self {
+            Self::Cost(cost) => row.costs.values()[cost],
+            Self::Error(metric) => row.errors.get(metric),
+        }
+    }
+}
+
 impl Experiment {
+    /// The columns of what at least one row has.
+    pub(super) fn columns(&self) -> Vec<Column> {
+        let costs = (0..Costs::NAMES.len()).map(Column::Cost);
+        let all = costs.chain(Metric::ALL.into_iter().map(Column::Error));
+        all.filter(|column| self.rows.iter().any(|row| column.of(row).is_some())).collect()
+    }
+
     /// One JSON object.
     pub fn json(&self) -> Value {
         let rows: Vec<Value> = self.rows.iter().map(Row::json).collect();
