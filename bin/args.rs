@@ -15,6 +15,7 @@ mod volume;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use infobyte::export::ExportForm;
 use infobyte::format::Channels;
 
 pub(crate) use picture::{RenderArgs, Shading, ThumbnailArgs};
@@ -54,6 +55,9 @@ pub(crate) enum Command {
     /// Leave channels or fine levels out of a model
     #[command(after_help = examples::STRIP)]
     Strip(StripArgs),
+    /// Write a model as triangles, points or a mask, for other programs
+    #[command(after_help = examples::EXPORT)]
+    Export(ExportArgs),
     /// Render a picture of a model
     #[command(after_help = examples::RENDER)]
     Render(RenderArgs),
@@ -88,6 +92,7 @@ impl Command {
             Self::Verify(args) => args.json,
             Self::Pack(args) | Self::Unpack(args) => args.json,
             Self::Strip(args) => args.files.json,
+            Self::Export(args) => args.json,
             Self::Render(args) => args.json,
             Self::Thumbnail(args) => args.json,
             Self::Demo(args) => args.json,
@@ -111,6 +116,29 @@ pub(crate) struct StripArgs {
     /// Keep the means of coarse nodes, where they are
     #[arg(long, value_enum, default_value_t = Switch::On)]
     pub(crate) lod: Switch,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ExportArgs {
+    /// The model (mapped or packed); - for standard input
+    #[arg(value_name = "MODEL.oct")]
+    pub(crate) model: PathBuf,
+    /// The file to write; - for standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// What to write: triangles (stl, ply, obj, glb), points (a PLY of the skin), or a mask (nrrd, nii, nii.gz); by
+    /// default what the name says
+    #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
+    pub(crate) form: Option<ExportForm>,
+    /// In a mask set only the skin, not what it encloses
+    #[arg(long)]
+    pub(crate) skin: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 #[derive(Debug, Args)]

@@ -30,6 +30,10 @@ pub(crate) enum Refusal {
     ForMeshes(&'static str),
     /// Standard input, or output, where it cannot be used.
     Dash(Dash),
+    /// A name that does not say what a model is to be exported as.
+    NoForm {
+        path: PathBuf,
+    },
     /// A name that says the file is of another kind than what is written.
     Suffix {
         path: PathBuf,
@@ -63,6 +67,7 @@ pub(crate) enum Dash {
 pub(crate) enum Written {
     Model,
     Picture,
+    Export,
 }
 
 impl From<Refusal> for Failure {
@@ -128,10 +133,18 @@ impl fmt::Display for Refusal {
                 }
                 Dash::Terminal => "the output is not for a terminal; send it into a file or another command",
             },
+            Self::NoForm { path } => {
+                return write!(
+                    f,
+                    "{}: does not say what to write; name it .stl, .ply, .obj, .glb, .nrrd, .nii or .nii.gz, or choose with --as",
+                    shown(path)
+                );
+            }
             Self::Suffix { path, written } => {
                 let (this, other) = match written {
                     Written::Model => ("a model", "MODEL.oct"),
                     Written::Picture => ("a PNG picture", "IMAGE.png"),
+                    Written::Export => ("an export", "FILE.stl"),
                 };
                 return write!(
                     f,

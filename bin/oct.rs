@@ -14,9 +14,11 @@ use std::process::ExitCode;
 use clap::Parser;
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
+use infobyte::export::ExportForm;
 use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
+use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::report::ReportRequest;
@@ -104,6 +106,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
                 StripRequest { channels: args.channels, levels: args.levels, lod: args.lod == Switch::On };
             pack_with(&args.files, |input, output| pack::strip(input, output, &request))
         }
+        Command::Export(args) => export(&args),
         Command::Render(args) => render(&args),
         Command::Thumbnail(args) => thumbnail(&args),
         Command::Demo(args) => demo(&args),
@@ -322,6 +325,24 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
         (None, Some(_)) => Err(Refusal::NoDims),
         (Some(_), None) => Err(Refusal::NoType),
     }
+}
+
+fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
+    let by_name = args.output.file_name().and_then(|name| ExportForm::of(&name.to_string_lossy()));
+    let Some(form) = args.form.or(by_name) else {
+        return Err(Refusal::NoForm { path: args.output.clone() }.into());
+    };
+    let output = Output::of(&args.output, Written::Export, true, args.json)?;
+    let model = Input::of(&args.model)?;
+    bus::tell_of(&args.model, args.json);
+    let bars = Bars::new(args.quiet || args.json);
+    let request = ExportRequest { form, skin_only: args.skin };
+    let report = jobs::export::export(model.path(), output.path(), request, &bars);
+    bars.finish();
+    let mut report = report?;
+    (report.input, report.output) = (data(&args.model), data(&args.output));
+    let text = || if args.quiet { String::new() } else { report.text() };
+    output.finish(|| print(args.json, || report.json(), text))
 }
 
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {

@@ -117,6 +117,8 @@ fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Refusa
     let foreign = match written {
         Written::Model => "png",
         Written::Picture => "oct",
+        // The name chooses the kind.
+        Written::Export => return Ok(()),
     };
     if !force && (suffix == foreign || OTHERS.contains(&suffix.as_str())) {
         return Err(Refusal::Suffix { path: path.to_path_buf(), written });

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use crate::builder::BuildError;
 use crate::clean::CleanError;
 use crate::exit::ExitKind;
+use crate::export::ExportFault;
 use crate::facts::SourceError;
 use crate::format::{Channel, FormatError};
 use crate::load::LoadError;
@@ -73,6 +74,13 @@ pub enum UsageError {
         path: PathBuf,
         /// Why not.
         fault: StripFault,
+    },
+    /// A format cannot hold a model.
+    Export {
+        /// The output.
+        path: PathBuf,
+        /// Why not.
+        fault: ExportFault,
     },
     /// A synthetic head of this size cannot be made.
     HeadSize {

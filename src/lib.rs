@@ -89,8 +89,10 @@ mod codec;
 #[path = "../tests/support/compress.rs"]
 mod compress;
 mod cpu;
+mod enclosed;
 pub mod error;
 mod exit;
+pub mod export;
 pub mod facts;
 pub mod format;
 pub mod geom;

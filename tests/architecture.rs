@@ -54,6 +54,8 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("mesh", &["budget", "builder", "facts", "format", "geom", "scratch", "stamp"]),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark"]),
+    ("enclosed", &["format", "geom", "load"]),
+    ("export", &["enclosed", "format", "geom", "load", "progress", "render", "scratch"]),
     (
         "jobs",
         &[
@@ -64,8 +66,10 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "clean",
             "codec",
             "cpu",
+            "enclosed",
             "error",
             "exit",
+            "export",
             "facts",
             "format",
             "geom",
@@ -80,7 +84,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "volume",
         ],
     ),
-    ("error", &["builder", "clean", "exit", "facts", "format", "load", "render"]),
+    ("error", &["builder", "clean", "exit", "export", "facts", "format", "load", "render"]),
 ];
 
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.

@@ -32,6 +32,10 @@ pub(crate) const STRIP: &str = "Examples:
   oct strip head.oct -o shape.oct --channels none
   oct strip head.oct -o small.oct --levels 2";
 
+pub(crate) const EXPORT: &str = "Examples:
+  oct export jaw.oct -o jaw.stl
+  oct export jaw.oct -o jaw.nii.gz";
+
 pub(crate) const RENDER: &str = "Examples:
   oct render head.oct -o head.png --view left --size 1600x1200
   oct render head.oct -o head.png --projection perspective --eye 0,-600,120 --look-at 0,0,0";

@@ -5,6 +5,7 @@ use std::ops::Range;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use infobyte::builder::{Connectivity, Gradient, ViewedFrom};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
+use infobyte::export::ExportForm;
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::render::picture::Traversal;
@@ -301,6 +302,11 @@ pub(super) fn views() -> impl TypedValueParser<Value = NamedView> {
 
 pub(super) fn projections() -> impl TypedValueParser<Value = Projection> {
     PossibleValuesParser::new(["parallel", "perspective"]).try_map(|name| name.parse())
+}
+
+pub(super) fn export_forms() -> impl TypedValueParser<Value = ExportForm> {
+    PossibleValuesParser::new(ExportForm::ALL.map(ExportForm::name))
+        .try_map(|name| ExportForm::ALL.into_iter().find(|form| form.name() == name).ok_or("no such form"))
 }
 
 pub(super) fn traversals() -> impl TypedValueParser<Value = Traversal> {

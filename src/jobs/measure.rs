@@ -1,27 +1,14 @@
 //! Extents, surface area and enclosed volume of a model, from its skin and normals alone.
 //!
-//! A model holds the skin: the inside voxels with an outside neighbour. What is neither skin nor reached from
-//! without by steps through faces is enclosed: either deep inside, or a cavity. The normals of the skin around it
-//! tell which, as they point out of the object.
-//!
-//! ```text
-//!   octree --32 slices at a time--> skin of a slice, in rows --> runs between skin voxels --> components
-//! ```
-//!
 //! Memory: the skin of 32 slices, and the runs of two. Cost: each node about once, and some 20 ns a run and a
 //! skin voxel.
 
+pub use crate::enclosed::Enclosed;
+use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
 use crate::format::normal;
-use crate::geom::{Affine, BoxIndex, Dims, Octant, VoxelIndex};
+use crate::geom::{Affine, Dims, VoxelIndex};
 use crate::load::NodeView;
 use crate::render::GridSpace;
-
-/// Slices that are taken from the octree at a time: a power of two.
-const SLAB: u32 = 32;
-
-/// A component is deep inside, or outside, if the normals around it agree to this much: the sum of their parts
-/// towards it against that of the sizes of these. Around a cavity in a wall one voxel thick they cancel.
-const AGREE: f64 = 0.3;
 
 /// The error of an area is what normals this far off would make of it, all to the same side (3 degrees).
 const NORMAL_ERROR_RAD: f64 = 0.052;
@@ -43,17 +30,6 @@ pub struct Measures {
     pub enclosed: Enclosed,
 }
 
-/// Voxels that the skin encloses.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Enclosed {
-    /// Inside the object.
-    pub inside: u64,
-    /// In cavities.
-    pub cavities: u64,
-    /// The normals around contradict each other, or there are none.
-    pub unknown: u64,
-}
-
 /// Measures a model; `None` for one without a voxel, without a volume, or damaged.
 pub fn measure<V: NodeView>(view: &V, dims: Dims, affine: &Affine) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
@@ -64,32 +40,24 @@ pub fn measure<V: NodeView>(view: &V, dims: Dims, affine: &Affine) -> Option<Mea
     };
     let box_mm = [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)));
     let voxels = extent(view)?;
-    let weights = Weights::new(affine, &space, view.cells().is_some());
-    let mut sweep = Sweep::new(voxels);
-    let mut slab = Slab::default();
+    let cells = view.cells().is_some();
+    let weights = Weights::new(affine, &space, cells);
+    let mut sweep = Sweep::new(voxels, Outward::new(cells, affine.spacing_mm()));
+    let mut slices = SkinSlices::new(view);
     let mut area = Area::default();
     let mut seen = 0;
     let has_normals = view.voxel_normal(VoxelIndex::new(0)).is_some();
-    sweep.slice(&[], &weights);
-    for first in (voxels[0][2] / SLAB * SLAB..voxels[1][2]).step_by(SLAB as usize) {
-        slab.fill(view, first)?;
-        for (z, skin) in (first..).zip(&mut slab.slices) {
-            if !(voxels[0][2]..voxels[1][2]).contains(&z) {
-                continue;
-            }
-            skin.sort_unstable();
-            seen += skin.len() as u64;
-            if seen > view.voxel_count() {
-                return None;
-            }
-            if has_normals {
-                skin.iter().for_each(|cell| area.add(&weights, cell.code()));
-            }
-            sweep.slice(skin, &weights);
+    sweep.slice(view, &[]);
+    for z in voxels[0][2]..voxels[1][2] {
+        let skin = slices.slice(z)?;
+        seen += skin.len() as u64;
+        for code in skin.iter().filter_map(|voxel| view.voxel_normal(voxel.voxel)) {
+            area.add(&weights, code);
         }
+        sweep.slice(view, skin);
     }
-    sweep.slice(&[], &weights);
-    let enclosed = sweep.finish();
+    sweep.slice(view, &[]);
+    let (enclosed, _) = sweep.finish();
     let (skin, each) = (count(seen), weights.voxel_mm3);
     let unknown = count(enclosed.unknown) / 2.0;
     // A surface of voxels lies on the outside of these, one of cells within them.
@@ -112,114 +80,6 @@ fn count(voxels: u64) -> f64 {
     voxels as f64
 }
 
-/// First voxel along each axis, and the one after the last.
-fn extent<V: NodeView>(view: &V) -> Option<[[u32; 3]; 2]> {
-    let (mut first, mut end) = ([0; 3], [0; 3]);
-    for (axis, (first, end)) in first.iter_mut().zip(&mut end).enumerate() {
-        *first = reach(view, axis, false)?;
-        *end = reach(view, axis, true)? + 1;
-    }
-    Some([first, end])
-}
-
-/// The least or greatest coordinate of a voxel along an axis. Visits the nodes of the side that is looked for
-/// first, and others only where these end before.
-fn reach<V: NodeView>(view: &V, axis: usize, high: bool) -> Option<u32> {
-    let mut best: Option<u32> = None;
-    let mut waiting = vec![(BoxIndex::ROOT, 0_u32, view.depth())];
-    let mut visits = 0_u64;
-    while let Some((number, low, level)) = waiting.pop() {
-        let edge = 1_u32 << level;
-        let most = if high { low + edge - 1 } else { low };
-        if best.is_some_and(|best| if high { most <= best } else { most >= best }) {
-            continue;
-        }
-        if level == 0 {
-            best = Some(low);
-            continue;
-        }
-        visits += 1;
-        if visits > view.node_count() {
-            return None;
-        }
-        for farther in [true, false] {
-            // The side that is looked for is put last, and taken first.
-            for octant in Octant::ALL {
-                let upper = octant.high()[axis] == 1;
-                if (upper == high) != farther
-                    && let Some(child) = view.child(number.node(), octant)
-                {
-                    waiting.push((child, low + u32::from(upper) * edge / 2, level - 1));
-                }
-            }
-        }
-    }
-    best
-}
-
-/// A skin voxel of a slice: y, x and the code of its normal; ordered by rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Cell(u64);
-
-impl Cell {
-    fn new(x: u32, y: u32, code: u16) -> Self {
-        Self(u64::from(y) << 32 | u64::from(x) << 16 | u64::from(code))
-    }
-
-    #[expect(clippy::cast_possible_truncation, reason = "fields of 32, 16 and 16 bits")]
-    fn parts(self) -> (u32, u32, u16) {
-        ((self.0 >> 16) as u32 & 0xffff, (self.0 >> 32) as u32, self.0 as u16)
-    }
-
-    fn code(self) -> u16 {
-        self.parts().2
-    }
-}
-
-/// The skin of some slices.
-#[derive(Default)]
-struct Slab {
-    slices: [Vec<Cell>; SLAB as usize],
-}
-
-impl Slab {
-    /// Takes the slices from `first` on out of the octree; `None` where that visits more nodes than there are.
-    fn fill<V: NodeView>(&mut self, view: &V, first: u32) -> Option<()> {
-        self.slices.iter_mut().for_each(Vec::clear);
-        let mut left = view.node_count() + 1;
-        self.descend(view, BoxIndex::ROOT, [0; 3], view.depth(), first, &mut left)
-    }
-
-    fn descend<V: NodeView>(
-        &mut self,
-        view: &V,
-        number: BoxIndex,
-        low: [u32; 3],
-        level: u32,
-        first: u32,
-        left: &mut u64,
-    ) -> Option<()> {
-        if level == 0 {
-            let code = view.voxel_normal(number.voxel(view.node_count())).unwrap_or(0);
-            let slice = self.slices.get_mut((low[2] - first) as usize)?;
-            slice.push(Cell::new(low[0], low[1], code));
-            return Some(());
-        }
-        *left = left.checked_sub(1)?;
-        let infobyte = view.infobyte(number.node());
-        let child = view.first_child(number.node());
-        let half = 1_u32 << (level - 1);
-        for octant in Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)) {
-            let high = octant.high();
-            let at: [u32; 3] = std::array::from_fn(|a| low[a] + high[a] * half);
-            if at[2] < first + SLAB && at[2] + half > first {
-                self.descend(view, child.after(octant.rank_in(infobyte)), at, level - 1, first, left)?;
-            }
-        }
-        Some(())
-    }
-}
-
 /// What a voxel, or a cell, counts for.
 struct Weights {
     /// Are the boxes cells? Then normals are of index space.
@@ -227,7 +87,6 @@ struct Weights {
     voxel_mm3: f64,
     columns: [[f64; 3]; 3],
     space: GridSpace,
-    spacing_mm: [f64; 3],
 }
 
 impl Weights {
@@ -237,17 +96,7 @@ impl Weights {
             voxel_mm3: affine.determinant().abs(),
             columns: [0, 1, 2].map(|axis| affine.column(axis)),
             space: space.clone(),
-            spacing_mm: affine.spacing_mm(),
         }
-    }
-
-    /// A normal in voxels instead of millimetres, its components scaled to a sum of sizes of 1; zeros for none.
-    fn in_voxels(&self, code: u16) -> [f64; 3] {
-        let n = normal::decode_l1(code).map(f64::from);
-        let scale = |a: usize| if self.cells { 1.0 } else { self.spacing_mm[a] };
-        let n: [f64; 3] = std::array::from_fn(|a| n[a] * scale(a));
-        let size = n.iter().map(|c| c.abs()).sum::<f64>();
-        if size > 0.0 && size.is_finite() { n.map(|c| c / size) } else { [0.0; 3] }
     }
 }
 
@@ -283,277 +132,6 @@ impl Area {
         let cosine = (along[axis] / length).min(1.0);
         self.sum += part;
         self.error += part * NORMAL_ERROR_RAD * (1.0 - cosine * cosine).sqrt() / cosine;
-    }
-}
-
-/// Voxels between two skin voxels of a row, or between one and the border: from `start` up to `end`.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    start: u32,
-    end: u32,
-    component: u32,
-}
-
-/// One slice: skin and runs, row by row, in coordinates from one voxel before the first skin voxel on.
-#[derive(Default)]
-struct Slice {
-    skin: Vec<(u32, [f32; 3])>,
-    skin_rows: Vec<u32>,
-    runs: Vec<Run>,
-    run_rows: Vec<u32>,
-}
-
-impl Slice {
-    fn skin_of(&self, row: usize) -> &[(u32, [f32; 3])] {
-        within(&self.skin, &self.skin_rows, row)
-    }
-
-    fn runs_of(&self, row: usize) -> &[Run] {
-        within(&self.runs, &self.run_rows, row)
-    }
-}
-
-fn within<'a, T>(all: &'a [T], rows: &[u32], row: usize) -> &'a [T] {
-    match (rows.get(row), rows.get(row + 1)) {
-        (Some(from), Some(to)) => all.get(*from as usize..*to as usize).unwrap_or_default(),
-        _ => &[],
-    }
-}
-
-/// Connected voxels that are not skin.
-#[derive(Clone, Copy, Debug, Default)]
-struct Component {
-    /// The component that it was joined with, or itself.
-    parent: u32,
-    outer: bool,
-    voxels: u64,
-    /// Sum of the parts of the normals around it towards it, and of the sizes of these.
-    toward: f64,
-    size: f64,
-}
-
-/// Follows the components from slice to slice; of those that end, only the numbers of voxels stay.
-struct Sweep {
-    low: [u32; 2],
-    width: u32,
-    height: usize,
-    before: Slice,
-    components: Vec<Component>,
-    found: Enclosed,
-    begun: bool,
-}
-
-impl Sweep {
-    fn new([low, end]: [[u32; 3]; 2]) -> Self {
-        Self {
-            low: [low[0], low[1]],
-            width: end[0] - low[0] + 2,
-            height: (end[1] - low[1] + 2) as usize,
-            before: Slice::default(),
-            components: Vec::new(),
-            found: Enclosed::default(),
-            begun: false,
-        }
-    }
-
-    /// Takes the next slice, its skin in rows.
-    fn slice(&mut self, skin: &[Cell], weights: &Weights) {
-        let mut slice = Slice::default();
-        let mut cells = skin.iter().copied().peekable();
-        for row in 0..self.height {
-            slice.skin_rows.push(index(slice.skin.len()));
-            slice.run_rows.push(index(slice.runs.len()));
-            let first = slice.runs.len();
-            let mut start = 0;
-            while let Some((x, y, code)) = cells.peek().map(|cell| cell.parts()) {
-                if (y - self.low[1] + 1) as usize != row {
-                    break;
-                }
-                cells.next();
-                let x = x - self.low[0] + 1;
-                if x > start {
-                    slice.runs.push(Run { start, end: x, component: 0 });
-                }
-                start = x + 1;
-                #[expect(clippy::cast_possible_truncation, reason = "parts of a direction")]
-                slice.skin.push((x, weights.in_voxels(code).map(|c| c as f32)));
-            }
-            if start < self.width {
-                slice.runs.push(Run { start, end: self.width, component: 0 });
-            }
-            self.connect(&mut slice, row, first);
-        }
-        slice.skin_rows.push(index(slice.skin.len()));
-        slice.run_rows.push(index(slice.runs.len()));
-        self.vote(&slice);
-        self.settle(&mut slice);
-        self.before = slice;
-        self.begun = true;
-    }
-
-    /// Gives the runs of a row, from run `first` on, their components: those that they touch.
-    fn connect(&mut self, slice: &mut Slice, row: usize, first: usize) {
-        let (known, new) = slice.runs.split_at_mut(first);
-        let above = match row {
-            0 => &[][..],
-            _ => known.get(slice.run_rows[row - 1] as usize..).unwrap_or_default(),
-        };
-        let behind = self.before.runs_of(row);
-        let (mut a, mut b) = (0, 0);
-        for run in new {
-            let mut component = None;
-            for (others, at) in [(above, &mut a), (behind, &mut b)] {
-                while others.get(*at).is_some_and(|other| other.end <= run.start) {
-                    *at += 1;
-                }
-                for other in others[*at..].iter().take_while(|other| other.start < run.end) {
-                    component = Some(match component {
-                        None => root(&mut self.components, other.component),
-                        Some(known) => join(&mut self.components, known, other.component),
-                    });
-                }
-            }
-            let component = component.unwrap_or_else(|| {
-                let new = index(self.components.len());
-                let outer = !self.begun;
-                self.components.push(Component { parent: new, outer, ..Component::default() });
-                new
-            });
-            run.component = component;
-            if let Some(found) = self.components.get_mut(component as usize) {
-                found.voxels += u64::from(run.end - run.start);
-            }
-        }
-    }
-
-    /// Adds the parts of normals towards the runs beside them.
-    fn vote(&mut self, slice: &Slice) {
-        for row in 0..self.height {
-            let (skin, runs) = (slice.skin_of(row), slice.runs_of(row));
-            let mut at = 0;
-            for (x, n) in skin {
-                while runs.get(at).is_some_and(|run| run.end < *x) {
-                    at += 1;
-                }
-                if let Some(run) = runs.get(at).filter(|run| run.end == *x) {
-                    tell(&mut self.components, run.component, -n[0]);
-                    at += 1;
-                }
-                if let Some(run) = runs.get(at).filter(|run| run.start == x + 1) {
-                    tell(&mut self.components, run.component, n[0]);
-                }
-            }
-            if row > 0 {
-                tell_all(&mut self.components, skin, slice.runs_of(row - 1), |n| -n[1]);
-                tell_all(&mut self.components, slice.skin_of(row - 1), runs, |n| n[1]);
-            }
-            tell_all(&mut self.components, skin, self.before.runs_of(row), |n| -n[2]);
-            tell_all(&mut self.components, self.before.skin_of(row), runs, |n| n[2]);
-        }
-    }
-
-    /// Numbers the components of the slice anew and counts those that do not reach it.
-    fn settle(&mut self, slice: &mut Slice) {
-        let mut names = vec![u32::MAX; self.components.len()];
-        let mut kept: Vec<Component> = Vec::new();
-        for run in &mut slice.runs {
-            let root = root(&mut self.components, run.component) as usize;
-            if names[root] == u32::MAX {
-                names[root] = index(kept.len());
-                kept.push(Component { parent: index(kept.len()), ..self.components[root] });
-            }
-            run.component = names[root];
-        }
-        for (at, component) in self.components.iter().enumerate() {
-            if names[at] == u32::MAX && component.parent as usize == at {
-                self.found.add(component);
-            }
-        }
-        self.components = kept;
-    }
-
-    fn finish(mut self) -> Enclosed {
-        for (at, component) in self.components.iter().enumerate() {
-            if component.parent as usize == at {
-                self.found.add(component);
-            }
-        }
-        self.found
-    }
-}
-
-impl Enclosed {
-    fn add(&mut self, component: &Component) {
-        if component.outer {
-            return;
-        }
-        if component.toward > AGREE * component.size {
-            self.cavities += component.voxels;
-        } else if component.toward < -AGREE * component.size {
-            self.inside += component.voxels;
-        } else {
-            self.unknown += component.voxels;
-        }
-    }
-}
-
-/// Numbers of runs and components of one slice; a slice has at most 2^32 voxels, and runs lie between others.
-fn index(count: usize) -> u32 {
-    u32::try_from(count).unwrap_or(u32::MAX)
-}
-
-fn root(components: &mut [Component], mut at: u32) -> u32 {
-    while let Some(parent) = components.get(at as usize).map(|c| c.parent).filter(|parent| *parent != at) {
-        // Halving the path keeps it short.
-        let above = components.get(parent as usize).map_or(parent, |c| c.parent);
-        if let Some(component) = components.get_mut(at as usize) {
-            component.parent = above;
-        }
-        at = parent;
-    }
-    at
-}
-
-/// Joins two components; the lower number stays.
-fn join(components: &mut [Component], a: u32, b: u32) -> u32 {
-    let (a, b) = (root(components, a), root(components, b));
-    let (to, from) = (a.min(b), a.max(b));
-    if to != from
-        && let Some(part) = components.get(from as usize).copied()
-        && let Some(whole) = components.get_mut(to as usize)
-    {
-        whole.outer |= part.outer;
-        whole.voxels += part.voxels;
-        whole.toward += part.toward;
-        whole.size += part.size;
-        components[from as usize].parent = to;
-    }
-    to
-}
-
-fn tell(components: &mut [Component], component: u32, toward: f32) {
-    let at = root(components, component);
-    if let Some(component) = components.get_mut(at as usize) {
-        component.toward += f64::from(toward);
-        component.size += f64::from(toward.abs());
-    }
-}
-
-/// Tells the runs beside a row of skin what its normals say.
-fn tell_all(
-    components: &mut [Component],
-    skin: &[(u32, [f32; 3])],
-    runs: &[Run],
-    part: impl Fn(&[f32; 3]) -> f32,
-) {
-    let mut at = 0;
-    for (x, n) in skin {
-        while runs.get(at).is_some_and(|run| run.end <= *x) {
-            at += 1;
-        }
-        if let Some(run) = runs.get(at).filter(|run| run.start <= *x) {
-            tell(components, run.component, part(n));
-        }
     }
 }
 

@@ -7,6 +7,7 @@
 pub mod batch;
 pub mod build;
 pub mod demo;
+pub mod export;
 pub mod info;
 pub mod measure;
 pub mod mesh;

@@ -7,6 +7,7 @@ use super::system::writing;
 use crate::atomic::TargetFault;
 use crate::budget::Bytes;
 use crate::error::{Error, StripFault, UsageError};
+use crate::export::ExportFault;
 use crate::scratch::NoRoom;
 
 impl fmt::Display for Error {
@@ -74,9 +75,25 @@ impl fmt::Display for UsageError {
                     }
                 }
             }
+            Self::Export { path, fault } => write!(f, "{}: {fault}", shown(path)),
             Self::HeadSize { side } => {
                 write!(f, "a head of {side} voxels a side cannot be made; choose 1 to 65536")
             }
+        }
+    }
+}
+
+impl fmt::Display for ExportFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooLong { needed } => write!(
+                f,
+                "{needed} corners, triangles or bytes are more than the format can count; leave fine levels out of the model first, with oct strip --levels"
+            ),
+            Self::TooWide { side } => write!(
+                f,
+                "a side of {side} voxels is longer than NIfTI-1 can state (32767); write NRRD instead"
+            ),
         }
     }
 }

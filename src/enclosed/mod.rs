@@ -1,0 +1,65 @@
+//! What a skin encloses: a model holds the skin only, and what is deep inside follows from it.
+//!
+//! What is neither skin nor reached from without by steps through faces is enclosed: either deep inside, or a
+//! cavity. The normals of the skin around it tell which, as they point out of the object.
+//!
+//! ```text
+//!   octree --32 slices at a time--> skin of a slice, in rows --> runs between skin voxels --> components
+//! ```
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`skin`] | the skin of a model, slice by slice |
+//! | [`rows`] | items of a slice, row by row |
+//! | [`sweep`] | components of what is not skin, followed from slice to slice |
+//!
+//! "Voxel" stands for a box of the finest level, be it a voxel or a cell.
+
+mod rows;
+mod skin;
+mod sweep;
+
+pub(crate) use rows::Rows;
+pub(crate) use skin::{SkinSlices, SkinVoxel, extent};
+pub(crate) use sweep::Sweep;
+
+use crate::format::normal;
+
+/// Voxels that the skin encloses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Enclosed {
+    /// Inside the object.
+    pub inside: u64,
+    /// In cavities.
+    pub cavities: u64,
+    /// The normals around contradict each other, or there are none.
+    pub unknown: u64,
+}
+
+/// Where a part of the grid lies that is not skin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Side {
+    Outside,
+    Inside,
+}
+
+/// Normals as parts along the axes of the grid.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outward {
+    scale: [f64; 3],
+}
+
+impl Outward {
+    /// Normals of cells are of index space, those of voxels of millimetres along the volume's axes.
+    pub(crate) fn new(cells: bool, spacing_mm: [f64; 3]) -> Self {
+        Self { scale: if cells { [1.0; 3] } else { spacing_mm } }
+    }
+
+    /// The normal of a code in voxels, its components scaled to a sum of sizes of 1; zeros for none.
+    pub(crate) fn of(&self, code: u16) -> [f64; 3] {
+        let n = normal::decode_l1(code).map(f64::from);
+        let n: [f64; 3] = std::array::from_fn(|a| n[a] * self.scale[a]);
+        let size = n.iter().map(|c| c.abs()).sum::<f64>();
+        if size > 0.0 && size.is_finite() { n.map(|c| c / size) } else { [0.0; 3] }
+    }
+}

@@ -1,0 +1,59 @@
+//! Items of one slice, row by row.
+
+/// Items in rows, one after the other.
+#[derive(Clone, Debug)]
+pub(crate) struct Rows<T> {
+    items: Vec<T>,
+    ends: Vec<usize>,
+}
+
+impl<T> Default for Rows<T> {
+    fn default() -> Self {
+        Self { items: Vec::new(), ends: Vec::new() }
+    }
+}
+
+impl<T> Rows<T> {
+    /// Adds an item to the row that is being filled.
+    pub(crate) fn push(&mut self, item: T) {
+        self.items.push(item);
+    }
+
+    /// Ends the row that is being filled.
+    pub(crate) fn end_row(&mut self) {
+        self.ends.push(self.items.len());
+    }
+
+    /// Forgets all rows, and keeps the memory.
+    pub(crate) fn clear(&mut self) {
+        self.items.clear();
+        self.ends.clear();
+    }
+
+    /// The items of a row; none where there is no such row.
+    pub(crate) fn row(&self, row: usize) -> &[T] {
+        let start = row.checked_sub(1).map_or(Some(0), |before| self.ends.get(before).copied());
+        match (start, self.ends.get(row)) {
+            (Some(start), Some(end)) => self.items.get(start..*end).unwrap_or_default(),
+            _ => &[],
+        }
+    }
+
+    /// All items, to be changed.
+    pub(crate) fn items_mut(&mut self) -> &mut [T] {
+        &mut self.items
+    }
+
+    /// Where the row that is being filled begins.
+    fn open_row(&self) -> usize {
+        self.ends.last().copied().unwrap_or(0)
+    }
+
+    /// The items of the row that was ended last, and those of the row that is being filled.
+    pub(crate) fn last_and_open(&mut self) -> (&[T], &mut [T]) {
+        let open = self.open_row();
+        let start = self.ends.len().checked_sub(2).and_then(|before| self.ends.get(before)).copied();
+        let (done, filled) = self.items.split_at_mut(open);
+        (done.get(start.unwrap_or(0)..).unwrap_or_default(), filled)
+    }
+}

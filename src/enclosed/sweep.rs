@@ -1,0 +1,383 @@
+//! Components of what is not skin, followed from slice to slice.
+//!
+//! Memory: two slices of runs, and the components that reach the last of them. A sweep that keeps the fates of all
+//! components, for a second one that needs them, takes 5 bytes more for each that ever was.
+
+use super::{Enclosed, Outward, Rows, Side, SkinVoxel};
+use crate::geom::VoxelIndex;
+use crate::load::NodeView;
+
+/// A component is deep inside, or outside, if the normals around it agree to this much: the sum of their parts
+/// towards it against that of the sizes of these. Around a cavity in a wall one voxel thick they cancel.
+const AGREE: f64 = 0.3;
+
+/// Voxels between two skin voxels of a row, or between one and the border: from `start` up to `end`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Run {
+    pub(crate) start: u32,
+    pub(crate) end: u32,
+    component: u32,
+}
+
+/// A skin voxel of a row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SkinItem {
+    pub(crate) x: u32,
+    pub(crate) voxel: VoxelIndex,
+    /// Its normal in voxels; zeros for none.
+    outward: [f32; 3],
+}
+
+/// One slice: skin and runs, row by row, in coordinates from one voxel before the first skin voxel on.
+#[derive(Debug, Default)]
+pub(crate) struct Slice {
+    pub(crate) skin: Rows<SkinItem>,
+    pub(crate) runs: Rows<Run>,
+}
+
+/// Connected voxels that are not skin.
+#[derive(Clone, Copy, Debug, Default)]
+struct Component {
+    /// The component that it was joined with, or itself.
+    parent: u32,
+    /// Its name for the whole sweep, once a slice is done.
+    name: Option<u32>,
+    outer: bool,
+    voxels: u64,
+    /// Sum of the parts of the normals around it towards it, and of the sizes of these.
+    toward: f64,
+    size: f64,
+}
+
+/// What becomes of every component of a sweep: which it is joined with later, and where it lies.
+#[derive(Debug, Default)]
+pub(crate) struct Fates {
+    parents: Vec<u32>,
+    sides: Vec<Option<Side>>,
+}
+
+impl Fates {
+    fn root(&self, mut name: u32) -> u32 {
+        // A name's parent is smaller, so this ends.
+        while let Some(parent) = self.parents.get(name as usize).filter(|parent| **parent < name) {
+            name = *parent;
+        }
+        name
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        if let Some(parent) = self.parents.get_mut(a.max(b) as usize) {
+            *parent = a.min(b);
+        }
+    }
+
+    fn settle(&mut self, name: u32, side: Side) {
+        let root = self.root(name) as usize;
+        if let Some(known) = self.sides.get_mut(root) {
+            *known = Some(side);
+        }
+    }
+
+    /// Every name's own side, so that nothing has to be looked for later.
+    fn flatten(&mut self) {
+        for name in 0..self.parents.len() {
+            // Parents are smaller, and were done before.
+            let parent = self.parents[name] as usize;
+            self.sides[name] = self.sides.get(parent).copied().flatten();
+        }
+        self.parents = Vec::new();
+    }
+}
+
+/// How a sweep uses fates.
+#[derive(Debug)]
+enum History {
+    /// Not at all.
+    Forgotten,
+    /// It writes them.
+    Kept(Fates),
+    /// It reads those of a sweep before.
+    Known(Fates),
+}
+
+/// Follows the components from slice to slice; of those that end, only the numbers of voxels stay.
+pub(crate) struct Sweep {
+    low: [u32; 2],
+    width: u32,
+    height: usize,
+    outward: Outward,
+    before: Slice,
+    components: Vec<Component>,
+    names: u32,
+    history: History,
+    found: Enclosed,
+    begun: bool,
+}
+
+impl Sweep {
+    /// A sweep over the slices of a box, from the one before its first to the one behind its last.
+    pub(crate) fn new([low, end]: [[u32; 3]; 2], outward: Outward) -> Self {
+        Self {
+            low: [low[0], low[1]],
+            width: end[0] - low[0] + 2,
+            height: (end[1] - low[1] + 2) as usize,
+            outward,
+            before: Slice::default(),
+            components: Vec::new(),
+            names: 0,
+            history: History::Forgotten,
+            found: Enclosed::default(),
+            begun: false,
+        }
+    }
+
+    /// The same, keeping what becomes of every component.
+    pub(crate) fn keeping_fates(self) -> Self {
+        Self { history: History::Kept(Fates::default()), ..self }
+    }
+
+    /// The same, knowing what becomes of every component.
+    pub(crate) fn knowing(self, fates: Fates) -> Self {
+        Self { history: History::Known(fates), ..self }
+    }
+
+    /// Rows of a slice.
+    pub(crate) fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Where a run lies, if the fates are known.
+    pub(crate) fn side(&self, run: Run) -> Side {
+        let History::Known(fates) = &self.history else { return Side::Outside };
+        let name = self.components.get(run.component as usize).and_then(|component| component.name);
+        let side = name.and_then(|name| fates.sides.get(name as usize).copied().flatten());
+        side.unwrap_or(Side::Outside)
+    }
+
+    /// The slice that was taken last.
+    pub(crate) fn last(&self) -> &Slice {
+        &self.before
+    }
+
+    /// Takes the next slice, its skin in rows.
+    pub(crate) fn slice<V: NodeView>(&mut self, view: &V, skin: &[SkinVoxel]) {
+        let mut slice = Slice::default();
+        let mut voxels = skin.iter().peekable();
+        for row in 0..self.height {
+            let mut start = 0;
+            while let Some(found) = voxels.next_if(|v| (v.y - self.low[1] + 1) as usize == row) {
+                let x = found.x - self.low[0] + 1;
+                if x > start {
+                    slice.runs.push(Run { start, end: x, component: 0 });
+                }
+                start = x + 1;
+                let code = view.voxel_normal(found.voxel);
+                #[expect(clippy::cast_possible_truncation, reason = "parts of a direction")]
+                let outward = code.map_or([0.0; 3], |code| self.outward.of(code).map(|c| c as f32));
+                slice.skin.push(SkinItem { x, voxel: found.voxel, outward });
+            }
+            if start < self.width {
+                slice.runs.push(Run { start, end: self.width, component: 0 });
+            }
+            self.connect(&mut slice, row);
+            slice.skin.end_row();
+            slice.runs.end_row();
+        }
+        self.vote(&slice);
+        self.settle(&mut slice);
+        self.before = slice;
+        self.begun = true;
+    }
+
+    /// Gives the runs of the row that was just filled their components: those that they touch.
+    fn connect(&mut self, slice: &mut Slice, row: usize) {
+        let (above, new) = slice.runs.last_and_open();
+        let behind = self.before.runs.row(row);
+        let (mut a, mut b) = (0, 0);
+        for run in new {
+            let mut component = None;
+            for (others, at) in [(above, &mut a), (behind, &mut b)] {
+                while others.get(*at).is_some_and(|other| other.end <= run.start) {
+                    *at += 1;
+                }
+                for other in others[*at..].iter().take_while(|other| other.start < run.end) {
+                    component = Some(match component {
+                        None => root(&mut self.components, other.component),
+                        Some(known) => join(&mut self.components, &mut self.history, known, other.component),
+                    });
+                }
+            }
+            let component = component.unwrap_or_else(|| {
+                let new = index(self.components.len());
+                let outer = !self.begun;
+                self.components.push(Component { parent: new, outer, ..Component::default() });
+                new
+            });
+            run.component = component;
+            if let Some(found) = self.components.get_mut(component as usize) {
+                found.voxels += u64::from(run.end - run.start);
+            }
+        }
+    }
+
+    /// Adds the parts of normals towards the runs beside them.
+    fn vote(&mut self, slice: &Slice) {
+        for row in 0..self.height {
+            let (skin, runs) = (slice.skin.row(row), slice.runs.row(row));
+            let mut at = 0;
+            for item in skin {
+                while runs.get(at).is_some_and(|run| run.end < item.x) {
+                    at += 1;
+                }
+                if let Some(run) = runs.get(at).filter(|run| run.end == item.x) {
+                    tell(&mut self.components, run.component, -item.outward[0]);
+                    at += 1;
+                }
+                if let Some(run) = runs.get(at).filter(|run| run.start == item.x + 1) {
+                    tell(&mut self.components, run.component, item.outward[0]);
+                }
+            }
+            if let Some(above) = row.checked_sub(1) {
+                tell_all(&mut self.components, skin, slice.runs.row(above), |n| -n[1]);
+                tell_all(&mut self.components, slice.skin.row(above), runs, |n| n[1]);
+            }
+            tell_all(&mut self.components, skin, self.before.runs.row(row), |n| -n[2]);
+            tell_all(&mut self.components, self.before.skin.row(row), runs, |n| n[2]);
+        }
+    }
+
+    /// Numbers the components of the slice anew and counts those that do not reach it.
+    fn settle(&mut self, slice: &mut Slice) {
+        let mut numbers = vec![u32::MAX; self.components.len()];
+        let mut kept: Vec<Component> = Vec::new();
+        for run in slice.runs.items_mut() {
+            let root = root(&mut self.components, run.component) as usize;
+            if numbers[root] == u32::MAX {
+                numbers[root] = index(kept.len());
+                let mut component = Component { parent: index(kept.len()), ..self.components[root] };
+                component.name = component.name.or_else(|| self.new_name());
+                kept.push(component);
+            }
+            run.component = numbers[root];
+        }
+        for (at, component) in self.components.iter().enumerate() {
+            if numbers[at] == u32::MAX && component.parent as usize == at {
+                self.found.add(component, &mut self.history);
+            }
+        }
+        self.components = kept;
+    }
+
+    fn new_name(&mut self) -> Option<u32> {
+        let name = self.names;
+        self.names = self.names.saturating_add(1);
+        if let History::Kept(fates) = &mut self.history {
+            fates.parents.push(name);
+            fates.sides.push(None);
+        }
+        Some(name)
+    }
+
+    /// What was found, after the last slice; and the fates, if they were kept.
+    pub(crate) fn finish(mut self) -> (Enclosed, Fates) {
+        for (at, component) in self.components.iter().enumerate() {
+            if component.parent as usize == at {
+                self.found.add(component, &mut self.history);
+            }
+        }
+        match self.history {
+            History::Kept(mut fates) => {
+                fates.flatten();
+                (self.found, fates)
+            }
+            _ => (self.found, Fates::default()),
+        }
+    }
+}
+
+impl Enclosed {
+    fn add(&mut self, component: &Component, history: &mut History) {
+        let Component { outer, toward, size, voxels, .. } = *component;
+        let side = if outer {
+            Side::Outside
+        } else if toward > AGREE * size {
+            self.cavities += voxels;
+            Side::Outside
+        } else if toward < -AGREE * size {
+            self.inside += voxels;
+            Side::Inside
+        } else {
+            self.unknown += voxels;
+            // The better guess; without normals, what is enclosed is taken as full.
+            if toward > 0.0 { Side::Outside } else { Side::Inside }
+        };
+        if let (History::Kept(fates), Some(name)) = (history, component.name) {
+            fates.settle(name, side);
+        }
+    }
+}
+
+/// Numbers of components of one slice; a slice has at most 2^32 voxels, and runs lie between others.
+fn index(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
+
+fn root(components: &mut [Component], mut at: u32) -> u32 {
+    while let Some(parent) = components.get(at as usize).map(|c| c.parent).filter(|parent| *parent != at) {
+        // Halving the path keeps it short.
+        let above = components.get(parent as usize).map_or(parent, |c| c.parent);
+        if let Some(component) = components.get_mut(at as usize) {
+            component.parent = above;
+        }
+        at = parent;
+    }
+    at
+}
+
+/// Joins two components; the lower number stays.
+fn join(components: &mut [Component], history: &mut History, a: u32, b: u32) -> u32 {
+    let (a, b) = (root(components, a), root(components, b));
+    let (to, from) = (a.min(b), a.max(b));
+    if to != from
+        && let Some(part) = components.get(from as usize).copied()
+        && let Some(whole) = components.get_mut(to as usize)
+    {
+        whole.outer |= part.outer;
+        whole.voxels += part.voxels;
+        whole.toward += part.toward;
+        whole.size += part.size;
+        whole.name = match (whole.name, part.name) {
+            (Some(a), Some(b)) => {
+                if let History::Kept(fates) = history {
+                    fates.join(a, b);
+                }
+                Some(a.min(b))
+            }
+            (a, b) => a.or(b),
+        };
+        components[from as usize].parent = to;
+    }
+    to
+}
+
+fn tell(components: &mut [Component], component: u32, toward: f32) {
+    let at = root(components, component);
+    if let Some(component) = components.get_mut(at as usize) {
+        component.toward += f64::from(toward);
+        component.size += f64::from(toward.abs());
+    }
+}
+
+/// Tells the runs beside a row of skin what its normals say.
+fn tell_all(components: &mut [Component], skin: &[SkinItem], runs: &[Run], part: impl Fn(&[f32; 3]) -> f32) {
+    let mut at = 0;
+    for item in skin {
+        while runs.get(at).is_some_and(|run| run.end <= item.x) {
+            at += 1;
+        }
+        if let Some(run) = runs.get(at).filter(|run| run.start <= item.x) {
+            tell(components, run.component, part(&item.outward));
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! The 256 ways in which eight samples lie inside or outside, and the surface's patches in a cube between them.
+//!
+//! A corner of a cube has bit 0, 1, 2 set where it is the high one along x, y, z; a case has bit i set where corner i
+//! is inside. Edge `4 a + i` runs along axis a; bit 0 and 1 of i say whether it is the high one along the two
+//! other axes, the lower of these first. Where a face has inside corners on a diagonal only, they are kept apart:
+//! the inside is connected through faces of voxels, as at marching cubes with one rule for all faces (Montani,
+//! Scateni, Scopigno 1994), so that the patches of neighbouring cubes fit together.
+
+/// No patch passes through this edge.
+pub(super) const NO_PATCH: u8 = u8::MAX;
+
+/// Edges of a cube.
+pub(super) const EDGES: usize = 12;
+
+/// The surface within a cube: which patch crosses each edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Case {
+    pub(super) patch_of: [u8; EDGES],
+    pub(super) patches: u8,
+}
+
+/// The other two axes, the lower first.
+pub(super) const fn others(axis: usize) -> [usize; 2] {
+    match axis {
+        0 => [1, 2],
+        1 => [0, 2],
+        _ => [0, 1],
+    }
+}
+
+/// The corners at the low and the high end of an edge.
+pub(super) const fn ends(edge: usize) -> [usize; 2] {
+    let (axis, at) = (edge / 4, edge % 4);
+    let [b, c] = others(axis);
+    let low = (at & 1) << b | (at >> 1) << c;
+    [low, low | 1 << axis]
+}
+
+/// The edge along `axis` that begins or ends in `corner`.
+pub(super) const fn edge_at(corner: usize, axis: usize) -> usize {
+    let [b, c] = others(axis);
+    4 * axis + (corner >> b & 1) + 2 * (corner >> c & 1)
+}
+
+pub(super) const fn is_inside(case: u8, corner: usize) -> bool {
+    case >> corner & 1 == 1
+}
+
+/// Does the surface cross an edge?
+pub(super) const fn is_crossed(case: u8, edge: usize) -> bool {
+    let [low, high] = ends(edge);
+    is_inside(case, low) != is_inside(case, high)
+}
+
+/// The corners of a face: `side` 0 or 1 along `axis`.
+pub(super) const fn face(axis: usize, side: usize) -> [usize; 4] {
+    let [b, c] = others(axis);
+    let first = side << axis;
+    [first, first | 1 << b, first | 1 << c, first | 1 << b | 1 << c]
+}
+
+/// Does a face have inside corners on one diagonal, and outside corners on the other?
+pub(super) const fn is_ambiguous(case: u8, axis: usize, side: usize) -> bool {
+    let [p, q, r, s] = face(axis, side);
+    is_inside(case, p) == is_inside(case, s)
+        && is_inside(case, q) == is_inside(case, r)
+        && is_inside(case, p) != is_inside(case, q)
+}
+
+/// All cases.
+pub(super) static CASES: [Case; 256] = all();
+
+const fn all() -> [Case; 256] {
+    let mut cases = [Case { patch_of: [NO_PATCH; EDGES], patches: 0 }; 256];
+    let mut case = 0;
+    while case < 256 {
+        cases[case] = patches(case as u8);
+        case += 1;
+    }
+    cases
+}
+
+/// Edges that the surface joins within a face are of one patch.
+const fn patches(case: u8) -> Case {
+    let mut patch_of = [NO_PATCH; EDGES];
+    let mut edge = 0;
+    while edge < EDGES {
+        if is_crossed(case, edge) {
+            patch_of[edge] = edge as u8;
+        }
+        edge += 1;
+    }
+    let mut face_number = 0;
+    while face_number < 6 {
+        let (axis, side) = (face_number / 2, face_number % 2);
+        let corners = face(axis, side);
+        let [b, c] = others(axis);
+        let ambiguous = is_ambiguous(case, axis, side);
+        // In each inside corner of an ambiguous face two crossed edges meet that are joined; else all there are.
+        let mut at = 0;
+        while at < 4 {
+            let corner = corners[at];
+            if ambiguous {
+                if is_inside(case, corner) {
+                    patch_of = joined(patch_of, edge_at(corner, b), edge_at(corner, c));
+                }
+            } else {
+                // The edges of the face: along b and c at this corner, and those at the opposite one.
+                let opposite = corner ^ (1 << b) ^ (1 << c);
+                patch_of = joined(patch_of, edge_at(corner, b), edge_at(corner, c));
+                patch_of = joined(patch_of, edge_at(corner, b), edge_at(opposite, b));
+                patch_of = joined(patch_of, edge_at(corner, c), edge_at(opposite, c));
+            }
+            at += 1;
+        }
+        face_number += 1;
+    }
+    numbered(patch_of)
+}
+
+/// Two crossed edges become one patch; others stay as they are.
+const fn joined(mut patch_of: [u8; EDGES], a: usize, b: usize) -> [u8; EDGES] {
+    let (from, to) = (patch_of[a], patch_of[b]);
+    if from == NO_PATCH || to == NO_PATCH {
+        return patch_of;
+    }
+    let mut edge = 0;
+    while edge < EDGES {
+        if patch_of[edge] == from {
+            patch_of[edge] = to;
+        }
+        edge += 1;
+    }
+    patch_of
+}
+
+/// Patches by numbers from 0 on, in the order of their first edges.
+const fn numbered(names: [u8; EDGES]) -> Case {
+    let mut patch_of = [NO_PATCH; EDGES];
+    let mut patches = 0;
+    let mut edge = 0;
+    while edge < EDGES {
+        if names[edge] != NO_PATCH && patch_of[edge] == NO_PATCH {
+            let mut other = edge;
+            while other < EDGES {
+                if names[other] == names[edge] {
+                    patch_of[other] = patches;
+                }
+                other += 1;
+            }
+            patches += 1;
+        }
+        edge += 1;
+    }
+    Case { patch_of, patches }
+}
+
+#[cfg(test)]
+#[expect(clippy::cast_possible_truncation, reason = "256 cases")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_cross_what_changes_sides_and_nothing_else() {
+        for case in 0..=255_u8 {
+            let found = CASES[usize::from(case)];
+            for edge in 0..EDGES {
+                assert_eq!(found.patch_of[edge] != NO_PATCH, is_crossed(case, edge), "{case} {edge}");
+            }
+            let most = found.patch_of.iter().filter(|p| **p != NO_PATCH).max();
+            assert_eq!(most.map_or(0, |p| p + 1), found.patches);
+            assert!(found.patches <= 4);
+        }
+    }
+
+    #[test]
+    fn known_cases_have_their_patches() {
+        assert_eq!(CASES[0].patches, 0);
+        assert_eq!(CASES[255].patches, 0);
+        assert_eq!(CASES[1].patches, 1);
+        // Two corners on the diagonal of a face, and on that of the cube, are apart.
+        assert_eq!(CASES[0b0000_1001].patches, 2);
+        assert_eq!(CASES[0b1000_0001].patches, 2);
+        // Every second corner.
+        assert_eq!(CASES[0b0110_1001].patches, 4);
+        // Two outside corners on the diagonal of a face: the inside is kept apart there, and joined around.
+        assert_eq!(CASES[0b1111_0110].patches, 1);
+        // A slab.
+        assert_eq!(CASES[0b0000_1111].patches, 1);
+    }
+
+    /// The rings of a patch close: in each face an edge of it has exactly one partner.
+    #[test]
+    fn patches_are_rings() {
+        for case in 0..=255_u8 {
+            for edge in (0..EDGES).filter(|edge| is_crossed(case, *edge)) {
+                let [low, high] = ends(edge);
+                for face_axis in others(edge / 4) {
+                    let side = low >> face_axis & 1;
+                    assert_eq!(side, high >> face_axis & 1);
+                    let crossed: Vec<usize> = (0..EDGES)
+                        .filter(|e| *e != edge && is_crossed(case, *e) && e / 4 != face_axis)
+                        .filter(|e| ends(*e).iter().all(|corner| corner >> face_axis & 1 == side))
+                        .collect();
+                    let partner = if is_ambiguous(case, face_axis, side) {
+                        assert_eq!(crossed.len(), 3);
+                        let inside = if is_inside(case, low) { low } else { high };
+                        let across = (0..3).find(|a| *a != face_axis && *a != edge / 4).unwrap();
+                        edge_at(inside, across)
+                    } else {
+                        assert_eq!(crossed.len(), 1);
+                        crossed[0]
+                    };
+                    let of = CASES[usize::from(case)].patch_of;
+                    assert_eq!(of[edge], of[partner], "case {case}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn edges_and_corners_agree() {
+        for edge in 0..EDGES {
+            let [low, high] = ends(edge);
+            assert_eq!((edge_at(low, edge / 4), edge_at(high, edge / 4)), (edge, edge));
+            assert_eq!(low ^ high, 1 << (edge / 4));
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! From a model back to what other programs read: the surface as triangles, the skin as points, the solid as a mask.
+//!
+//! ```text
+//!   octree --> skin of a slice --> what it encloses --> samples inside, in rows --> cubes between two slices
+//!     (enclosed)                                          (signs)                     |
+//!   STL, PLY, OBJ, GLB <-- triangles <-- a vertex for each patch, a polygon around each crossed edge (dual)
+//! ```
+//!
+//! The model is swept twice: what lies inside is known at the end of the first time. Everything is streamed; memory
+//! follows the largest slice, not the model.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`signs`] | samples inside, as places where rows change sides |
+//! | [`cases`] | the 256 cases of a cube, and its patches |
+//! | [`place`] | where a patch lies in its cube, and its normal |
+//! | [`dual`] | vertices and triangles, layer by layer |
+//! | [`mask`] | NRRD and NIfTI |
+//! | [`write`](mod@write) | STL, PLY, OBJ and GLB |
+
+mod cases;
+mod dual;
+mod mask;
+mod place;
+mod signs;
+mod write;
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
+use crate::format::normal;
+use crate::geom::{Affine, Dims, VoxelIndex};
+use crate::load::NodeView;
+use crate::progress::Progress;
+use crate::render::GridSpace;
+use crate::scratch;
+
+use dual::{Mesher, Vertex};
+use mask::{Mask, MaskForm, NIFTI_MOST};
+use place::Layer;
+use signs::{Boxes, Signs, signs_of_cells};
+use write::{Glb, Obj, Ply, Sink, Stl};
+
+/// What a model is exported as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExportForm {
+    /// Triangles, binary STL.
+    Stl,
+    /// Triangles, binary PLY.
+    Ply,
+    /// Triangles, Wavefront OBJ.
+    Obj,
+    /// Triangles, binary glTF.
+    Glb,
+    /// Skin voxels (their middles) or cells (a point of the surface), binary PLY.
+    Points,
+    /// A mask, NRRD.
+    Nrrd,
+    /// A mask, NIfTI-1.
+    Nifti,
+    /// A mask, gzipped NIfTI-1.
+    NiftiGz,
+}
+
+impl ExportForm {
+    /// All forms.
+    pub const ALL: [Self; 8] =
+        [Self::Stl, Self::Ply, Self::Obj, Self::Glb, Self::Points, Self::Nrrd, Self::Nifti, Self::NiftiGz];
+
+    /// The form that a name's suffix stands for.
+    pub fn of(name: &str) -> Option<Self> {
+        let name = name.to_lowercase();
+        let by_suffix = |form: &Self| *form != Self::Points && name.ends_with(&format!(".{}", form.name()));
+        Self::ALL.into_iter().find(by_suffix)
+    }
+
+    /// Name in reports and, but for points, suffix.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stl => "stl",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+            Self::Glb => "glb",
+            Self::Points => "points",
+            Self::Nrrd => "nrrd",
+            Self::Nifti => "nii",
+            Self::NiftiGz => "nii.gz",
+        }
+    }
+}
+
+/// What was exported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Exported {
+    /// Corners of triangles, or points.
+    pub(crate) vertices: u64,
+    pub(crate) triangles: u64,
+    /// Voxels set in a mask.
+    pub(crate) inside: u64,
+    /// Boxes that the skin encloses, of which the normals do not tell whether they are inside.
+    pub(crate) unknown: u64,
+}
+
+/// Why a format cannot hold a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExportFault {
+    /// It counts triangles, corners or bytes in 32 bits.
+    TooLong {
+        /// How many there would be.
+        needed: u64,
+    },
+    /// NIfTI-1 states sides in 15 bits.
+    TooWide {
+        /// Voxels of the longest side.
+        side: u32,
+    },
+}
+
+impl std::error::Error for ExportFault {}
+
+impl From<ExportFault> for io::Error {
+    fn from(fault: ExportFault) -> Self {
+        Self::other(fault)
+    }
+}
+
+/// Why an export stopped.
+#[derive(Debug)]
+pub(crate) enum ExportStop {
+    /// The model is damaged: it does not hold the boxes that it says.
+    Damaged,
+    /// The output could not be written, or cannot hold the model (an [`ExportFault`]).
+    Output(io::Error),
+}
+
+impl From<io::Error> for ExportStop {
+    fn from(cause: io::Error) -> Self {
+        Self::Output(cause)
+    }
+}
+
+/// A model with its place.
+pub(crate) struct Exporter<'a, V> {
+    pub(crate) view: &'a V,
+    /// Size in boxes of the finest level.
+    pub(crate) dims: Dims,
+    /// Index of a box to LPS mm.
+    pub(crate) affine: Affine,
+    pub(crate) space: &'a GridSpace,
+    /// Only the skin counts as inside in a mask.
+    pub(crate) skin_only: bool,
+}
+
+/// What is made of the samples.
+enum Product<'a> {
+    Mesh(Mesher<'a>),
+    Mask(Mask),
+}
+
+impl<V: NodeView> Exporter<'_, V> {
+    /// Writes the model into an empty file; what has to wait goes to nameless files in `scratch`.
+    pub(crate) fn write(
+        &self,
+        form: ExportForm,
+        out: File,
+        scratch: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Exported, ExportStop> {
+        let normals = self.view.voxel_normal(VoxelIndex::new(0)).is_some();
+        let waiting = || scratch::nameless(scratch);
+        let normals_wait = || normals.then(waiting).transpose();
+        let sink: Box<dyn Sink> = match form {
+            ExportForm::Stl => Box::new(Stl::new(out)?),
+            ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), normals)?),
+            ExportForm::Obj => Box::new(Obj::new(out, normals)?),
+            ExportForm::Glb => Box::new(Glb::new(out, normals_wait()?, waiting()?)?),
+            ExportForm::Points => return self.points(Box::new(Ply::new(out, None, normals)?), progress),
+            ExportForm::Nrrd => return self.mask(out, MaskForm::Nrrd, progress),
+            ExportForm::Nifti => return self.mask(out, MaskForm::Nifti, progress),
+            ExportForm::NiftiGz => return self.mask(out, MaskForm::NiftiGz, progress),
+        };
+        self.mesh(sink, progress)
+    }
+
+    fn cells(&self) -> bool {
+        self.view.cells().is_some()
+    }
+
+    fn mesh(&self, mut sink: Box<dyn Sink>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
+        let Some(bounds) = extent(self.view) else { return Err(ExportStop::Damaged) };
+        // Cube x has its middle half a voxel before sample x; a cell is a cube.
+        let before = if self.cells() { 1.0 } else { 1.5 };
+        let low = bounds[0].map(|low| f64::from(low) - before);
+        let mut to_mm = self.affine;
+        for (row, at) in to_mm.rows.iter_mut().zip(self.affine.apply(low)) {
+            row[3] = at;
+        }
+        let mut product = Product::Mesh(Mesher::new(to_mm, sink.as_mut()));
+        let unknown = self.sweep(bounds, &mut product, progress)?;
+        let Product::Mesh(mesher) = product else { return Err(ExportStop::Damaged) };
+        let (vertices, triangles) = mesher.counts();
+        sink.finish()?;
+        Ok(Exported { vertices, triangles, unknown, ..Exported::default() })
+    }
+
+    fn mask(&self, out: File, form: MaskForm, progress: &dyn Progress) -> Result<Exported, ExportStop> {
+        let Some(bounds) = extent(self.view) else { return Err(ExportStop::Damaged) };
+        // Of cells, the samples between them: one less along each axis, beginning half a cell later.
+        let (less, later) = if self.cells() { (1, 0.5) } else { (0, 0.0) };
+        let [nx, ny, nz] = self.dims.to_array().map(|n| n - less);
+        let Some(dims) = Dims::new(nx, ny, nz) else { return Err(ExportStop::Damaged) };
+        let side = dims.to_array().into_iter().max().unwrap_or(0);
+        if form != MaskForm::Nrrd && side > NIFTI_MOST {
+            return Err(ExportStop::Output(ExportFault::TooWide { side }.into()));
+        }
+        let mut affine = self.affine;
+        for (row, at) in affine.rows.iter_mut().zip(self.affine.apply([later; 3])) {
+            row[3] = at;
+        }
+        let mut product = Product::Mask(Mask::new(out, form, dims, &affine)?);
+        let unknown = self.sweep(bounds, &mut product, progress)?;
+        let Product::Mask(mask) = product else { return Err(ExportStop::Damaged) };
+        let inside = mask.inside();
+        mask.finish()?;
+        Ok(Exported { inside, unknown, ..Exported::default() })
+    }
+
+    /// Sweeps the model twice: to know what is inside, and to make the product of it.
+    fn sweep(
+        &self,
+        bounds: [[u32; 3]; 2],
+        product: &mut Product<'_>,
+        progress: &dyn Progress,
+    ) -> Result<u64, ExportStop> {
+        let slices = u64::from(bounds[1][2] - bounds[0][2]);
+        let outward = Outward::new(self.cells(), self.affine.spacing_mm());
+        let mut sweep = Sweep::new(bounds, outward).keeping_fates();
+        progress.stage("inside", slices);
+        self.each_slice(bounds, |skin| {
+            sweep.slice(self.view, skin);
+            progress.advance(1);
+            Ok(())
+        })?;
+        let (enclosed, fates) = sweep.finish();
+        let mut sweep = Sweep::new(bounds, outward).knowing(fates);
+        let mut samples = Samples::default();
+        progress.stage("export", slices);
+        self.each_slice(bounds, |skin| {
+            let boxes = self.boxes(&mut sweep, skin);
+            progress.advance(1);
+            self.next_slice(&mut samples, boxes, sweep.height(), bounds[0], product)
+        })?;
+        Ok(enclosed.unknown)
+    }
+
+    /// The skin of each slice, from the one before the first to the one behind the last.
+    fn each_slice(
+        &self,
+        [low, end]: [[u32; 3]; 2],
+        mut work: impl FnMut(&[crate::enclosed::SkinVoxel]) -> Result<(), ExportStop>,
+    ) -> Result<(), ExportStop> {
+        let mut slices = SkinSlices::new(self.view);
+        work(&[])?;
+        for z in low[2]..end[2] {
+            work(slices.slice(z).ok_or(ExportStop::Damaged)?)?;
+        }
+        work(&[])
+    }
+
+    fn boxes(&self, sweep: &mut Sweep, skin: &[crate::enclosed::SkinVoxel]) -> Boxes {
+        sweep.slice(self.view, skin);
+        Boxes::of(sweep)
+    }
+
+    /// Takes a slice of boxes, and makes what follows from it and those before.
+    fn next_slice(
+        &self,
+        samples: &mut Samples,
+        boxes: Boxes,
+        height: usize,
+        low: [u32; 3],
+        product: &mut Product<'_>,
+    ) -> Result<(), ExportStop> {
+        let skin_only = self.skin_only && matches!(product, Product::Mask(_));
+        let signs = match (self.view.cells(), &samples.boxes) {
+            (None, _) => Some(boxes.signs(height, skin_only)),
+            (Some(items), Some(below)) => Some(signs_of_cells(below, &boxes, items, height)),
+            (Some(_), None) => None,
+        };
+        let cells = self.cells();
+        if let Some(signs) = signs {
+            match (product, &samples.signs, &samples.boxes) {
+                (Product::Mesh(mesher), Some(before), Some(below)) => {
+                    // A layer of cells is the slice between two slices of samples.
+                    let layer = Layer { view: self.view, space: self.space, boxes: [below, &boxes] };
+                    let height = if cells { height - 1 } else { height };
+                    mesher.layer([before, &signs], &layer, height, samples.slices)?;
+                }
+                (Product::Mask(mask), ..) => {
+                    // Samples of voxels begin one before the skin; so do cells, and the sample behind the first.
+                    let [x, y, z] = low.map(|low| i64::from(low) - 1);
+                    match u32::try_from(z + i64::from(samples.slices)) {
+                        // A slice before the volume holds nothing.
+                        Err(_) => {}
+                        Ok(z) => {
+                            mask.empty_until(z)?;
+                            mask.slice(&signs, [x, y])?;
+                        }
+                    }
+                }
+                _ => {}
+            }
+            samples.signs = Some(signs);
+            samples.slices += 1;
+        }
+        samples.boxes = Some(boxes);
+        Ok(())
+    }
+
+    fn points(&self, mut sink: Box<dyn Sink>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
+        let Some(bounds) = extent(self.view) else { return Err(ExportStop::Damaged) };
+        progress.stage("export", u64::from(bounds[1][2] - bounds[0][2]));
+        let mut vertices = 0;
+        let mut z = i64::from(bounds[0][2]) - 1;
+        self.each_slice(bounds, |skin| {
+            for found in skin {
+                let at = [f64::from(found.x), f64::from(found.y), z as f64];
+                sink.vertex(&self.point(at, found.voxel))?;
+                vertices += 1;
+            }
+            z += 1;
+            progress.advance(1);
+            Ok(())
+        })?;
+        sink.finish()?;
+        Ok(Exported { vertices, ..Exported::default() })
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "files hold 32-bit coordinates")]
+    fn point(&self, at: [f64; 3], voxel: VoxelIndex) -> Vertex {
+        let plane = self.view.cells().and_then(|items| items.plane(voxel.get()));
+        let normal = self.view.voxel_normal(voxel).map(|code| normal::decode(code).map(f64::from));
+        let normal = normal.unwrap_or_default();
+        let within = plane.map_or([0.0; 3], place::nearest_on_plane);
+        let mm = self.affine.apply(std::array::from_fn(|a| at[a] + within[a]));
+        let normal = if self.cells() {
+            self.space.index_normal_to_world(normal)
+        } else {
+            self.space.normal_to_world(normal)
+        };
+        Vertex { at: mm.map(|c| c as f32), normal: normal.map(|c| c as f32) }
+    }
+}
+
+/// What the next slice needs of those before.
+#[derive(Default)]
+struct Samples {
+    boxes: Option<Boxes>,
+    signs: Option<Signs>,
+    /// Slices of samples so far.
+    slices: u32,
+}

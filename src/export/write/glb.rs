@@ -1,0 +1,139 @@
+//! Binary glTF 2.0: a header of JSON, then positions, normals and corners of triangles (Khronos, sections 3 and 4).
+//!
+//! Coordinates stay millimetres of the patient's axes; the node turns them into the metres of glTF, with the head up
+//! and the face forward.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+
+use serde_json::{Value, json};
+
+use super::{Sink, Waiting, bytes_of, counted, unit};
+use crate::export::dual::Vertex;
+
+/// Bytes of the JSON, filled with spaces.
+const JSON_BYTES: usize = 1536;
+
+/// Bytes before the positions: the file's header, the JSON with its own, and the header of what follows.
+const HEAD_BYTES: usize = 12 + 8 + JSON_BYTES + 8;
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+
+pub(in crate::export) struct Glb {
+    out: BufWriter<File>,
+    normals: Option<Waiting>,
+    corners: Waiting,
+    vertices: u64,
+    triangles: u64,
+    least: [f32; 3],
+    greatest: [f32; 3],
+}
+
+impl Glb {
+    /// `normals` is where they wait, if there are any; so do `corners`.
+    pub(in crate::export) fn new(out: File, normals: Option<File>, corners: File) -> io::Result<Self> {
+        let mut out = BufWriter::with_capacity(1 << 18, out);
+        out.write_all(&[0; HEAD_BYTES])?;
+        Ok(Self {
+            out,
+            normals: normals.map(Waiting::new),
+            corners: Waiting::new(corners),
+            vertices: 0,
+            triangles: 0,
+            least: [f32::INFINITY; 3],
+            greatest: [f32::NEG_INFINITY; 3],
+        })
+    }
+
+    fn description(&self) -> Value {
+        let (places, corners) = (12 * self.vertices, 12 * self.triangles);
+        let normals = self.normals.is_some();
+        let mut views = vec![json!({"buffer": 0, "byteLength": places, "target": 34962})];
+        let mut accessors = vec![json!({
+            "bufferView": 0, "componentType": FLOAT, "count": self.vertices, "type": "VEC3",
+            "min": self.least, "max": self.greatest,
+        })];
+        let mut attributes = json!({"POSITION": 0});
+        let mut offset = places;
+        if normals {
+            views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": places, "target": 34962}));
+            accessors.push(json!({
+                "bufferView": 1, "componentType": FLOAT, "count": self.vertices, "type": "VEC3",
+            }));
+            attributes["NORMAL"] = json!(1);
+            offset += places;
+        }
+        let last = views.len();
+        views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": corners, "target": 34963}));
+        accessors.push(json!({
+            "bufferView": last, "componentType": UNSIGNED_INT, "count": 3 * self.triangles, "type": "SCALAR",
+        }));
+        json!({
+            "asset": {"version": "2.0", "generator": concat!("infobyte ", env!("CARGO_PKG_VERSION"))},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{
+                "mesh": 0,
+                "matrix": [0.001, 0, 0, 0, 0, 0, -0.001, 0, 0, 0.001, 0, 0, 0, 0, 0, 1],
+            }],
+            "meshes": [{"primitives": [{"attributes": attributes, "indices": last, "material": 0}]}],
+            "materials": [{
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [0.92, 0.88, 0.8, 1.0], "metallicFactor": 0, "roughnessFactor": 0.9,
+                },
+            }],
+            "accessors": accessors,
+            "bufferViews": views,
+            "buffers": [{"byteLength": offset + corners}],
+        })
+    }
+}
+
+impl Sink for Glb {
+    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
+        self.vertices += 1;
+        for a in 0..3 {
+            self.least[a] = self.least[a].min(vertex.at[a]);
+            self.greatest[a] = self.greatest[a].max(vertex.at[a]);
+        }
+        self.out.write_all(&bytes_of(vertex.at))?;
+        match &mut self.normals {
+            // A normal must have the length 1.
+            Some(normals) => {
+                let normal = unit(vertex.normal);
+                let normal = if normal == [0.0; 3] { [0.0, 0.0, 1.0] } else { normal };
+                normals.0.write_all(&bytes_of(normal))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {
+        self.triangles += 1;
+        self.corners.0.write_all(&bytemuck::cast::<_, [u8; 12]>(corners.map(u32::to_le_bytes)))
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        let text = self.description().to_string();
+        let Self { mut out, normals, corners, vertices, triangles, .. } = *self;
+        let data = 12 * (vertices * (1 + u64::from(normals.is_some())) + triangles);
+        let whole = counted(HEAD_BYTES as u64 + data)?;
+        if let Some(normals) = normals {
+            normals.append_to(&mut out)?;
+        }
+        corners.append_to(&mut out)?;
+        out.seek(SeekFrom::Start(0))?;
+        let mut head = Vec::with_capacity(HEAD_BYTES);
+        head.extend(b"glTF");
+        [2, whole].iter().for_each(|n: &u32| head.extend(n.to_le_bytes()));
+        head.extend(counted(JSON_BYTES as u64)?.to_le_bytes());
+        head.extend(b"JSON");
+        head.extend(text.as_bytes());
+        head.resize(12 + 8 + JSON_BYTES, b' ');
+        head.extend(counted(data)?.to_le_bytes());
+        head.extend(b"BIN\0");
+        out.write_all(&head)?;
+        out.flush()
+    }
+}

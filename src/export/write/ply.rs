@@ -1,0 +1,73 @@
+//! Binary PLY, little-endian: corners with normals, then triangles; or corners alone.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+
+use super::{Sink, Waiting, bytes_of, unit};
+use crate::export::dual::Vertex;
+
+/// Bytes of the header: counts of any length fit, and a comment fills the rest.
+const HEAD_BYTES: usize = 512;
+
+pub(in crate::export) struct Ply {
+    out: BufWriter<File>,
+    /// Triangles; none for a file of points.
+    faces: Option<Waiting>,
+    normals: bool,
+    vertices: u64,
+    triangles: u64,
+}
+
+impl Ply {
+    pub(in crate::export) fn new(out: File, faces: Option<File>, normals: bool) -> io::Result<Self> {
+        let mut out = BufWriter::with_capacity(1 << 18, out);
+        out.write_all(&[b' '; HEAD_BYTES])?;
+        Ok(Self { out, faces: faces.map(Waiting::new), normals, vertices: 0, triangles: 0 })
+    }
+
+    fn head(&self) -> Vec<u8> {
+        let mut head =
+            String::from("ply\nformat binary_little_endian 1.0\ncomment millimetres, x left, y back, z up\n");
+        head += &format!("element vertex {}\n", self.vertices);
+        head += "property float x\nproperty float y\nproperty float z\n";
+        if self.normals {
+            head += "property float nx\nproperty float ny\nproperty float nz\n";
+        }
+        if self.faces.is_some() {
+            head += &format!("element face {}\nproperty list uchar uint vertex_indices\n", self.triangles);
+        }
+        let end = "\nend_header\n";
+        head += "comment ";
+        head += &".".repeat(HEAD_BYTES.saturating_sub(head.len() + end.len()));
+        head += end;
+        head.into_bytes()
+    }
+}
+
+impl Sink for Ply {
+    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
+        self.vertices += 1;
+        self.out.write_all(&bytes_of(vertex.at))?;
+        if self.normals { self.out.write_all(&bytes_of(unit(vertex.normal))) } else { Ok(()) }
+    }
+
+    fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {
+        self.triangles += 1;
+        let Some(faces) = &mut self.faces else { return Ok(()) };
+        let mut record = [3; 13];
+        for (bytes, corner) in record[1..].as_chunks_mut().0.iter_mut().zip(corners) {
+            *bytes = corner.to_le_bytes();
+        }
+        faces.0.write_all(&record)
+    }
+
+    fn finish(mut self: Box<Self>) -> io::Result<()> {
+        let head = self.head();
+        if let Some(faces) = self.faces.take() {
+            faces.append_to(&mut self.out)?;
+        }
+        self.out.seek(SeekFrom::Start(0))?;
+        self.out.write_all(&head)?;
+        self.out.flush()
+    }
+}

@@ -1,0 +1,165 @@
+//! `oct export`: a model as triangles, points or a mask, in files that other programs read.
+
+use std::io;
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::verify::{unpacked, verify_file};
+use super::wording::foreign::{data, shown};
+use crate::atomic::AtomicFile;
+use crate::budget::{Bytes, peak_rss_bytes};
+use crate::error::{Error, UsageError};
+use crate::export::{ExportFault, ExportForm, ExportStop, Exporter};
+use crate::format::Encoding;
+use crate::load::{Fault, Frame, LoadError, Mapping, Model, open_regular};
+use crate::progress::Progress;
+use crate::render::GridSpace;
+
+/// What to make of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExportRequest {
+    /// Kind of file.
+    pub form: ExportForm,
+    /// In a mask only the skin is set, not what it encloses.
+    pub skin_only: bool,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExportReport {
+    /// The model, as named.
+    pub input: String,
+    /// The file, as named.
+    pub output: String,
+    /// Kind of file.
+    pub form: ExportForm,
+    /// Corners of triangles, or points.
+    pub vertices: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Voxels set in a mask.
+    pub inside_voxels: u64,
+    /// Voxels that the skin encloses, of which the normals do not tell whether they are inside; they were taken to be
+    /// what is likelier, and inside where there are no normals.
+    pub unknown_voxels: u64,
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// Seconds from start to end.
+    pub wall_s: f64,
+}
+
+/// Writes the model at `input` in another form to `output`, in millimetres of the patient's axes (LPS).
+///
+/// Triangles are a closed surface without holes or edges of more than two triangles; it passes between the samples
+/// inside and those outside. Of cells it is true below the voxel, of skin voxels it lies half-way between samples.
+///
+/// Memory: the runs and skin of some slices, 5 bytes for each separate part of the outside and the inside, and two
+/// layers of corners; the model is mapped. Temporary disk: for PLY and GLB as much as the triangles take, and the
+/// unpacked model if it is packed. Cost: two passes over the model, about a microsecond a skin voxel.
+///
+/// # Errors
+/// The model cannot be used; the format cannot hold it; the output cannot be written. Nothing is left at `output` then
+/// that was not there before.
+pub fn export(
+    input: &Path,
+    output: &Path,
+    request: ExportRequest,
+    progress: &dyn Progress,
+) -> Result<ExportReport, Error> {
+    let start = Instant::now();
+    let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
+    let unreadable = |cause| LoadError::Unreadable { path: input.to_path_buf(), cause };
+    if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
+        && from == to
+    {
+        return Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into());
+    }
+    let file = open_regular(input).map_err(unreadable)?;
+    let packed = Frame::read(&file).map_err(|fault| fault.at(input))?.header.encoding == Encoding::Packed;
+    let model = if packed {
+        let scratch = unpacked(&file, input)?;
+        let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
+        model.map_err(|cause| Fault::Format(cause).at(input))?
+    } else {
+        Model::open(input)?
+    };
+    let out = AtomicFile::create(output).map_err(unwritable)?;
+    let space = GridSpace::new(model.dims(), &model.affine())?;
+    let exporter = Exporter {
+        view: &model.view(),
+        dims: model.dims(),
+        affine: model.affine(),
+        space: &space,
+        skin_only: request.skin_only,
+    };
+    let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let target = out.file().try_clone().map_err(unwritable)?;
+    let made = exporter.write(request.form, target, folder, progress).map_err(|stop| match stop {
+        // Checking all of it says what is wrong.
+        ExportStop::Damaged => verify_file(input).err().unwrap_or(Error::Internal),
+        ExportStop::Output(cause) => match fault_of(&cause) {
+            Some(fault) => UsageError::Export { path: output.to_path_buf(), fault }.into(),
+            None => unwritable(cause),
+        },
+    })?;
+    if !packed {
+        model.check_unchanged(input)?;
+    }
+    let bytes = out.file().metadata().map_err(unwritable)?.len();
+    out.commit().map_err(unwritable)?;
+    Ok(ExportReport {
+        input: data(input),
+        output: data(output),
+        form: request.form,
+        vertices: made.vertices,
+        triangles: made.triangles,
+        inside_voxels: made.inside,
+        unknown_voxels: made.unknown,
+        bytes,
+        wall_s: start.elapsed().as_secs_f64(),
+    })
+}
+
+fn fault_of(cause: &io::Error) -> Option<ExportFault> {
+    cause.get_ref().and_then(|inner| inner.downcast_ref::<ExportFault>()).copied()
+}
+
+impl ExportReport {
+    /// One JSON object.
+    pub fn json(&self) -> Value {
+        json!({
+            "input": self.input,
+            "output": self.output,
+            "form": self.form.name(),
+            "vertices": self.vertices,
+            "triangles": self.triangles,
+            "inside_voxels": self.inside_voxels,
+            "unknown_voxels": self.unknown_voxels,
+            "bytes": self.bytes,
+            "peak_rss_bytes": peak_rss_bytes(),
+            "wall_s": self.wall_s,
+        })
+    }
+
+    /// For people.
+    pub fn text(&self) -> String {
+        let what = match self.form {
+            ExportForm::Points => format!("{} points", self.vertices),
+            ExportForm::Nrrd | ExportForm::Nifti | ExportForm::NiftiGz => {
+                format!("{} voxels inside", self.inside_voxels)
+            }
+            _ => format!("{} triangles, {} corners", self.triangles, self.vertices),
+        };
+        let mut text =
+            format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);
+        if self.unknown_voxels > 0 {
+            text += &format!(
+                "  note: {} voxel(s) are enclosed, and the normals do not tell whether they are inside; they were taken to be what is likelier\n",
+                self.unknown_voxels
+            );
+        }
+        text
+    }
+}
