@@ -328,8 +328,7 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
 }
 
 fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
-    let by_name = args.output.file_name().and_then(|name| ExportForm::of(&name.to_string_lossy()));
-    let Some(form) = args.form.or(by_name) else {
+    let Some(form) = args.form.or_else(|| ExportForm::of(&args.output)) else {
         return Err(Refusal::NoForm { path: args.output.clone() }.into());
     };
     let output = Output::of(&args.output, Written::Export, true, args.json)?;

@@ -24,6 +24,11 @@ impl<T> Rows<T> {
         self.ends.push(self.items.len());
     }
 
+    /// Is there no item in any row?
+    pub(crate) fn is_empty(&self) -> bool {
+        self.items.is_empty()
+    }
+
     /// Forgets all rows, and keeps the memory.
     pub(crate) fn clear(&mut self) {
         self.items.clear();

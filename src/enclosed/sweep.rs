@@ -160,8 +160,21 @@ impl Sweep {
         &self.before
     }
 
-    /// Takes the next slice, its skin in rows.
+    /// Has the slice that was taken last no skin? Then all of it is outside.
+    pub(crate) fn is_void(&self) -> bool {
+        self.before.skin.is_empty()
+    }
+
+    /// Boxes of a row, with one before and one behind the skin.
+    pub(crate) fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Takes the next slice, its skin in rows. One without skin behind another costs nothing.
     pub(crate) fn slice<V: NodeView>(&mut self, view: &V, skin: &[SkinVoxel]) {
+        if skin.is_empty() && self.begun && self.is_void() {
+            return;
+        }
         let mut slice = Slice::default();
         let mut voxels = skin.iter().peekable();
         for row in 0..self.height {

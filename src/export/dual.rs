@@ -14,11 +14,11 @@
 use std::collections::{HashMap, VecDeque};
 use std::io;
 
-use super::ExportFault;
 use super::cases::{CASES, edge_at, ends, is_ambiguous, is_crossed, is_inside, others};
+use super::fault::ExportFault;
 use super::place::{Layer, Place};
 use super::signs::Signs;
-use super::write::Sink;
+use super::write::{Sink, Vertex};
 use crate::enclosed::Rows;
 use crate::geom::Affine;
 use crate::load::NodeView;
@@ -39,13 +39,6 @@ impl Cube {
     fn vertex(self, edge: usize) -> u32 {
         self.first + u32::from(self.patch(edge))
     }
-}
-
-/// A vertex: where it is in mm, and its normal, of any length.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Vertex {
-    pub(super) at: [f32; 3],
-    pub(super) normal: [f32; 3],
 }
 
 /// A face with two joints: the axis across it, and the cube below it.
@@ -111,6 +104,9 @@ impl<'a> Mesher<'a> {
         self.window_start = keep_from;
         self.layer_start = self.next_vertex();
         self.knots.retain(|(_, _, _, at), _| *at + 1 >= z);
+        if signs.iter().all(|signs| signs.is_empty()) {
+            return Ok(());
+        }
         // Row `y` of cubes lies between the samples' rows `y - 1` and `y`.
         self.here.end_row();
         let mut found = Vec::new();

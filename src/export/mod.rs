@@ -20,10 +20,13 @@
 
 mod cases;
 mod dual;
+mod fault;
 mod mask;
 mod place;
 mod signs;
 mod write;
+
+pub use fault::ExportFault;
 
 use std::fs::File;
 use std::io;
@@ -37,11 +40,11 @@ use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::scratch;
 
-use dual::{Mesher, Vertex};
+use dual::Mesher;
 use mask::{Mask, MaskForm, NIFTI_MOST};
 use place::Layer;
 use signs::{Boxes, Signs, signs_of_cells};
-use write::{Glb, Obj, Ply, Sink, Stl};
+use write::{Glb, Obj, Ply, Sink, Stl, Vertex};
 
 /// What a model is exported as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,9 +73,10 @@ impl ExportForm {
         [Self::Stl, Self::Ply, Self::Obj, Self::Glb, Self::Points, Self::Nrrd, Self::Nifti, Self::NiftiGz];
 
     /// The form that a name's suffix stands for.
-    pub fn of(name: &str) -> Option<Self> {
-        let name = name.to_lowercase();
-        let by_suffix = |form: &Self| *form != Self::Points && name.ends_with(&format!(".{}", form.name()));
+    pub fn of(path: &Path) -> Option<Self> {
+        let name = path.file_name()?.as_encoded_bytes().to_ascii_lowercase();
+        let by_suffix =
+            |form: &Self| *form != Self::Points && name.ends_with(format!(".{}", form.name()).as_bytes());
         Self::ALL.into_iter().find(by_suffix)
     }
 
@@ -101,29 +105,6 @@ pub(crate) struct Exported {
     pub(crate) inside: u64,
     /// Boxes that the skin encloses, of which the normals do not tell whether they are inside.
     pub(crate) unknown: u64,
-}
-
-/// Why a format cannot hold a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ExportFault {
-    /// It counts triangles, corners or bytes in 32 bits.
-    TooLong {
-        /// How many there would be.
-        needed: u64,
-    },
-    /// NIfTI-1 states sides in 15 bits.
-    TooWide {
-        /// Voxels of the longest side.
-        side: u32,
-    },
-}
-
-impl std::error::Error for ExportFault {}
-
-impl From<ExportFault> for io::Error {
-    fn from(fault: ExportFault) -> Self {
-        Self::other(fault)
-    }
 }
 
 /// Why an export stopped.

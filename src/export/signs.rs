@@ -25,6 +25,8 @@ pub(super) struct Boxes {
     /// Skin boxes: x and number.
     pub(super) skin: Rows<(u32, u64)>,
     runs: Rows<Stretch>,
+    /// Length of the rows, where there is no skin: then all is outside, and rows are left out.
+    void: Option<u32>,
 }
 
 impl Boxes {
@@ -32,6 +34,10 @@ impl Boxes {
     pub(super) fn of(sweep: &Sweep) -> Self {
         let mut boxes = Self::default();
         let slice = sweep.last();
+        if sweep.is_void() {
+            boxes.void = Some(sweep.width());
+            return boxes;
+        }
         for row in 0..sweep.height() {
             slice.skin.row(row).iter().for_each(|item| boxes.skin.push((item.x, item.voxel.get())));
             for run in slice.runs.row(row) {
@@ -46,6 +52,9 @@ impl Boxes {
     /// The samples of a slice of voxels: skin is inside.
     pub(super) fn signs(&self, height: usize, skin_only: bool) -> Signs {
         let mut signs = Signs::default();
+        if self.void.is_some() {
+            return signs;
+        }
         for row in 0..height {
             let mut outside = self.runs.row(row).iter().filter(|run| skin_only || run.side == Side::Outside);
             let mut inside_from = outside.next().map_or(0, |run| run.end);
@@ -79,10 +88,14 @@ enum Claim {
 /// decide.
 pub(super) fn signs_of_cells(below: &Boxes, above: &Boxes, items: CellItems<'_>, height: usize) -> Signs {
     let mut signs = Signs::default();
+    if below.void.is_some() && above.void.is_some() {
+        return signs;
+    }
     let mut claims = Vec::new();
     for y in 0..height - 1 {
         claims.clear();
         for (boxes, z) in [(below, 0), (above, 1)] {
+            claims.extend(boxes.void.map(|width| (0, width, Claim::Outside)));
             for (row, dy) in [(y, 0), (y + 1, 1)] {
                 for run in boxes.runs.row(row) {
                     let claim = if run.side == Side::Outside { Claim::Outside } else { Claim::Inside };

@@ -43,8 +43,14 @@ pub enum Measured {
     Impossible,
 }
 
-/// Skin voxels up to which a model is measured without being asked to: half a second or so.
-const SOON_MEASURED: u64 = 1 << 24;
+/// Skin voxels, and rows of the grid, up to which a model is measured without being asked to: half a second or so.
+const SOON_MEASURED: [u64; 2] = [1 << 24, 1 << 26];
+
+fn is_soon_measured(frame: &Frame) -> bool {
+    let [voxels, rows] = SOON_MEASURED;
+    let dims = frame.dims();
+    frame.header.voxels <= voxels && u64::from(dims.ny()) * u64::from(dims.nz()) <= rows
+}
 
 /// As [`read_info`], with the measures of the skin.
 ///
@@ -65,7 +71,7 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
         let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
         let model = model.map_err(|cause| Fault::Format(cause).at(path))?;
         of(measure(&model.view(), model.dims(), &model.affine()))
-    } else if info.frame.header.voxels > SOON_MEASURED && !anyway {
+    } else if !(anyway || is_soon_measured(&info.frame)) {
         Measured::Large
     } else {
         let model = Model::open(path)?;

@@ -259,6 +259,16 @@ mod tests {
         assert!((area - faces).abs() < 1e-3 * faces, "{area} {faces}");
     }
 
+    /// Nothing lies between: rows and slices without skin must cost nothing, or a file of 100 bytes takes a minute.
+    #[test]
+    fn two_voxels_at_the_far_corners_of_the_largest_grid_are_soon_measured() {
+        let dims = Dims::new(65536, 65536, 65536).unwrap();
+        let far = MemoryTree::new(dims, &[0, morton::encode(65535, 65535, 65535)]).unwrap();
+        let found = measure(&far, dims, &Affine::from_spacing([1.0; 3])).unwrap();
+        assert_eq!(found.voxels, [[0; 3], [65536; 3]]);
+        assert_eq!(found.enclosed, Enclosed::default());
+    }
+
     #[test]
     fn an_empty_model_has_no_measures() {
         let dims = Dims::new(8, 8, 8).unwrap();

@@ -8,8 +8,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
 use serde_json::{Value, json};
 
-use super::{Sink, Waiting, bytes_of, counted, unit};
-use crate::export::dual::Vertex;
+use super::sink::{Sink, Vertex, Waiting, bytes_of, counted, unit};
 
 /// Bytes of the JSON, filled with spaces.
 const JSON_BYTES: usize = 1536;

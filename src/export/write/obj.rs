@@ -3,8 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
-use super::{Sink, unit};
-use crate::export::dual::Vertex;
+use super::sink::{Sink, Vertex, unit};
 
 pub(in crate::export) struct Obj {
     out: BufWriter<File>,

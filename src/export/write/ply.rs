@@ -3,8 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
-use super::{Sink, Waiting, bytes_of, unit};
-use crate::export::dual::Vertex;
+use super::sink::{Sink, Vertex, Waiting, bytes_of, unit};
 
 /// Bytes of the header: counts of any length fit, and a comment fills the rest.
 const HEAD_BYTES: usize = 512;
