@@ -19,13 +19,13 @@ use infobyte::geom::Orientation;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
+use infobyte::jobs::opened::open_model;
 use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::render::{RenderReport, RenderRequest};
 use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::wording::foreign::{self, data, plain, shown};
 use infobyte::jobs::{self, info, pack, picture, verify};
-use infobyte::load::Model;
 use infobyte::render::ViewPoint;
 use infobyte::source::{OpenOptions, RawOptions};
 use infobyte::volume::Placement;
@@ -448,7 +448,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
     let input = Input::of(&args.model)?;
     bus::tell_of(&args.model, args.json);
-    let model = Model::open(input.path()).map_err(Error::from)?;
+    let model = open_model(input.path())?;
     let threads = args.threads.count();
     let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads).map_err(Error::from)?;
     model.check_unchanged(input.path()).map_err(Error::from)?;

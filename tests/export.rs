@@ -339,7 +339,7 @@ fn all_formats_hold_the_same_triangles() {
 }
 
 #[test]
-fn a_packed_model_gives_the_same_file() {
+fn a_packed_model_gives_the_same_files_and_pictures() {
     let case = Case::new([24; 3], SurfaceKind::Cells, identity(), ball(11.0, 8.0));
     let text = |name: &str| case.path(name).to_str().unwrap().to_owned();
     oct(&["pack", &text("m.oct"), "-o", &text("p.oct"), "--json"]).json();
@@ -348,6 +348,14 @@ fn a_packed_model_gives_the_same_file() {
         oct(&["export", &text("p.oct"), "-o", &text(&format!("p{name}")), "--json"]).json();
         assert_eq!(fs::read(case.path(name)).unwrap(), fs::read(case.path(&format!("p{name}"))).unwrap());
     }
+    for command in [&["render", "--size", "40x30"][..], &["thumbnail"]] {
+        let picture = |model: &str, name: &str| {
+            oct(&[command, &[&text(model), "-o", &text(name), "--json"]].concat()).json();
+            fs::read(case.path(name)).unwrap()
+        };
+        assert_eq!(picture("m.oct", "m.png"), picture("p.oct", "p.png"));
+    }
+    assert_eq!(oct(&["selfcheck", &text("p.oct"), "--rays", "1000"]).code, 0);
 }
 
 #[test]

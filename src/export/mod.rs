@@ -122,6 +122,9 @@ impl From<io::Error> for ExportStop {
     }
 }
 
+/// Slices after which the model's pages leave memory.
+const SLICES_KEPT: u32 = 64;
+
 /// A model with its place.
 pub(crate) struct Exporter<'a, V> {
     pub(crate) view: &'a V,
@@ -132,6 +135,8 @@ pub(crate) struct Exporter<'a, V> {
     pub(crate) space: &'a GridSpace,
     /// Only the skin counts as inside in a mask.
     pub(crate) skin_only: bool,
+    /// Called now and then, where what was looked at of the model can leave memory.
+    pub(crate) give_back: &'a dyn Fn(),
 }
 
 /// What is made of the samples.
@@ -245,6 +250,9 @@ impl<V: NodeView> Exporter<'_, V> {
         let mut slices = SkinSlices::new(self.view);
         work(&[])?;
         for z in low[2]..end[2] {
+            if z % SLICES_KEPT == 0 {
+                (self.give_back)();
+            }
             work(slices.slice(z).ok_or(ExportStop::Damaged)?)?;
         }
         work(&[])

@@ -6,14 +6,13 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::verify::{unpacked, verify_file};
+use super::opened::open_model;
+use super::verify::verify_file;
 use super::wording::foreign::{data, shown};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
 use crate::export::{ExportFault, ExportForm, ExportStop, Exporter};
-use crate::format::Encoding;
-use crate::load::{Fault, Frame, LoadError, Mapping, Model, open_regular};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 
@@ -70,21 +69,12 @@ pub fn export(
 ) -> Result<ExportReport, Error> {
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
-    let unreadable = |cause| LoadError::Unreadable { path: input.to_path_buf(), cause };
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
         && from == to
     {
         return Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into());
     }
-    let file = open_regular(input).map_err(unreadable)?;
-    let packed = Frame::read(&file).map_err(|fault| fault.at(input))?.header.encoding == Encoding::Packed;
-    let model = if packed {
-        let scratch = unpacked(&file, input)?;
-        let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
-        model.map_err(|cause| Fault::Format(cause).at(input))?
-    } else {
-        Model::open(input)?
-    };
+    let model = open_model(input)?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let space = GridSpace::new(model.dims(), &model.affine())?;
     let exporter = Exporter {
@@ -93,6 +83,7 @@ pub fn export(
         affine: model.affine(),
         space: &space,
         skin_only: request.skin_only,
+        give_back: &|| model.give_back(),
     };
     let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let target = out.file().try_clone().map_err(unwritable)?;
@@ -104,9 +95,7 @@ pub fn export(
             None => unwritable(cause),
         },
     })?;
-    if !packed {
-        model.check_unchanged(input)?;
-    }
+    model.check_unchanged(input)?;
     let bytes = out.file().metadata().map_err(unwritable)?.len();
     out.commit().map_err(unwritable)?;
     Ok(ExportReport {

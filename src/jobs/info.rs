@@ -6,13 +6,13 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::measure::{Measures, measure};
-use super::verify::unpacked;
+use super::opened::open_model;
 use super::wording::foreign::{data, shown};
 use super::wording::{Short, WithError};
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{Encoding, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
-use crate::load::{Fault, Frame, LoadError, Mapping, Model, open_regular};
+use crate::load::{Frame, LoadError, open_regular};
 use crate::volume::ScalarType;
 
 /// Bytes a voxel of the paper's uniform volume: 2 bytes of density and 33 bits of normal, colour and
@@ -65,16 +65,10 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
     let packed = info.frame.header.encoding == Encoding::Packed;
     info.measured = Some(if packed && !anyway {
         Measured::Packed
-    } else if packed {
-        let unreadable = |cause| LoadError::Unreadable { path: path.to_path_buf(), cause };
-        let scratch = unpacked(&open_regular(path).map_err(unreadable)?, path)?;
-        let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
-        let model = model.map_err(|cause| Fault::Format(cause).at(path))?;
-        of(measure(&model.view(), model.dims(), &model.affine()))
     } else if !(anyway || is_soon_measured(&info.frame)) {
         Measured::Large
     } else {
-        let model = Model::open(path)?;
+        let model = open_model(path)?;
         let measured = measure(&model.view(), model.dims(), &model.affine());
         model.check_unchanged(path)?;
         of(measured)

@@ -11,6 +11,7 @@ pub mod export;
 pub mod info;
 pub mod measure;
 pub mod mesh;
+pub mod opened;
 pub mod pack;
 pub mod picture;
 pub mod render;

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use super::opened::open_model;
 use super::render::{RenderReport, RenderRequest, render_view_watched, thumbnail};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
-use crate::load::Model;
 use crate::progress::Progress;
 use crate::render::image::ImageFile;
 
@@ -26,7 +26,7 @@ pub fn render_file(
     let outputs: Vec<&Path> = [Some(output), depth, normals].into_iter().flatten().collect();
     refuse_clash(model, &outputs)?;
     let path = model;
-    let model = Model::open(path)?;
+    let model = open_model(path)?;
     let output = ImageFile::create(output)?;
     let depth = depth.map(ImageFile::create).transpose()?;
     let normals = normals.map(ImageFile::create).transpose()?;
@@ -52,7 +52,7 @@ pub fn render_file(
 pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) -> Result<RenderReport, Error> {
     refuse_clash(model, &[output])?;
     let path = model;
-    let model = Model::open(path)?;
+    let model = open_model(path)?;
     let output = ImageFile::create(output)?;
     let (image, mut report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());

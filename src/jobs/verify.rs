@@ -1,12 +1,11 @@
 //! `oct verify`: every invariant of SPEC 6, for mapped and packed files.
 
 use std::fs::File;
-use std::io;
 use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::pack::{Stop, unpack_to};
+use super::opened::unpacked;
 use super::wording::foreign::{data, shown};
 use crate::error::Error;
 use crate::format::Encoding;
@@ -41,27 +40,8 @@ pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
     Ok(VerifyReport { input: data(path), frame })
 }
 
-/// The mapped form of a packed file in a nameless one.
-///
-/// # Errors
-/// The packed file is damaged, or there is no room.
-pub(super) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
-    let scratch =
-        scratch_beside(path).map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
-    unpack_to(file, &scratch).map_err(|stop| match stop {
-        Stop::Input(fault) => Error::Load(fault.at(path)),
-        Stop::Output(cause) => Error::Output { path: path.to_path_buf(), cause },
-    })?;
-    Ok(scratch)
-}
-
 fn check(file: &File) -> Result<(), Fault> {
     load::verify(file).map(|_| ())
-}
-
-fn scratch_beside(path: &Path) -> io::Result<File> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    tempfile::tempfile_in(folder).or_else(|_| tempfile::tempfile())
 }
 
 impl VerifyReport {

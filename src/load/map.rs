@@ -59,6 +59,14 @@ impl Mapping {
         Ok(Self { map, file, then })
     }
 
+    /// Takes all pages of the mapping out of the process, for passes that go on to other parts of the file; what is
+    /// looked at again comes back from the system's cache. If the system refuses, the pages stay.
+    pub fn give_back(&self) {
+        // SAFETY: pages of a file that are mapped read-only come back with the file's bytes, so no byte that a
+        // reference was made of is another one afterwards.
+        let _ = unsafe { self.map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
+    }
+
     /// Are the bytes still those that were mapped, as far as size and time of change tell? A file that another one
     /// has replaced under its name is unchanged: the mapping keeps it.
     ///

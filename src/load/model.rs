@@ -48,6 +48,11 @@ impl Model<Mapping> {
         open().map_err(|fault| fault.at(path))
     }
 
+    /// Takes the pages of the file that were looked at out of the process; see [`Mapping::give_back`].
+    pub fn give_back(&self) {
+        self.data.give_back();
+    }
+
     /// Is the file still what it was when it was opened? To be asked before what was made of the model is kept:
     /// a file that was overwritten in place meanwhile was neither the one model nor the other. `path` is what the
     /// error names.

@@ -40,8 +40,8 @@ pub use rows::{Costs, Errors, Experiment, Metric, Row};
 use crate::atomic::AtomicFile;
 use crate::builder::Progress;
 use crate::error::Error;
+use crate::jobs::opened::open_model;
 use crate::jobs::wording::foreign::shown;
-use crate::load::Model;
 use crate::synthetic;
 
 /// What is to be reported.
@@ -118,7 +118,7 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         progress.advance(1);
     }
     if let Some(path) = &request.model {
-        let model = Model::open(path)?;
+        let model = open_model(path)?;
         let name = path.file_name().map_or_else(|| "model".into(), |n| shown(n).to_string());
         for found in bench.of_model(&model, &name)? {
             rows::join(&mut experiments, found);

@@ -1,0 +1,46 @@
+//! A model for use, be it mapped or packed.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use super::pack::{Stop, unpack_to};
+use crate::error::Error;
+use crate::format::Encoding;
+use crate::load::{Fault, Frame, LoadError, Mapping, Model, open_regular};
+
+/// Opens a model. A packed one is unpacked into a nameless temporary file beside it (or, where that folder is
+/// read-only, in the system's) for as long as it is open: that takes as much disk as the mapped file, and the time
+/// of `oct unpack`.
+///
+/// # Errors
+/// The file is unreadable, foreign or damaged, or there is no room.
+pub fn open_model(path: &Path) -> Result<Model, Error> {
+    let unreadable = |cause| LoadError::Unreadable { path: path.to_path_buf(), cause };
+    let file = open_regular(path).map_err(unreadable)?;
+    if Frame::read(&file).map_err(|fault| fault.at(path))?.header.encoding == Encoding::Mapped {
+        return Ok(Model::open(path)?);
+    }
+    let scratch = unpacked(&file, path)?;
+    let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
+    Ok(model.map_err(|cause| Fault::Format(cause).at(path))?)
+}
+
+/// The mapped form of a packed file in a nameless one.
+///
+/// # Errors
+/// The packed file is damaged, or there is no room.
+pub(super) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
+    let scratch =
+        scratch_beside(path).map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
+    unpack_to(file, &scratch).map_err(|stop| match stop {
+        Stop::Input(fault) => Error::Load(fault.at(path)),
+        Stop::Output(cause) => Error::Output { path: path.to_path_buf(), cause },
+    })?;
+    Ok(scratch)
+}
+
+fn scratch_beside(path: &Path) -> io::Result<File> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    tempfile::tempfile_in(folder).or_else(|_| tempfile::tempfile())
+}
