@@ -17,6 +17,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use infobyte::export::ExportForm;
 use infobyte::format::Channels;
+use infobyte::geom::Affine;
 
 pub(crate) use picture::{RenderArgs, Shading, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, DemoArgs, RawArgs, ScanArgs};
@@ -58,6 +59,9 @@ pub(crate) enum Command {
     /// Write a model as triangles, points or a mask, for other programs
     #[command(after_help = examples::EXPORT)]
     Export(ExportArgs),
+    /// Tell whether two models touch, and where
+    #[command(after_help = examples::INTERSECT)]
+    Intersect(IntersectArgs),
     /// Render a picture of a model
     #[command(after_help = examples::RENDER)]
     Render(RenderArgs),
@@ -93,6 +97,7 @@ impl Command {
             Self::Pack(args) | Self::Unpack(args) => args.json,
             Self::Strip(args) => args.files.json,
             Self::Export(args) => args.json,
+            Self::Intersect(args) => args.json,
             Self::Render(args) => args.json,
             Self::Thumbnail(args) => args.json,
             Self::Demo(args) => args.json,
@@ -139,6 +144,25 @@ pub(crate) struct ExportArgs {
     /// No progress
     #[arg(long)]
     pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct IntersectArgs {
+    /// One model (mapped or packed)
+    #[arg(value_name = "A.oct")]
+    pub(crate) one: PathBuf,
+    /// The other
+    #[arg(value_name = "B.oct")]
+    pub(crate) other: PathBuf,
+    /// Where the other is moved before, in mm (LPS)
+    #[arg(long = "move", value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, conflicts_with = "place")]
+    pub(crate) moved: Option<[f64; 3]>,
+    /// How the other is placed before: three rows of four numbers, which lead from its mm to those of the first
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = parse::placement)]
+    pub(crate) place: Option<Affine>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]

@@ -15,7 +15,7 @@ use clap::Parser;
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::export::ExportForm;
-use infobyte::geom::Orientation;
+use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
@@ -107,6 +107,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
             pack_with(&args.files, |input, output| pack::strip(input, output, &request))
         }
         Command::Export(args) => export(&args),
+        Command::Intersect(args) => intersect(&args),
         Command::Render(args) => render(&args),
         Command::Thumbnail(args) => thumbnail(&args),
         Command::Demo(args) => demo(&args),
@@ -342,6 +343,17 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     (report.input, report.output) = (data(&args.model), data(&args.output));
     let text = || if args.quiet { String::new() } else { report.text() };
     output.finish(|| print(args.json, || report.json(), text))
+}
+
+fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.one.as_path(), args.other.as_path()], Dash::AmongFiles)?;
+    bus::tell_of(&args.one, args.json);
+    let mut placement = args.place.unwrap_or(Affine::from_spacing([1.0; 3]));
+    for (row, by) in placement.rows.iter_mut().zip(args.moved.unwrap_or_default()) {
+        row[3] += by;
+    }
+    let report = jobs::intersect::intersect([&args.one, &args.other], &placement)?;
+    Ok(print(args.json, || report.json(), || report.text())?)
 }
 
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {

@@ -82,6 +82,11 @@ pub enum UsageError {
         /// Why not.
         fault: ExportFault,
     },
+    /// A placement turns a model into something without a volume.
+    FlatPlacement {
+        /// The model.
+        path: PathBuf,
+    },
     /// A synthetic head of this size cannot be made.
     HeadSize {
         /// Voxels a side.

@@ -88,6 +88,7 @@ mod codec;
 #[cfg(test)]
 #[path = "../tests/support/compress.rs"]
 mod compress;
+pub mod contact;
 mod cpu;
 mod enclosed;
 pub mod error;

@@ -36,6 +36,10 @@ pub(crate) const EXPORT: &str = "Examples:
   oct export jaw.oct -o jaw.stl
   oct export jaw.oct -o jaw.nii.gz";
 
+pub(crate) const INTERSECT: &str = "Examples:
+  oct intersect jaw.oct implant.oct
+  oct intersect jaw.oct implant.oct --move 12.5,-3,40";
+
 pub(crate) const RENDER: &str = "Examples:
   oct render head.oct -o head.png --view left --size 1600x1200
   oct render head.oct -o head.png --projection perspective --eye 0,-600,120 --look-at 0,0,0";

@@ -304,6 +304,15 @@ pub(super) fn projections() -> impl TypedValueParser<Value = Projection> {
     PossibleValuesParser::new(["parallel", "perspective"]).try_map(|name| name.parse())
 }
 
+/// Three rows of four numbers.
+pub(super) fn placement(text: &str) -> Result<Affine, String> {
+    let numbers = text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
+    match numbers.as_chunks::<4>() {
+        (&[x, y, z], []) => Ok(Affine { rows: [x, y, z] }),
+        _ => Err(format!("'{text}' is not three rows of four numbers, with commas between all of them")),
+    }
+}
+
 pub(super) fn export_forms() -> impl TypedValueParser<Value = ExportForm> {
     PossibleValuesParser::new(ExportForm::ALL.map(ExportForm::name))
         .try_map(|name| ExportForm::ALL.into_iter().find(|form| form.name() == name).ok_or("no such form"))

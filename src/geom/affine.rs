@@ -62,6 +62,17 @@ impl Affine {
             + a[2] * (b[0] * c[1] - b[1] * c[0])
     }
 
+    /// This affine after another one: the other is applied first.
+    pub fn after(&self, first: &Self) -> Self {
+        let mut rows = [[0.0; 4]; 3];
+        for axis in 0..3 {
+            let column = self.apply_vector(first.column(axis));
+            rows.iter_mut().zip(column).for_each(|(row, v)| row[axis] = v);
+        }
+        rows.iter_mut().zip(self.apply(first.origin())).for_each(|(row, v)| row[3] = v);
+        Self { rows }
+    }
+
     /// World to index, or `None` when the linear part is singular, nearly so, or not finite.
     ///
     /// "Nearly" is relative to the columns' lengths (volume of the unit-edge cell under 1e-9), so

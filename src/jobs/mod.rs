@@ -9,6 +9,7 @@ pub mod build;
 pub mod demo;
 pub mod export;
 pub mod info;
+pub mod intersect;
 pub mod measure;
 pub mod mesh;
 pub mod opened;

@@ -10,8 +10,10 @@ use std::sync::OnceLock;
 use infobyte::budget::{Budget, MemoryCap};
 use infobyte::builder::{BuildOptions, Silent, Threshold, build_volume};
 use infobyte::catalogue::Catalogue;
+use infobyte::export::ExportForm;
 use infobyte::format::{ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
 use infobyte::geom::{Dims, VoxelIndex};
+use infobyte::jobs::export::{ExportRequest, export};
 use infobyte::jobs::{measure, pack, render};
 use infobyte::load::{Frame, Model, NodeView, verify};
 use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
@@ -221,9 +223,18 @@ fn model(bytes: &[u8]) -> bool {
         let found = mismatches(&view, &bits, 16, 7);
         assert_eq!(found.total(), 0, "{found:?}");
     }
-    // The packed form leaves out what follows from the rest, and must bring it back.
     let [mapped, packed, again] = ["mapped.oct", "packed.oct", "again.oct"].map(|name| folder().join(name));
     fs::write(&mapped, &bytes).unwrap();
+    // A mask of the largest grid takes longer than a case may.
+    if view.depth() <= 8 {
+        for form in ExportForm::ALL {
+            let request = ExportRequest { form, skin_only: false };
+            if let Err(refused) = export(&mapped, &folder().join("export"), request, &Silent) {
+                told(&refused.to_string());
+            }
+        }
+    }
+    // The packed form leaves out what follows from the rest, and must bring it back.
     if pack::pack(&mapped, &packed).is_ok() {
         pack::unpack(&packed, &again).expect("what is packed can be unpacked");
         assert!(fs::read(&again).unwrap() == bytes, "unpacked to other bytes");

@@ -98,6 +98,8 @@ fn every_report_is_what_its_schema_says() {
         ("pack", oct(&["pack", &model, "-o", &at("p.oct"), "--json"]).json()),
         ("info", oct(&["info", &at("p.oct"), "--json"]).json()),
         ("pack", oct(&["unpack", &at("p.oct"), "-o", &at("u.oct"), "--json"]).json()),
+        ("intersect", oct(&["intersect", &model, &model, "--move", "3,0,0", "--json"]).json()),
+        ("intersect", oct(&["intersect", &model, &model, "--move", "90,0,0", "--json"]).json()),
         ("export", oct(&["export", &model, "-o", &at("m.stl"), "--json"]).json()),
         ("render", oct(&["render", &model, "-o", &at("p.png"), "--size", "30x20", "--json"]).json()),
         ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),

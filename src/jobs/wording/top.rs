@@ -76,6 +76,11 @@ impl fmt::Display for UsageError {
                 }
             }
             Self::Export { path, fault } => write!(f, "{}: {fault}", shown(path)),
+            Self::FlatPlacement { path } => write!(
+                f,
+                "{}: the placement leaves it without a volume; give three rows that are not parallel, as in 1,0,0,0,0,1,0,0,0,0,1,0",
+                shown(path)
+            ),
             Self::HeadSize { side } => {
                 write!(f, "a head of {side} voxels a side cannot be made; choose 1 to 65536")
             }
