@@ -18,6 +18,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use infobyte::export::ExportForm;
 use infobyte::format::Channels;
 use infobyte::geom::Affine;
+use infobyte::jobs::export::MOST_SIMPLIFIED;
 
 pub(crate) use picture::{RenderArgs, Shading, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, DemoArgs, RawArgs, ScanArgs};
@@ -135,6 +136,9 @@ pub(crate) struct ExportArgs {
     /// default what the name says
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
+    /// Make triangles of blocks of 2^N voxels along each axis: 4^N times fewer; walls thinner than half a block go
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_SIMPLIFIED)))]
+    pub(crate) simplify: u32,
     /// In a mask set only the skin, not what it encloses
     #[arg(long)]
     pub(crate) skin: bool,

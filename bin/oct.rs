@@ -336,7 +336,7 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     let model = Input::of(&args.model)?;
     bus::tell_of(&args.model, args.json);
     let bars = Bars::new(args.quiet || args.json);
-    let request = ExportRequest { form, skin_only: args.skin };
+    let request = ExportRequest { form, skin_only: args.skin, simplify: args.simplify };
     let report = jobs::export::export(model.path(), output.path(), request, &bars);
     bars.finish();
     let mut report = report?;

@@ -179,9 +179,9 @@ impl<A: NodeView, B: NodeView> Search<'_, A, B> {
         let at = self.to_mm.apply(cube.low.map(f64::from));
         let found = self.found.get_or_insert(Contact { boxes: 0, first_mm: at, range_mm: [at, at] });
         found.boxes += 1;
-        for a in 0..3 {
-            found.range_mm[0][a] = found.range_mm[0][a].min(at[a]);
-            found.range_mm[1][a] = found.range_mm[1][a].max(at[a]);
+        let [least, most] = &mut found.range_mm;
+        for ((least, most), at) in least.iter_mut().zip(most).zip(at) {
+            (*least, *most) = (least.min(at), most.max(at));
         }
     }
 }

@@ -45,7 +45,12 @@ impl Case {
     }
 
     fn export(&self, name: &str) -> ExportReport {
-        let request = ExportRequest { form: ExportForm::of(Path::new(name)).unwrap(), skin_only: false };
+        self.simplified(name, 0)
+    }
+
+    fn simplified(&self, name: &str, simplify: u32) -> ExportReport {
+        let form = ExportForm::of(Path::new(name)).unwrap();
+        let request = ExportRequest { form, skin_only: false, simplify };
         export(&self.path("m.oct"), &self.path(name), request, &Silent).unwrap()
     }
 
@@ -228,6 +233,36 @@ fn cells_are_exported_true_below_the_voxel() {
 }
 
 #[test]
+fn simplified_meshes_are_closed_smaller_and_near() {
+    for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
+        let case = Case::new([70, 66, 71], surface, identity(), ball(33.2, 27.4));
+        let fine = case.export("m.ply").triangles;
+        for (n, most) in [(1, 0.5), (2, 0.7), (3, 1.6)] {
+            let report = case.simplified("s.ply", n);
+            let mesh = Mesh::read(&case.path("s.ply"));
+            mesh.is_closed_manifold();
+            let fewer = fine as f64 / report.triangles as f64 / 4.0_f64.powi(n.cast_signed());
+            assert!((0.8..1.4).contains(&fewer), "{n}: {fewer}");
+            let radius = |p: &[f32; 3]| p.iter().map(|c| (f64::from(*c) - 33.2).powi(2)).sum::<f64>().sqrt();
+            let worst = mesh.corners.iter().map(|p| (radius(p) - 27.4).abs()).fold(0.0, f64::max);
+            assert!(worst < most, "{n}: {worst}");
+            let due = 4.0 / 3.0 * std::f64::consts::PI * 27.4_f64.powi(3);
+            assert!((mesh.volume() / due - 1.0).abs() < 0.03, "{n}: {} {due}", mesh.volume());
+        }
+    }
+    // Whatever the samples are.
+    let mut random = Random(11);
+    let values: Vec<f32> = (0..40 * 30 * 20).map(|_| if random.below(2) == 0 { 1.0 } else { -1.0 }).collect();
+    let case = Case::new([40, 30, 20], SurfaceKind::Skin, identity(), |[x, y, z]| {
+        values[((z * 30 + y) * 40 + x) as usize]
+    });
+    for n in 1..=3 {
+        case.simplified("s.ply", n);
+        Mesh::read(&case.path("s.ply")).is_closed_manifold();
+    }
+}
+
+#[test]
 fn noise_of_cells_is_closed_too() {
     for (seed, percent) in [(7, 20), (8, 50), (9, 80)] {
         let mut random = Random(seed);
@@ -266,7 +301,7 @@ fn the_surface_lies_where_the_model_lies() {
             assert!(((least + most) / 2.0 - middle[axis]).abs() < 0.02, "{axis}");
         }
         // Points lie on the skin, or on the surface of cells.
-        let request = ExportRequest { form: ExportForm::Points, skin_only: false };
+        let request = ExportRequest { form: ExportForm::Points, skin_only: false, simplify: 0 };
         export(&case.path("m.oct"), &case.path("p.ply"), request, &Silent).unwrap();
         let points = Mesh::read(&case.path("p.ply"));
         let back = affine.inverse().unwrap();

@@ -5,6 +5,7 @@
 //! other axes, the lower of these first. Where a face has inside corners on a diagonal only, they are kept apart:
 //! the inside is connected through faces of voxels, as at marching cubes with one rule for all faces (Montani,
 //! Scateni, Scopigno 1994), so that the patches of neighbouring cubes fit together.
+#![expect(clippy::cast_possible_truncation, reason = "256 cases of 12 edges")]
 
 /// No patch passes through this edge.
 pub(super) const NO_PATCH: u8 = u8::MAX;
@@ -156,7 +157,6 @@ const fn numbered(names: [u8; EDGES]) -> Case {
 }
 
 #[cfg(test)]
-#[expect(clippy::cast_possible_truncation, reason = "256 cases")]
 mod tests {
     use super::*;
 

@@ -16,12 +16,11 @@ use std::io;
 
 use super::cases::{CASES, edge_at, ends, is_ambiguous, is_crossed, is_inside, others};
 use super::fault::ExportFault;
-use super::place::{Layer, Place};
+use super::place::{Place, Spots};
 use super::signs::Signs;
 use super::write::{Sink, Vertex};
 use crate::enclosed::Rows;
 use crate::geom::Affine;
-use crate::load::NodeView;
 
 /// A cube that the surface passes through, and the vertex of its first patch.
 #[derive(Clone, Copy, Debug)]
@@ -90,10 +89,10 @@ impl<'a> Mesher<'a> {
     ///
     /// # Errors
     /// The sink's, and [`ExportFault::TooLong`].
-    pub(super) fn layer<V: NodeView>(
+    pub(super) fn layer(
         &mut self,
         signs: [&Signs; 2],
-        layer: &Layer<'_, V>,
+        spots: &dyn Spots,
         height: usize,
         z: u32,
     ) -> io::Result<()> {
@@ -117,7 +116,7 @@ impl<'a> Mesher<'a> {
             for (x, case) in &found {
                 let cube = Cube { x: *x, case: *case, first: self.next_vertex() };
                 for patch in 0..CASES[usize::from(*case)].patches {
-                    let spot = layer.spot(Place { x: *x, row, case: *case, patch });
+                    let spot = spots.spot(Place { x: *x, row, case: *case, patch });
                     self.add(*x, row, z, spot.at, spot.normal)?;
                 }
                 self.here.push(cube);

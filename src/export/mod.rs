@@ -14,11 +14,13 @@
 //! | [`signs`] | samples inside, as places where rows change sides |
 //! | [`cases`] | the 256 cases of a cube, and its patches |
 //! | [`place`] | where a patch lies in its cube, and its normal |
+//! | [`coarse`] | blocks of samples in their place, for fewer triangles |
 //! | [`dual`] | vertices and triangles, layer by layer |
 //! | [`mask`] | NRRD and NIfTI |
 //! | [`write`](mod@write) | STL, PLY, OBJ and GLB |
 
 mod cases;
+mod coarse;
 mod dual;
 mod fault;
 mod mask;
@@ -40,6 +42,7 @@ use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::scratch;
 
+use coarse::Coarse;
 use dual::Mesher;
 use mask::{Mask, MaskForm, NIFTI_MOST};
 use place::Layer;
@@ -135,13 +138,17 @@ pub(crate) struct Exporter<'a, V> {
     pub(crate) space: &'a GridSpace,
     /// Only the skin counts as inside in a mask.
     pub(crate) skin_only: bool,
+    /// Triangles are made of blocks of this many samples along each axis; 1 for the samples themselves.
+    pub(crate) step: u32,
     /// Called now and then, where what was looked at of the model can leave memory.
     pub(crate) give_back: &'a dyn Fn(),
 }
 
 /// What is made of the samples.
+#[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum Product<'a> {
-    Mesh(Mesher<'a>),
+    /// Of the samples, or of blocks of them.
+    Mesh(Mesher<'a>, Option<Coarse>),
     Mask(Mask),
 }
 
@@ -180,12 +187,21 @@ impl<V: NodeView> Exporter<'_, V> {
         let before = if self.cells() { 1.0 } else { 1.5 };
         let low = bounds[0].map(|low| f64::from(low) - before);
         let mut to_mm = self.affine;
-        for (row, at) in to_mm.rows.iter_mut().zip(self.affine.apply(low)) {
+        let step = f64::from(self.step);
+        // Blocks begin one before the samples.
+        let first = if self.step == 1 { low } else { low.map(|c| c - step) };
+        for (row, at) in to_mm.rows.iter_mut().zip(self.affine.apply(first)) {
+            row[..3].iter_mut().for_each(|v| *v *= step);
             row[3] = at;
         }
-        let mut product = Product::Mesh(Mesher::new(to_mm, sink.as_mut()));
+        let [width, height] = [0, 1].map(|a| bounds[1][a] - bounds[0][a] + 2);
+        let coarse = (self.step > 1).then(|| Coarse::new(self.step, width, height as usize));
+        let mut product = Product::Mesh(Mesher::new(to_mm, sink.as_mut()), coarse);
         let unknown = self.sweep(bounds, &mut product, progress)?;
-        let Product::Mesh(mesher) = product else { return Err(ExportStop::Damaged) };
+        let Product::Mesh(mut mesher, coarse) = product else { return Err(ExportStop::Damaged) };
+        if let Some(coarse) = coarse {
+            coarse.finish(&mut mesher, self.space)?;
+        }
         let (vertices, triangles) = mesher.counts();
         sink.finish()?;
         Ok(Exported { vertices, triangles, unknown, ..Exported::default() })
@@ -281,7 +297,11 @@ impl<V: NodeView> Exporter<'_, V> {
         let cells = self.cells();
         if let Some(signs) = signs {
             match (product, &samples.signs, &samples.boxes) {
-                (Product::Mesh(mesher), Some(before), Some(below)) => {
+                (Product::Mesh(mesher, Some(coarse)), ..) => {
+                    let height = if cells { height - 1 } else { height };
+                    coarse.add(&signs, height, mesher, self.space)?;
+                }
+                (Product::Mesh(mesher, None), Some(before), Some(below)) => {
                     // A layer of cells is the slice between two slices of samples.
                     let layer = Layer { view: self.view, space: self.space, boxes: [below, &boxes] };
                     let height = if cells { height - 1 } else { height };

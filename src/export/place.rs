@@ -20,6 +20,18 @@ pub(super) struct Spot {
     pub(super) normal: [f64; 3],
 }
 
+/// Tells where patches lie.
+pub(super) trait Spots {
+    /// The point of a patch that stands for it.
+    fn spot(&self, place: Place) -> Spot;
+}
+
+/// The same point, kept away from the faces of its cube.
+pub(super) fn held_within(at: [f64; 3]) -> [f64; 3] {
+    let within = 0.5 - MARGIN;
+    at.map(|c| c.clamp(-within, within))
+}
+
 /// A cube: between the samples `x - 1` and `x` along each axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
@@ -37,16 +49,17 @@ pub(super) struct Layer<'a, V> {
     pub(super) boxes: [&'a Boxes; 2],
 }
 
-impl<V: NodeView> Layer<'_, V> {
-    pub(super) fn spot(&self, place: Place) -> Spot {
+impl<V: NodeView> Spots for Layer<'_, V> {
+    fn spot(&self, place: Place) -> Spot {
         let spot = match self.view.cells() {
             Some(items) => self.in_cell(items, place),
             None => Spot { at: middle(place, |_| 0.5), normal: self.of_voxels(place) },
         };
-        let within = 0.5 - MARGIN;
-        Spot { at: spot.at.map(|c| c.clamp(-within, within)), normal: spot.normal }
+        Spot { at: held_within(spot.at), normal: spot.normal }
     }
+}
 
+impl<V: NodeView> Layer<'_, V> {
     /// The sum of the normals of the patch's inside voxels.
     fn of_voxels(&self, place: Place) -> [f64; 3] {
         let mut sum = [0.0; 3];
@@ -124,7 +137,7 @@ fn patch_edges(place: Place) -> impl Iterator<Item = usize> {
 }
 
 /// The mean of where a patch crosses its edges: `along` gives how far along each, 0 to 1.
-fn middle(place: Place, along: impl Fn(usize) -> f64) -> [f64; 3] {
+pub(super) fn middle(place: Place, along: impl Fn(usize) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
     for edge in patch_edges(place) {

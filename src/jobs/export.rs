@@ -16,6 +16,9 @@ use crate::export::{ExportFault, ExportForm, ExportStop, Exporter};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 
+/// Most that triangles can be simplified.
+pub const MOST_SIMPLIFIED: u32 = 6;
+
 /// What to make of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExportRequest {
@@ -23,6 +26,8 @@ pub struct ExportRequest {
     pub form: ExportForm,
     /// In a mask only the skin is set, not what it encloses.
     pub skin_only: bool,
+    /// Triangles are made of blocks of 2^n samples along each axis: about 4^n times fewer.
+    pub simplify: u32,
 }
 
 /// What was written.
@@ -83,6 +88,7 @@ pub fn export(
         affine: model.affine(),
         space: &space,
         skin_only: request.skin_only,
+        step: 1 << request.simplify.min(MOST_SIMPLIFIED),
         give_back: &|| model.give_back(),
     };
     let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -1,0 +1,162 @@
+//! Fewer triangles: blocks of samples in the place of samples, each as far inside as its samples are.
+//!
+//! A coarse sample is the number of inside samples in a block of `step` along each axis; it is inside if these are more
+//! than half. The surface crosses an edge where the numbers, joined by a straight line, pass the half. So walls thinner
+//! than half a block go, and what stays is closed as the fine surface is.
+
+use std::io;
+
+use super::cases::{ends, is_crossed};
+use super::dual::Mesher;
+use super::place::{Place, Spot, Spots, held_within, middle};
+use super::signs::Signs;
+use crate::render::GridSpace;
+
+/// Numbers of inside samples in the blocks of one coarse slice, row by row, with an empty block around all.
+#[derive(Clone, Debug)]
+struct Blocks {
+    step: u32,
+    width: usize,
+    height: usize,
+    inside: Vec<u32>,
+}
+
+impl Blocks {
+    /// Empty blocks over slices of `width` by `height` samples.
+    fn new(step: u32, width: u32, height: usize) -> Self {
+        let along = |samples: usize| samples.div_ceil(step as usize) + 2;
+        let (width, height) = (along(width as usize), along(height));
+        Self { step, width, height, inside: vec![0; width * height] }
+    }
+
+    /// Counts the samples of a fine slice; `height` is its number of rows.
+    fn add(&mut self, signs: &Signs, height: usize) {
+        let step = self.step;
+        for row in 0..height {
+            let first = (row / step as usize + 1) * self.width + 1;
+            for [start, end] in signs.row(row).as_chunks::<2>().0 {
+                for block in start / step..end.div_ceil(step) {
+                    let samples = (block * step + step).min(*end) - (block * step).max(*start);
+                    if let Some(inside) = self.inside.get_mut(first + block as usize) {
+                        *inside += samples;
+                    }
+                }
+            }
+        }
+    }
+
+    fn full(&self) -> u32 {
+        self.step * self.step * self.step
+    }
+
+    /// Which blocks are inside.
+    fn signs(&self) -> Signs {
+        let mut signs = Signs::default();
+        for row in self.inside.chunks(self.width) {
+            let mut before = false;
+            for (x, inside) in (0..).zip(row) {
+                let now = 2 * inside > self.full();
+                if now != before {
+                    signs.push(x);
+                    before = now;
+                }
+            }
+            signs.end_row();
+        }
+        signs
+    }
+
+    /// How far a block is from half full, in blocks.
+    fn value(&self, x: usize, row: usize) -> f64 {
+        let inside = self.inside.get(row * self.width + x).copied().unwrap_or(0);
+        f64::from(inside) / f64::from(self.full()) - 0.5
+    }
+}
+
+/// Gathers fine slices into blocks, and hands on the layers between these.
+#[derive(Debug)]
+pub(super) struct Coarse {
+    /// What blocks are before anything is counted.
+    empty: Blocks,
+    now: Blocks,
+    /// Fine slices counted in `now`.
+    counted: u32,
+    before: (Blocks, Signs),
+    /// Slices of blocks handed on, the empty one before the first included.
+    slices: u32,
+}
+
+impl Coarse {
+    /// For slices of `width` by `height` samples.
+    pub(super) fn new(step: u32, width: u32, height: usize) -> Self {
+        let empty = Blocks::new(step, width, height);
+        let before = (empty.clone(), Signs::default());
+        Self { now: empty.clone(), empty, counted: 0, before, slices: 1 }
+    }
+
+    /// Takes the next slice of samples.
+    ///
+    /// # Errors
+    /// The mesher's.
+    pub(super) fn add(
+        &mut self,
+        signs: &Signs,
+        height: usize,
+        mesher: &mut Mesher<'_>,
+        space: &GridSpace,
+    ) -> io::Result<()> {
+        self.now.add(signs, height);
+        self.counted += 1;
+        if self.counted == self.now.step { self.close(mesher, space) } else { Ok(()) }
+    }
+
+    /// Ends a slice of blocks.
+    fn close(&mut self, mesher: &mut Mesher<'_>, space: &GridSpace) -> io::Result<()> {
+        let now = std::mem::replace(&mut self.now, self.empty.clone());
+        let signs = now.signs();
+        let layer = CoarseLayer { blocks: [&self.before.0, &now], space };
+        mesher.layer([&self.before.1, &signs], &layer, now.height, self.slices)?;
+        self.slices += 1;
+        self.counted = 0;
+        self.before = (now, signs);
+        Ok(())
+    }
+
+    /// Ends the last slice of blocks, and puts an empty one behind it.
+    ///
+    /// # Errors
+    /// The mesher's.
+    pub(super) fn finish(mut self, mesher: &mut Mesher<'_>, space: &GridSpace) -> io::Result<()> {
+        if self.counted > 0 {
+            self.close(mesher, space)?;
+        }
+        self.close(mesher, space)
+    }
+}
+
+/// A layer of cubes between two slices of blocks.
+struct CoarseLayer<'a> {
+    blocks: [&'a Blocks; 2],
+    space: &'a GridSpace,
+}
+
+impl Spots for CoarseLayer<'_> {
+    fn spot(&self, place: Place) -> Spot {
+        let value = |corner: usize| {
+            let (x, row) = (place.x as usize - 1 + (corner & 1), place.row - 1 + (corner >> 1 & 1));
+            self.blocks[corner >> 2].value(x, row)
+        };
+        let at = middle(place, |edge| {
+            debug_assert!(is_crossed(place.case, edge));
+            let [low, high] = ends(edge).map(value);
+            // A block that is just half full counts as outside.
+            if low == high { 0.5 } else { low / (low - high) }
+        });
+        let slope = |axis: usize| -> f64 {
+            let along = |corner: usize| if corner >> axis & 1 == 1 { -value(corner) } else { value(corner) };
+            (0..8).map(along).sum()
+        };
+        let normal = self.space.index_normal_to_world([0, 1, 2].map(slope));
+        Spot { at: held_within(at), normal }
+    }
+}
