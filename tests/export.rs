@@ -1,6 +1,8 @@
 //! `oct export`: what other programs are given is closed, has every sample on its side, and lies where the model lies.
 //! If this fails, prints of scans have holes, or are mirrored.
 
+#![expect(clippy::cast_possible_truncation, reason = "small files")]
+
 #[path = "support/command.rs"]
 mod command;
 #[path = "support/random.rs"]
@@ -156,7 +158,6 @@ fn identity() -> Affine {
     Affine::from_spacing([1.0; 3])
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "distances")]
 fn ball(middle: f64, radius: f64) -> impl Fn([u32; 3]) -> f32 + Sync {
     move |p| {
         let d = p.map(|c| (f64::from(c) - middle).powi(2)).iter().sum::<f64>().sqrt();

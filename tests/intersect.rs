@@ -1,6 +1,8 @@
 //! `oct intersect`: bodies whose distance is known touch when it says so. If this fails, an implant is said to fit that
 //! does not.
 
+#![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small bodies")]
+
 #[path = "support/command.rs"]
 mod command;
 
