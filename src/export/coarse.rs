@@ -152,11 +152,31 @@ impl Spots for CoarseLayer<'_> {
             // A block that is just half full counts as outside.
             if low == high { 0.5 } else { low / (low - high) }
         });
-        let slope = |axis: usize| -> f64 {
-            let along = |corner: usize| if corner >> axis & 1 == 1 { -value(corner) } else { value(corner) };
-            (0..8).map(along).sum()
-        };
-        let normal = self.space.index_normal_to_world([0, 1, 2].map(slope));
-        Spot { at: held_within(at), normal }
+        let values = [0, 1, 2, 3, 4, 5, 6, 7].map(value);
+        // The mean of the crossings lies on the chords of a bent surface: from there to the surface itself.
+        let mut at = held_within(at);
+        for _ in 0..2 {
+            let (depth, slope) = trilinear(&values, at);
+            let square = slope.iter().map(|s| s * s).sum::<f64>();
+            if square > 1e-6 {
+                at = held_within(std::array::from_fn(|a| at[a] - depth * slope[a] / square));
+            }
+        }
+        let (_, slope) = trilinear(&values, at);
+        Spot { at, normal: self.space.index_normal_to_world(slope.map(|s| -s)) }
     }
+}
+
+/// The interpolation of eight corners, and its slope, at a point given from the middle of the cube.
+fn trilinear(corners: &[f64; 8], at: [f64; 3]) -> (f64, [f64; 3]) {
+    let mut sum = (0.0, [0.0; 3]);
+    for (corner, value) in corners.iter().enumerate() {
+        let side = |a: usize| if corner >> a & 1 == 1 { 1.0 } else { -1.0 };
+        let weight = [0, 1, 2].map(|a| 0.5 + side(a) * at[a]);
+        sum.0 += value * weight[0] * weight[1] * weight[2];
+        for a in 0..3 {
+            sum.1[a] += value * side(a) * weight[(a + 1) % 3] * weight[(a + 2) % 3];
+        }
+    }
+    sum
 }

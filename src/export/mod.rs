@@ -83,6 +83,11 @@ impl ExportForm {
         Self::ALL.into_iter().find(by_suffix)
     }
 
+    /// Does the file hold coordinates, of 32 bits?
+    pub fn has_coordinates(self) -> bool {
+        !matches!(self, Self::Nrrd | Self::Nifti | Self::NiftiGz)
+    }
+
     /// Name in reports and, but for points, suffix.
     pub fn name(self) -> &'static str {
         match self {

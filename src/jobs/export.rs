@@ -13,6 +13,7 @@ use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
 use crate::export::{ExportFault, ExportForm, ExportStop, Exporter};
+use crate::geom::{Affine, Dims};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 
@@ -48,6 +49,8 @@ pub struct ExportReport {
     /// Voxels that the skin encloses, of which the normals do not tell whether they are inside; they were taken to be
     /// what is likelier, and inside where there are no normals.
     pub unknown_voxels: u64,
+    /// Are coordinates of 32 bits too coarse for the place of the model: more than 1/128 of a voxel?
+    pub is_far: bool,
     /// Bytes of the file.
     pub bytes: u64,
     /// Seconds from start to end.
@@ -112,9 +115,21 @@ pub fn export(
         triangles: made.triangles,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
+        is_far: request.form.has_coordinates() && is_far(&model.affine(), model.dims()),
         bytes,
         wall_s: start.elapsed().as_secs_f64(),
     })
+}
+
+/// Is a step of 32-bit numbers, at the corner that is farthest from the origin, more than 1/128 of a voxel?
+fn is_far(affine: &Affine, dims: Dims) -> bool {
+    let corner = |i: usize| {
+        let sides = dims.to_array();
+        affine.apply(std::array::from_fn(|a| if i >> a & 1 == 1 { f64::from(sides[a]) } else { 0.0 }))
+    };
+    let farthest = (0..8).flat_map(corner).map(f64::abs).fold(0.0, f64::max);
+    let least = affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+    farthest * f64::from(f32::EPSILON) > least / 128.0
 }
 
 fn fault_of(cause: &io::Error) -> Option<ExportFault> {
@@ -132,10 +147,22 @@ impl ExportReport {
             "triangles": self.triangles,
             "inside_voxels": self.inside_voxels,
             "unknown_voxels": self.unknown_voxels,
+            "warnings": self.warnings(),
             "bytes": self.bytes,
             "peak_rss_bytes": peak_rss_bytes(),
             "wall_s": self.wall_s,
         })
+    }
+
+    /// What is odd, in sentences.
+    fn warnings(&self) -> Vec<String> {
+        let unknown = format!(
+            "{} voxel(s) are enclosed, and the normals do not tell whether they are inside; they were taken to be what is likelier",
+            self.unknown_voxels
+        );
+        let far = "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel";
+        let all = [(self.unknown_voxels > 0, unknown), (self.is_far, far.to_owned())];
+        all.into_iter().filter_map(|(told, sentence)| told.then_some(sentence)).collect()
     }
 
     /// For people.
@@ -149,11 +176,8 @@ impl ExportReport {
         };
         let mut text =
             format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);
-        if self.unknown_voxels > 0 {
-            text += &format!(
-                "  note: {} voxel(s) are enclosed, and the normals do not tell whether they are inside; they were taken to be what is likelier\n",
-                self.unknown_voxels
-            );
+        for warning in self.warnings() {
+            text += &format!("  note: {warning}\n");
         }
         text
     }
