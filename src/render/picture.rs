@@ -61,7 +61,7 @@ pub struct Canvas {
     pub normals: bool,
     /// Are normals blended between the boxes around a hit?
     pub blended: bool,
-    /// Rays of each pixel that tell how open its surroundings are; 0 for none ([`super::ambient`]).
+    /// Rays of each pixel that tell how open its surroundings are; 0 for none.
     pub ambient_rays: u32,
     /// What a hit is.
     pub traversal: Traversal,
