@@ -369,6 +369,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
         threads: args.threads.count(),
         lod: args.lod == Switch::On,
         blended: args.shading == Shading::Blended,
+        ambient_rays: if args.shading == Shading::Ao { args.ao_rays } else { 0 },
         traversal: args.traversal,
         coherence: args.coherence,
         ..RenderRequest::default()

@@ -14,6 +14,7 @@ use super::{Switch, ThreadArgs, parse};
 pub(crate) enum Shading {
     Stored,
     Blended,
+    Ao,
 }
 
 #[derive(Debug, Args)]
@@ -53,9 +54,13 @@ pub(crate) struct RenderArgs {
     /// Stop at nodes about as small as a pixel instead of at voxels
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     pub(crate) lod: Switch,
-    /// Shade by the normals as they are stored, or blended between the boxes around a hit: no facets in close-ups
+    /// Shade by the normals as they are stored, or blended between the boxes around a hit: no facets in close-ups; or
+    /// by stored normals and ambient occlusion: hollows turn dark
     #[arg(long, value_enum, default_value_t = Shading::Stored)]
     pub(crate) shading: Shading,
+    /// Rays of each pixel for ambient occlusion
+    #[arg(long, value_name = "1..1024", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) ao_rays: u32,
     /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
     #[arg(long, default_value = "exact", value_parser = parse::traversals())]
     pub(crate) traversal: Traversal,

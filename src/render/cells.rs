@@ -16,8 +16,9 @@
 use crate::format::cell::{CORNERS, Plane};
 use crate::load::{CellItems, CellShape, NodeView};
 
+use super::lanes::each3;
 use super::ray::{FRACTION_BITS, Ray};
-use super::surface::{Crossing, Glance, Looked, Passage, Surface};
+use super::surface::{Approach, Crossing, Glance, Looked, Passage, Surface};
 use super::traverse::Hit;
 
 /// Half the edge of a cell in units of a ray's origin.
@@ -59,18 +60,38 @@ impl<V: NodeView> Surface<V> for Cells<'_> {
     const SOLID: bool = false;
 
     #[inline(always)]
-    fn look(&self, view: &V, glance: &Glance) -> Looked {
-        let Some(plane) = self.items.plane(glance.box_number.wrapping_sub(view.node_count())) else {
+    fn foretell(&self, view: &V, approach: &Approach) -> Looked {
+        let Some(plane) = self.items.plane(approach.box_number.wrapping_sub(view.node_count())) else {
             return Looked::Unsure;
         };
-        let n: [f64; 3] = std::array::from_fn(|a| {
-            f64::from(if glance.mirror >> a & 1 == 1 { -plane.normal[a] } else { plane.normal[a] })
-        });
-        let dot = |v: [f64; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
-        // Whole numbers below 2^42: exact. Times are at most 2^5 and off by 2^-40, so that what follows is off by
-        // less than a unit.
-        let (start, slope) =
-            (dot(glance.from_middle) - f64::from(plane.offset) * HALF, dot(glance.direction));
+        let (start, slope) = along(&plane, approach);
+        // Where the ray crosses the plane, from the middle of the cell and times the slope's size; on a ray that
+        // comes to be in front of the plane instead of behind it, as seen from the other end.
+        let at = each3!(A => approach.direction[A] * start - approach.from_middle[A] * slope);
+        let half = HALF * slope.abs();
+        let farthest = larger(larger(at[0], at[1]), at[2]);
+        if farthest > half + CROSSING_SLACK {
+            // Beyond a face that the ray leaves by: it is in front of the plane until then.
+            return Looked::Past;
+        }
+        let nearest = smaller(smaller(at[0], at[1]), at[2]);
+        if (slope < 0.0)
+            & (start > 0.0)
+            & (farthest < half - CROSSING_SLACK)
+            & (nearest > CROSSING_SLACK - half)
+        {
+            return Looked::Within { distance: start, component: -slope };
+        }
+        Looked::Unsure
+    }
+
+    #[inline]
+    fn look(&self, view: &V, glance: &Glance) -> Looked {
+        let Some(plane) = self.items.plane(glance.approach.box_number.wrapping_sub(view.node_count())) else {
+            return Looked::Unsure;
+        };
+        // Times are at most 2^5 and off by 2^-40, so that what follows is off by less than a unit.
+        let (start, slope) = along(&plane, &glance.approach);
         let (first, last) = (start + slope * glance.enter, start + slope * glance.leave);
         if first < -1.0 {
             Looked::Entry
@@ -94,6 +115,33 @@ impl<V: NodeView> Surface<V> for Cells<'_> {
             None => meet_corners(self.items.corners(cell), ray, passage),
         }
     }
+}
+
+/// How far a ray's crossing of a plane, times the slope, may be off: products below 2^71, rounded to 53 bits.
+const CROSSING_SLACK: f64 = (1_u64 << 20) as f64;
+
+/// How far in front of a plane a ray starts, and its change along the ray: whole numbers below 2^42, exact.
+#[inline(always)]
+fn along(plane: &Plane, approach: &Approach) -> (f64, f64) {
+    let n = each3!(A => {
+        let n = f64::from(plane.normal[A]);
+        if approach.mirror >> A & 1 == 1 { -n } else { n }
+    });
+    let (from, d) = (approach.from_middle, approach.direction);
+    (
+        n[0] * from[0] + n[1] * from[1] + n[2] * from[2] - f64::from(plane.offset) * HALF,
+        n[0] * d[0] + n[1] * d[1] + n[2] * d[2],
+    )
+}
+
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
 /// The moment at which a ray starts.

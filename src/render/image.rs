@@ -7,8 +7,9 @@ use super::{Layer, RenderError};
 use crate::atomic::AtomicFile;
 use crate::mark::{KEYWORD, PROGRAM};
 
-/// Pictures of more pixels than thumbnails have are compressed in haste: a quarter to a third larger, in a tenth to
-/// a twentieth of the time, which was longer than that of tracing them.
+/// Pictures of more pixels than thumbnails have are compressed in haste: a quarter to a third larger, in a twentieth to
+/// a fortieth of the time, which was longer than that of tracing them. Every row by the same filter: choosing the best
+/// for each takes as long as all the rest, for 2 % fewer bytes.
 const MOST_SMALL: u64 = 1 << 18;
 
 /// A picture, rows from the top.
@@ -81,6 +82,7 @@ impl Image {
         encoder.set_depth(format.bits);
         if u64::from(self.width) * u64::from(self.height) > MOST_SMALL {
             encoder.set_compression(png::Compression::Fast);
+            encoder.set_filter(png::Filter::Paeth);
         }
         // It lies in the folder of its volume as often as not, and must not become a slice of it.
         encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;

@@ -20,9 +20,11 @@
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
+//! | `ambient` | how open a point's surroundings are: hollows turn dark |
 //! | `facing`, `around` | normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
 
+pub(crate) mod ambient;
 mod around;
 pub(crate) mod blend;
 pub mod camera;

@@ -61,6 +61,8 @@ pub struct Canvas {
     pub normals: bool,
     /// Are normals blended between the boxes around a hit?
     pub blended: bool,
+    /// Rays of each pixel that tell how open its surroundings are; 0 for none.
+    pub ambient_rays: u32,
     /// What a hit is.
     pub traversal: Traversal,
     /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 for a ray
@@ -108,6 +110,8 @@ pub struct Counts {
     pub trace: Duration,
     /// Wall time of shading.
     pub shade: Duration,
+    /// Wall time of ambient occlusion.
+    pub ambient: Duration,
 }
 
 impl Counts {
@@ -128,13 +132,14 @@ impl Counts {
         self.max_steps = self.max_steps.max(other.max_steps);
         self.trace += other.trace;
         self.shade += other.shade;
+        self.ambient += other.ambient;
         self
     }
 }
 
 /// A pixel's hit in 16 bytes.
 #[derive(Clone, Copy)]
-struct Seen {
+pub(super) struct Seen {
     box_number: u64,
     /// Depth in mm; NaN for background.
     depth: f32,
@@ -253,17 +258,19 @@ impl Kept {
 }
 
 /// Everything that a pixel's worker reads.
-struct Painter<'a, V, S> {
-    view: &'a V,
-    surface: S,
+pub(super) struct Painter<'a, V, S> {
+    pub(super) view: &'a V,
+    pub(super) surface: S,
     /// The cells, if the model has them: normals are of index space then.
-    cells: Option<Cells<'a>>,
-    sight: Sight<'a>,
+    pub(super) cells: Option<Cells<'a>>,
+    pub(super) sight: Sight<'a>,
     /// The rays of the discrete mode, if that is asked for.
-    discrete: Option<DiscreteRays<'a>>,
-    form: Form,
-    canvas: Canvas,
-    shader: Shader,
+    pub(super) discrete: Option<DiscreteRays<'a>>,
+    pub(super) form: Form,
+    pub(super) canvas: Canvas,
+    pub(super) shader: Shader,
+    /// How open each pixel's surroundings are, 0 to 255; empty where that does not matter.
+    pub(super) open: Vec<u8>,
 }
 
 /// Bytes that [`paint`] takes for a picture of this size with smooth edges, beside the model: the picture,
@@ -276,7 +283,8 @@ pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
 
 /// Paints a model as a camera sees it.
 ///
-/// Memory: the image, 4 MiB for hits, and with smooth edges 8 bytes a pixel of the silhouette.
+/// Memory: the image, 4 MiB for hits, with smooth edges 8 bytes a pixel of the silhouette, and with ambient occlusion a
+/// byte a pixel.
 ///
 /// # Errors
 /// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start,
@@ -290,7 +298,8 @@ pub fn paint<V: NodeView>(
     paint_watched(view, space, camera, canvas, &|_| {})
 }
 
-/// As [`paint`]; `rows_done` is told each time how many more rows are painted.
+/// As [`paint`]; `rows_done` is told each time how many more rows are painted. With ambient occlusion all rows are done
+/// twice.
 ///
 /// # Errors
 /// As [`paint`].
@@ -313,19 +322,22 @@ pub fn paint_watched<V: NodeView>(
     let pool = pool(canvas.threads)?;
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
         Some(surface) => {
-            let painter = Painter { view, surface, cells, sight, discrete, form, canvas, shader };
+            let painter =
+                Painter { view, surface, cells, sight, discrete, form, canvas, shader, open: vec![] };
             pool.install(|| painter.paint(rows_done))
         }
         // Coarse boxes are solid, whatever the finest are.
         None => {
-            let painter = Painter { view, surface: Skin, cells, sight, discrete, form, canvas, shader };
+            let painter =
+                Painter { view, surface: Skin, cells, sight, discrete, form, canvas, shader, open: vec![] };
             pool.install(|| painter.paint(rows_done))
         }
     })
 }
 
 impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
-    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Counts) {
+    fn paint(mut self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Counts) {
+        let ambient = self.look_around(rows_done);
         let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
         let mut image = Image {
             width: self.canvas.width,
@@ -355,7 +367,17 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         if self.canvas.smooth_edges {
             counts = counts.plus(self.smooth_edges(&mut image));
         }
-        (image, counts)
+        (image, Counts { ambient, ..counts })
+    }
+
+    /// Linear RGB of a pixel whose surface has this normal.
+    #[inline]
+    fn light(&self, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
+        let light = self.shader.light(normal, line.1);
+        match self.open.get(y * self.canvas.width as usize + x) {
+            Some(open) => light.map(|c| c * (f64::from(*open) / 255.0)),
+            None => light,
+        }
     }
 
     /// Traces the rays of `rows` rows from `top` on; `seen` is filled tile after tile.
@@ -464,8 +486,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     fn shade_band(&self, seen: &[Seen], image: &mut Image, top: usize, rows: usize) -> Duration {
         let start = Instant::now();
         let width = self.canvas.width as usize;
-        self.fill(seen, &mut image.rgba, top, rows, |normal, line| {
-            let [r, g, b] = self.shader.light(normal, line.1).map(|c| self.shader.encode(c));
+        self.fill(seen, &mut image.rgba, top, rows, |normal, line, at| {
+            let [r, g, b] = self.light(normal, line, at).map(|c| self.shader.encode(c));
             [r, g, b, 255]
         });
         if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
@@ -476,19 +498,19 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             });
         }
         if let Some(normals) = &mut image.normals {
-            self.fill(seen, normals, top, rows, |normal, _| normal.map(normal_code));
+            self.fill(seen, normals, top, rows, |normal, _, _| normal.map(normal_code));
         }
         start.elapsed()
     }
 
-    /// Gives each pixel of a traced band that hit something its bytes, from its normal and its line of sight.
+    /// Gives each pixel of a traced band that hit something its bytes, from its normal, line of sight and place.
     fn fill<const N: usize>(
         &self,
         seen: &[Seen],
         out: &mut [u8],
         top: usize,
         rows: usize,
-        bytes: impl Fn([f64; 3], Line) -> [u8; N] + Sync,
+        bytes: impl Fn([f64; 3], Line, [usize; 2]) -> [u8; N] + Sync,
     ) {
         let width = self.canvas.width as usize;
         let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
@@ -502,7 +524,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                 // Tiles at the border reach over it; what is there may be of an earlier band.
                 if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
                     let line = self.sight.line(x as f64 + 0.5, (top + n * TILE + y) as f64 + 0.5);
-                    *out = bytes(self.normal_of(kept, *pixel, line), line);
+                    *out = bytes(self.normal_of(kept, *pixel, line), line, [x, top + n * TILE + y]);
                 }
             }
         });
@@ -544,7 +566,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     if seen.is_hit() {
                         hits += 1;
                         let line = self.sight.line(x + dx, y + dy);
-                        let light = self.shader.light(self.normal(around, seen, line), line.1);
+                        let light = self.light(self.normal(around, seen, line), line, [i % width, i / width]);
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -577,7 +599,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// What was seen through a point of the picture.
     #[inline]
-    fn seen(&self, trace: &Trace, x: f64, y: f64) -> Seen {
+    pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> Seen {
         let mut seen = Seen::new(trace);
         if let (Some(cells), Some(hit)) = (&self.cells, &trace.hit)
             && seen.kind == SeenKind::Voxel
@@ -632,7 +654,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
     /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
-    fn normal(&self, around: &mut Surroundings, seen: Seen, line: Line) -> [f64; 3] {
+    pub(super) fn normal(&self, around: &mut Surroundings, seen: Seen, line: Line) -> [f64; 3] {
         let box_frame = match (self.stored(seen, 0), seen.face()) {
             (Some(stored), _) if self.cells.is_some() => {
                 let own = self.blended(seen, line, stored.map(f64::from));
@@ -717,7 +739,7 @@ impl<V: NodeView, S: Surface<V>> Looks<'_, '_, V, S> {
         let line = painter.sight.line(x as f64 + 0.5, y as f64 + 0.5);
         let normal = painter.normal(around, seen, line);
         Sample {
-            color: painter.shader.light(normal, line.1).map(|c| painter.shader.encode(c)),
+            color: painter.light(normal, line, [x, y]).map(|c| painter.shader.encode(c)),
             depth: seen.depth,
             normal: normal.map(normal_code),
         }
@@ -756,4 +778,4 @@ impl<V: NodeView, S: Surface<V>> Look for Looks<'_, '_, V, S> {
 }
 
 /// Line of sight in the world: origin and direction.
-type Line = ([f64; 3], [f64; 3]);
+pub(super) type Line = ([f64; 3], [f64; 3]);

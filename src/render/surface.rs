@@ -53,18 +53,25 @@ impl Passage {
     }
 }
 
-/// A ray's way through a box, estimated: what [`Surface::look`] is told. Coordinates are mirrored so that the ray
-/// runs forwards along every axis.
+/// A ray and a box of the finest level that it may pass through or miss: what [`Surface::foretell`] is told.
+/// Coordinates are mirrored so that the ray runs forwards along every axis; whole numbers.
 #[derive(Clone, Copy, Debug)]
-pub struct Glance {
+pub struct Approach {
     /// Breadth-first number of the box.
     pub box_number: u64,
     /// Axes that are mirrored, as bits.
     pub mirror: u32,
-    /// From the middle of the box to the ray's origin: whole numbers, as [`Ray::origin`].
+    /// From the middle of the box to the ray's origin, as [`Ray::origin`].
     pub from_middle: [f64; 3],
-    /// Whole numbers, as [`Ray::direction`].
+    /// As [`Ray::direction`].
     pub direction: [f64; 3],
+}
+
+/// A ray's way through a box, estimated: what [`Surface::look`] is told.
+#[derive(Clone, Copy, Debug)]
+pub struct Glance {
+    /// The ray and the box.
+    pub approach: Approach,
     /// Times of entry and exit, distance by component: to within 2^-40.
     pub enter: f64,
     /// See [`Glance::enter`].
@@ -95,6 +102,15 @@ pub trait Surface<V: NodeView>: Sync {
     ///
     /// Then [`Surface::meet`] must be [`Passage::entry_hit`]; kernels need not call it.
     const SOLID: bool;
+
+    /// What [`Surface::meet`] would answer for a ray that passes through a box of the finest level, where that is
+    /// certain without knowing when it does; [`Looked::Past`] also where it does not pass through. Never
+    /// [`Looked::Entry`].
+    #[inline(always)]
+    fn foretell(&self, view: &V, approach: &Approach) -> Looked {
+        let _ = (view, approach);
+        Looked::Unsure
+    }
 
     /// What [`Surface::meet`] would answer for a box of the finest level, if that is certain at a glance.
     #[inline(always)]

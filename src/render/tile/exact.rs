@@ -6,7 +6,7 @@
 use crate::render::lanes::{DOUBLES, Lanes, Truths, each3};
 use crate::render::ray::FRACTION_BITS;
 use crate::render::sight::Sight;
-use crate::render::surface::Glance;
+use crate::render::surface::{Approach, Glance};
 
 use super::beam::{RAYS, TILE};
 
@@ -17,7 +17,6 @@ const SAME_TIME: f64 = 1.0 / (1_u64 << 40) as f64;
 pub(super) struct ExactRays {
     origin: [[f64; RAYS]; 3],
     direction: [[f64; RAYS]; 3],
-    inverse: [[f64; RAYS]; 3],
     t_start: [f64; RAYS],
     t_scale: [f64; RAYS],
     /// Rows that are made, and rays that can be used.
@@ -46,7 +45,6 @@ impl ExactRays {
         Self {
             origin: [[0.0; RAYS]; 3],
             direction: [[0.0; RAYS]; 3],
-            inverse: [[0.0; RAYS]; 3],
             t_start: [0.0; RAYS],
             t_scale: [0.0; RAYS],
             rows: 0,
@@ -78,7 +76,7 @@ impl ExactRays {
         self.rows |= 1 << row;
         let exact = sight.row(l, (corner.0, corner.1 + row));
         let far = l.d(f64::from(1_u32.wrapping_shl(depth)) * f64::from(1_u32 << FRACTION_BITS));
-        let (zero, one) = (l.d(0.0), l.d(1.0));
+        let zero = l.d(0.0);
         let (mut origin, mut direction) = (exact.origin, exact.direction);
         let (mut valid, mut slanted) = (exact.valid, exact.valid);
         for a in 0..3 {
@@ -90,11 +88,9 @@ impl ExactRays {
             valid = valid & l.d_le(zero, direction[a]);
             slanted = slanted & l.d_lt(zero, direction[a]);
         }
-        let inverse = each3!(A => one / direction[A]);
         for a in 0..3 {
             l.d_store(origin[a], lanes_of(&mut self.origin[a], row));
             l.d_store(direction[a], lanes_of(&mut self.direction[a], row));
-            l.d_store(inverse[a], lanes_of(&mut self.inverse[a], row));
         }
         l.d_store(exact.t_start, lanes_of(&mut self.t_start, row));
         l.d_store(exact.t_scale, lanes_of(&mut self.t_scale, row));
@@ -102,8 +98,30 @@ impl ExactRays {
         self.slanted |= u64::from((valid & slanted).bits() & 0xff) << (TILE * row);
     }
 
-    /// The way of a ray through the box of edge `2^unit` at the mirrored cell `low`.
+    /// A ray and the box of the finest level at the mirrored cell `low`; `None` for a ray that is none of these.
     #[inline(always)]
+    pub(super) fn approach(
+        &self,
+        ray: usize,
+        box_number: u64,
+        low: [u32; 3],
+        mirror: u32,
+    ) -> Option<Approach> {
+        let ray = ray % RAYS;
+        if self.valid >> ray & 1 == 0 {
+            return None;
+        }
+        let one_cell = f64::from(1_u32 << FRACTION_BITS);
+        Some(Approach {
+            box_number,
+            mirror,
+            from_middle: each3!(A => self.origin[A][ray] - (f64::from(low[A]) + 0.5) * one_cell),
+            direction: each3!(A => self.direction[A][ray]),
+        })
+    }
+
+    /// The way of a ray through the box of edge `2^unit` at the mirrored cell `low`.
+    #[inline]
     pub(super) fn way(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Way {
         let ray = ray % RAYS;
         if self.slanted >> ray & 1 == 0 {
@@ -113,7 +131,7 @@ impl ExactRays {
         let one_cell = f64::from(1_u32 << FRACTION_BITS);
         let edge = f64::from(1_u32.wrapping_shl(unit)) * one_cell;
         let direction = each3!(A => self.direction[A][ray]);
-        let inverse = each3!(A => self.inverse[A][ray]);
+        let inverse = each3!(A => 1.0 / direction[A]);
         let n = each3!(A => f64::from(low[A]) * one_cell - self.origin[A][ray]);
         let into = each3!(A => n[A] * inverse[A]);
         let out = each3!(A => (n[A] + edge) * inverse[A]);
@@ -128,7 +146,8 @@ impl ExactRays {
         if (enter + SAME_TIME < leave) & (before + SAME_TIME < enter) & (enter > SAME_TIME) {
             let axis = usize::from(into[1] == enter) + 2 * usize::from(into[2] == enter);
             let from_middle = each3!(A => -n[A] - 0.5 * edge);
-            let glance = Glance { box_number, mirror, from_middle, direction, enter, leave };
+            let approach = Approach { box_number, mirror, from_middle, direction };
+            let glance = Glance { approach, enter, leave };
             return Way::Through(Pierced { glance, axis });
         }
         Way::Unsure
@@ -155,13 +174,14 @@ impl ExactRays {
             }
             (from_middle[a], direction[a]) = (-n - 0.5 * edge, d);
             if d > 0.0 {
-                let into = n * self.inverse[a][ray];
+                let inverse = 1.0 / d;
+                let into = n * inverse;
                 if into > enter {
                     (before, enter, axis) = (enter, into, a);
                 } else if into > before {
                     before = into;
                 }
-                let out = (n + edge) * self.inverse[a][ray];
+                let out = (n + edge) * inverse;
                 leave = if out < leave { out } else { leave };
             }
         }
@@ -170,7 +190,8 @@ impl ExactRays {
         }
         // Ties, and rays that start in the box, are for the integers.
         if enter + SAME_TIME < leave && before + SAME_TIME < enter && enter > SAME_TIME {
-            let glance = Glance { box_number, mirror, from_middle, direction, enter, leave };
+            let approach = Approach { box_number, mirror, from_middle, direction };
+            let glance = Glance { approach, enter, leave };
             return Way::Through(Pierced { glance, axis });
         }
         Way::Unsure

@@ -137,16 +137,24 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
         let mut near = near;
         let mut met = 0_u64;
         let (mut first, mut ranked) = (0, false);
+        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
         while near != 0 {
             let ray = near.trailing_zeros() as usize % RAYS;
             near &= near.wrapping_sub(1);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
             let mut boxes = brick.boxes & beam.pierced_by(self.rays, ray, low);
+            if boxes == 0 {
+                continue;
+            }
+            if !ranked {
+                (first, ranked) = (brick.first(self.view), true);
+            }
+            if !S::SOLID {
+                self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
+            }
             while boxes != 0 {
                 let v = boxes.trailing_zeros();
-                if !ranked {
-                    (first, ranked) = (brick.first(self.view), true);
-                }
+                boxes &= boxes.wrapping_sub(1);
                 let number = first.wrapping_add(brick.before(v));
                 let at = place(v);
                 if S::SOLID {
@@ -157,12 +165,11 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
                     met |= 1 << ray;
                     break;
                 }
-                let cell = std::array::from_fn(|a| (low[a] | at[a]).wrapping_shl(unit));
-                if self.look(beam, ray, number, cell, unit) {
+                let cell = each3!(A => (low[A] | at[A]).wrapping_shl(unit));
+                if self.look(ray, number, cell, unit, beam.mirror) {
                     met |= 1 << ray;
                     break;
                 }
-                boxes &= boxes.wrapping_sub(1);
             }
         }
         *live &= !met;
@@ -171,10 +178,28 @@ impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
 
     /// Looks at a box that a ray may pass through: at a glance, and exactly where that does not do.
     #[inline(always)]
-    fn look<L: Lanes>(&mut self, beam: &Beam<L>, ray: usize, number: u64, low: [u32; 3], unit: u32) -> bool {
-        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
-        self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
-        let pierced = match self.exact.way(ray, number, low, unit, beam.mirror) {
+    fn look(&mut self, ray: usize, number: u64, low: [u32; 3], unit: u32, mirror: u32) -> bool {
+        // Boxes above the finest level are not the surface's to be looked at.
+        if unit == 0
+            && let Some(approach) = self.exact.approach(ray, number, low, mirror)
+        {
+            match self.surface.foretell(self.view, &approach) {
+                Looked::Past => return false,
+                Looked::Within { distance, component } => {
+                    let t = self.exact.t_after(ray, distance, component);
+                    self.hits.set_mirrored(ray, number, low, None, t);
+                    return true;
+                }
+                Looked::Entry | Looked::Unsure => {}
+            }
+        }
+        self.look_again(ray, number, low, unit, mirror)
+    }
+
+    /// Looks at a box by the times at which a ray passes through it.
+    #[inline(never)]
+    fn look_again(&mut self, ray: usize, number: u64, low: [u32; 3], unit: u32, mirror: u32) -> bool {
+        let pierced = match self.exact.way(ray, number, low, unit, mirror) {
             Way::Past => return false,
             Way::Unsure => return self.meet(ray, number, low, unit),
             Way::Through(pierced) => pierced,
