@@ -25,6 +25,10 @@ pub(super) const HALF_CELL: i64 = 1 << (FRACTION_BITS - 1);
 /// The same as a double.
 const HALF: f64 = HALF_CELL as f64;
 
+/// Square of the least cosine, in index space, between the direction that is stored of a cell with corners and that of
+/// its surface where it is met: 60 degrees, as where normals are blended.
+const NEAR_OWN: f64 = 0.25;
+
 /// Cells between samples, each with the surface within it; boxes above them count as solid.
 #[derive(Clone, Copy, Debug)]
 pub struct Cells<'a> {
@@ -38,12 +42,19 @@ impl<'a> Cells<'a> {
     }
 
     /// Outward direction in index space, of any length, at a point of a cell in its own coordinates (-1..=1).
+    ///
+    /// Of a cell with corners its stored direction, which is smooth, as long as it is near to the surface's own at
+    /// that point; there may be two surfaces in the cell.
     pub fn normal(&self, cell: u64, u: [f64; 3]) -> [f64; 3] {
+        let stored = self.items.normal(cell).map(f64::from);
         match self.items.shape(cell) {
-            CellShape::Plane(plane) => plane.normal.map(f64::from),
+            CellShape::Plane(_) => stored,
             CellShape::Corners(corners) => {
-                let inwards = Trilinear::new(corners).gradient(u);
-                if inwards == [0.0; 3] { [0.0, 0.0, 1.0] } else { inwards.map(|c| -c) }
+                let own = Trilinear::new(corners).gradient(u).map(|c| -c);
+                let dot = |v: [f64; 3], w: [f64; 3]| v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
+                let along = dot(stored, own);
+                let is_near = along * along >= NEAR_OWN * dot(stored, stored) * dot(own, own);
+                if along >= 0.0 && is_near { stored } else { own }
             }
         }
     }

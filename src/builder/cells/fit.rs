@@ -4,6 +4,7 @@ use super::corner::{EDGES, TOLERANCE, signed_depth};
 use super::jet::{Jet, Seen};
 use super::pick::{self, SEPARABLE};
 use super::sharp::{Sharp, Waiting};
+use super::stretch::{Fit, Stretch};
 use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
@@ -34,6 +35,7 @@ pub(super) struct Batch {
     badness: [f32; BATCH],
     covers: [u32; BATCH],
     fitted: [u32; BATCH],
+    strays: [u32; BATCH],
     sharp: Sharp,
 }
 
@@ -54,6 +56,7 @@ impl Batch {
             badness: [0.0; BATCH],
             covers: [0; BATCH],
             fitted: [0; BATCH],
+            strays: [0; BATCH],
             sharp: Sharp::new(),
         })
     }
@@ -120,6 +123,11 @@ impl Batch {
         self.fitted[at] != 0
     }
 
+    /// Does the surface stray from the plane? Looked at in long cells only.
+    pub(super) fn strays(&self, at: usize) -> bool {
+        self.strays[at] != 0
+    }
+
     /// Normal code and offset of a cell that is fitted.
     #[expect(clippy::cast_possible_truncation, reason = "-127..=127")]
     pub(super) fn plane(&self, at: usize) -> (u16, i8) {
@@ -128,7 +136,7 @@ impl Batch {
 
     /// Fits all cells of the batch. Unfitted stay those at the border, those that no plane describes, and, if a
     /// single value is inside, all for which the smooth gradient will not do.
-    pub(super) fn fit(&mut self, is_label: bool) {
+    pub(super) fn fit(&mut self, is_label: bool, stretch: &Stretch) {
         dispatch(FitKernel(self));
         if is_label {
             return;
@@ -155,6 +163,9 @@ impl Batch {
         for (slot, code, plane) in self.sharp.found() {
             (self.code[slot], self.offset[slot]) = (code, plane.offset);
             self.fitted[slot] = u32::from(plane.covers == 0);
+        }
+        if stretch.is_long {
+            dispatch(StrayKernel { batch: self, stretch });
         }
     }
 
@@ -197,6 +208,32 @@ impl Kernel for FitKernel<'_> {
             let agrees = (fitted.badness <= b.near[i] * b.near[i]) & (fitted.covers == 0);
             (b.offset[i], b.badness[i], b.covers[i]) = (fitted.offset, fitted.badness, fitted.covers);
             b.fitted[i] = u32::from(agrees & !b.gradient[0][i].is_nan());
+        }
+    }
+}
+
+struct StrayKernel<'a> {
+    batch: &'a mut Batch,
+    stretch: &'a Stretch,
+}
+
+impl Kernel for StrayKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let (b, stretch) = (self.batch, *self.stretch);
+        let len = b.len.next_multiple_of(8).min(BATCH);
+        for i in 0..len {
+            let fit = Fit {
+                code: b.code[i],
+                offset: b.offset[i],
+                mask: b.mask[i],
+                depth: std::array::from_fn(|c| b.depth[c][i]),
+                crossing: std::array::from_fn(|e| b.crossing[e][i]),
+                mean: [b.mean[0][i], b.mean[1][i], b.mean[2][i]],
+            };
+            b.strays[i] = u32::from(fit.strays(&stretch));
         }
     }
 }
