@@ -60,7 +60,7 @@ impl<'a> CellItems<'a> {
     }
 
     /// The corners of a cell that has them.
-    #[cold]
+    #[inline]
     pub fn corners(&self, cell: u64) -> [i8; CORNERS] {
         let at = usize::try_from(cell).unwrap_or(usize::MAX);
         let number = corner_number(self.offsets, self.directory, at);

@@ -36,7 +36,19 @@ pub(super) struct Batch {
     covers: [u32; BATCH],
     fitted: [u32; BATCH],
     strays: [u32; BATCH],
+    is_label: bool,
     sharp: Sharp,
+}
+
+/// What becomes of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// It has the plane that was fitted.
+    Plane,
+    /// No plane describes it.
+    Corners,
+    /// It lies at the border, or two values only say where the surface is.
+    OneByOne,
 }
 
 impl Batch {
@@ -57,6 +69,7 @@ impl Batch {
             covers: [0; BATCH],
             fitted: [0; BATCH],
             strays: [0; BATCH],
+            is_label: false,
             sharp: Sharp::new(),
         })
     }
@@ -119,13 +132,14 @@ impl Batch {
         (!gradient[0].is_nan()).then(|| (depth(), gradient, self.near[at]))
     }
 
-    pub(super) fn is_fitted(&self, at: usize) -> bool {
-        self.fitted[at] != 0
-    }
-
-    /// Does the surface stray from the plane? Looked at in long cells only.
-    pub(super) fn strays(&self, at: usize) -> bool {
-        self.strays[at] != 0
+    /// What becomes of a cell of a batch that was fitted.
+    pub(super) fn outcome(&self, at: usize) -> Outcome {
+        let is_inner = !self.gradient[0][at].is_nan();
+        if self.fitted[at] != 0 {
+            return if self.strays[at] != 0 { Outcome::Corners } else { Outcome::Plane };
+        }
+        let may_be_label = self.is_label || self.has_two_values(at);
+        if is_inner && !may_be_label { Outcome::Corners } else { Outcome::OneByOne }
     }
 
     /// Normal code and offset of a cell that is fitted.
@@ -134,10 +148,11 @@ impl Batch {
         (self.code[at], self.offset[at] as i8)
     }
 
-    /// Fits all cells of the batch. Unfitted stay those at the border, those that no plane describes, and, if a
-    /// single value is inside, all for which the smooth gradient will not do.
+    /// Fits all cells of the batch; [`Batch::outcome`] tells what was found. If a single value is inside, the smooth
+    /// gradient alone is tried.
     pub(super) fn fit(&mut self, is_label: bool, stretch: &Stretch) {
         dispatch(FitKernel(self));
+        self.is_label = is_label;
         if is_label {
             return;
         }

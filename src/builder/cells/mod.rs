@@ -38,7 +38,7 @@ use crate::geom::Dims;
 use crate::volume::SourceError;
 
 use field::{EDGE, Field};
-use fit::{BATCH, Batch};
+use fit::{BATCH, Batch, Outcome};
 use pick::{Cell, Picked};
 use stretch::Stretch;
 
@@ -191,8 +191,8 @@ impl<F: RingForm> CellWorker<'_, F> {
     fn flush(&mut self) {
         self.batch.fit(self.is_label, &self.stretch);
         for at in 0..self.batch.len() {
-            let strays = self.stretch.is_long && self.batch.strays(at);
-            if self.batch.is_fitted(at) && !strays {
+            let outcome = self.batch.outcome(at);
+            if outcome == Outcome::Plane {
                 let (code, offset) = self.batch.plane(at);
                 self.codes.extend(code.to_le_bytes());
                 self.offsets.push(offset.cast_unsigned());
@@ -210,7 +210,7 @@ impl<F: RingForm> CellWorker<'_, F> {
                     Cell { mask, depth, gradient, near: jet.near_crossings(gradient), is_label, stretch }
                 }
             };
-            let picked = if self.batch.is_fitted(at) {
+            let picked = if outcome == Outcome::Corners {
                 pick::with_corners(&cell)
             } else {
                 pick::pick(&cell, || self.field(place, mask))
