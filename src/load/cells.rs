@@ -1,6 +1,7 @@
 //! What a model says of its cells, as slices.
 
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane, corner_number};
+use crate::format::normal;
 
 /// The surface within a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +43,13 @@ impl<'a> CellItems<'a> {
         }
     }
 
+    /// The vector of a cell's normal: of its plane, or of its smooth gradient if it has corners.
+    #[inline(always)]
+    pub fn normal(&self, cell: u64) -> [i32; 3] {
+        let at = usize::try_from(cell).unwrap_or(usize::MAX);
+        normal::decode_l1(self.normals.get(at).map_or(0, |code| u16::from_le_bytes(*code)))
+    }
+
     /// The plane of a cell, unless it has corners.
     #[inline(always)]
     pub fn plane(&self, cell: u64) -> Option<Plane> {
@@ -52,7 +60,7 @@ impl<'a> CellItems<'a> {
     }
 
     /// The corners of a cell that has them.
-    #[cold]
+    #[inline]
     pub fn corners(&self, cell: u64) -> [i8; CORNERS] {
         let at = usize::try_from(cell).unwrap_or(usize::MAX);
         let number = corner_number(self.offsets, self.directory, at);

@@ -9,9 +9,9 @@
 //! The time of a crossing within is one division of two integers that doubles hold exactly; it is off by less
 //! than 2^-36 cell along the ray in the largest grid.
 //!
-//! Corners are rare. Their interpolation along a ray is a cubic, followed in doubles by operations in a fixed
-//! order: every form and machine finds the same. On a face whose corners are all inside it is at least 1, so
-//! rounding opens no gap.
+//! Along a ray the interpolation of corners is a cubic. Most rays are told at a glance, by its values at the points of
+//! entry and exit and its Bernstein coefficients. Else it is followed in doubles by operations in a fixed order: every
+//! form and machine finds the same. On a face whose corners are all inside it is at least 1, so rounding opens no gap.
 
 use crate::format::cell::{CORNERS, Plane};
 use crate::load::{CellItems, CellShape, NodeView};
@@ -26,6 +26,10 @@ pub(super) const HALF_CELL: i64 = 1 << (FRACTION_BITS - 1);
 /// The same as a double.
 const HALF: f64 = HALF_CELL as f64;
 
+/// Square of the least cosine, in index space, between the direction that is stored of a cell with corners and that of
+/// its surface where it is met: 60 degrees, as where normals are blended.
+const NEAR_OWN: f64 = 0.25;
+
 /// Cells between samples, each with the surface within it; boxes above them count as solid.
 #[derive(Clone, Copy, Debug)]
 pub struct Cells<'a> {
@@ -39,12 +43,19 @@ impl<'a> Cells<'a> {
     }
 
     /// Outward direction in index space, of any length, at a point of a cell in its own coordinates (-1..=1).
+    ///
+    /// Of a cell with corners its stored direction, which is smooth, as long as it is near to the surface's own at
+    /// that point; there may be two surfaces in the cell.
     pub fn normal(&self, cell: u64, u: [f64; 3]) -> [f64; 3] {
+        let stored = self.items.normal(cell).map(f64::from);
         match self.items.shape(cell) {
-            CellShape::Plane(plane) => plane.normal.map(f64::from),
+            CellShape::Plane(_) => stored,
             CellShape::Corners(corners) => {
-                let inwards = Trilinear::new(corners).gradient(u);
-                if inwards == [0.0; 3] { [0.0, 0.0, 1.0] } else { inwards.map(|c| -c) }
+                let own = Trilinear::new(corners).gradient(u).map(|c| -c);
+                let dot = |v: [f64; 3], w: [f64; 3]| v[0] * w[0] + v[1] * w[1] + v[2] * w[2];
+                let along = dot(stored, own);
+                let is_near = along * along >= NEAR_OWN * dot(stored, stored) * dot(own, own);
+                if along >= 0.0 && is_near { stored } else { own }
             }
         }
     }
@@ -87,8 +98,9 @@ impl<V: NodeView> Surface<V> for Cells<'_> {
 
     #[inline]
     fn look(&self, view: &V, glance: &Glance) -> Looked {
-        let Some(plane) = self.items.plane(glance.approach.box_number.wrapping_sub(view.node_count())) else {
-            return Looked::Unsure;
+        let cell = glance.approach.box_number.wrapping_sub(view.node_count());
+        let Some(plane) = self.items.plane(cell) else {
+            return look_at_corners(self.items.corners(cell), glance);
         };
         // Times are at most 2^5 and off by 2^-40, so that what follows is off by less than a unit.
         let (start, slope) = along(&plane, &glance.approach);
@@ -177,8 +189,38 @@ pub(super) fn meet_plane(plane: &Plane, ray: &Ray, passage: &Passage) -> Option<
     Some(Hit { box_number, cell, edge_log2, face: None, t: ray.t_after(dot(from) - offset, -dot(d)) })
 }
 
+/// Values of an interpolation above which a point is surely inside, and below minus which outside: points of entry and
+/// exit are off by less than 2^-20 of the cell, and values change by 381 over it at most.
+const SURELY: f64 = 0.01;
+
+/// What can be said of a cell with corners at a glance.
+#[inline(never)]
+fn look_at_corners(corners: [i8; CORNERS], glance: &Glance) -> Looked {
+    let mirror = glance.approach.mirror as usize & (CORNERS - 1);
+    let field = Trilinear::new(std::array::from_fn(|c| corners[c ^ mirror]));
+    let point = |t: f64| -> [f64; 3] {
+        std::array::from_fn(|a| {
+            (glance.approach.from_middle[a] + glance.approach.direction[a] * t) * (1.0 / HALF)
+        })
+    };
+    let (first, last) = (point(glance.enter), point(glance.leave));
+    let at_first = field.at(first);
+    if at_first > SURELY {
+        return Looked::Entry;
+    }
+    let at_last = field.at(last);
+    let slope = |at: [f64; 3]| {
+        let g = field.gradient(at);
+        g[0] * (last[0] - first[0]) + g[1] * (last[1] - first[1]) + g[2] * (last[2] - first[2])
+    };
+    // A cubic lies below its four Bernstein coefficients' greatest.
+    let (second, third) = (at_first + slope(first) * (1.0 / 3.0), at_last - slope(last) * (1.0 / 3.0));
+    let is_below = [at_first, second, third, at_last].iter().all(|c| *c < -SURELY);
+    if is_below { Looked::Past } else { Looked::Unsure }
+}
+
 /// Where the ray meets the inside of a trilinear interpolation.
-#[cold]
+#[inline(never)]
 fn meet_corners(corners: [i8; CORNERS], ray: &Ray, passage: &Passage) -> Option<Hit> {
     let (from, d) = (from_middle(ray, passage.cell), ray.direction());
     #[expect(clippy::cast_precision_loss, reason = "below 2^53 within the cell")]
@@ -214,15 +256,16 @@ const ROOT_CLOSE: f64 = 1.0 / (1_u64 << 32) as f64;
 impl Trilinear {
     fn new(corners: [i8; CORNERS]) -> Self {
         // Of corners at -1 and 1: the coefficient of a product is the mean of the corners with its signs.
-        Self(std::array::from_fn(|term| {
-            let sum: i32 = (0..CORNERS)
-                .map(|c| {
-                    let minus = (term & !c).count_ones() % 2 == 1;
-                    if minus { -i32::from(corners[c]) } else { i32::from(corners[c]) }
-                })
-                .sum();
-            f64::from(sum) / 8.0
-        }))
+        // Axis by axis: sums, and differences of the high and the low one.
+        let mut sums = corners.map(i32::from);
+        for axis in 0..3 {
+            let before = sums;
+            for (term, sum) in sums.iter_mut().enumerate() {
+                let (low, high) = (before[term & !(1 << axis)], before[term | 1 << axis]);
+                *sum = if term >> axis & 1 == 1 { high - low } else { high + low };
+            }
+        }
+        Self(sums.map(|sum| f64::from(sum) * 0.125))
     }
 
     fn at(&self, [x, y, z]: [f64; 3]) -> f64 {

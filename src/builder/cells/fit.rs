@@ -4,6 +4,7 @@ use super::corner::{EDGES, TOLERANCE, signed_depth};
 use super::jet::{Jet, Seen};
 use super::pick::{self, SEPARABLE};
 use super::sharp::{Sharp, Waiting};
+use super::stretch::{Fit, Stretch};
 use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
@@ -34,7 +35,20 @@ pub(super) struct Batch {
     badness: [f32; BATCH],
     covers: [u32; BATCH],
     fitted: [u32; BATCH],
+    strays: [u32; BATCH],
+    is_label: bool,
     sharp: Sharp,
+}
+
+/// What becomes of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// It has the plane that was fitted.
+    Plane,
+    /// No plane describes it.
+    Corners,
+    /// It lies at the border, or two values only say where the surface is.
+    OneByOne,
 }
 
 impl Batch {
@@ -54,6 +68,8 @@ impl Batch {
             badness: [0.0; BATCH],
             covers: [0; BATCH],
             fitted: [0; BATCH],
+            strays: [0; BATCH],
+            is_label: false,
             sharp: Sharp::new(),
         })
     }
@@ -116,8 +132,14 @@ impl Batch {
         (!gradient[0].is_nan()).then(|| (depth(), gradient, self.near[at]))
     }
 
-    pub(super) fn is_fitted(&self, at: usize) -> bool {
-        self.fitted[at] != 0
+    /// What becomes of a cell of a batch that was fitted.
+    pub(super) fn outcome(&self, at: usize) -> Outcome {
+        let is_inner = !self.gradient[0][at].is_nan();
+        if self.fitted[at] != 0 {
+            return if self.strays[at] != 0 { Outcome::Corners } else { Outcome::Plane };
+        }
+        let may_be_label = self.is_label || self.has_two_values(at);
+        if is_inner && !may_be_label { Outcome::Corners } else { Outcome::OneByOne }
     }
 
     /// Normal code and offset of a cell that is fitted.
@@ -126,10 +148,11 @@ impl Batch {
         (self.code[at], self.offset[at] as i8)
     }
 
-    /// Fits all cells of the batch. Unfitted stay those at the border, those that no plane describes, and, if a
-    /// single value is inside, all for which the smooth gradient will not do.
-    pub(super) fn fit(&mut self, is_label: bool) {
+    /// Fits all cells of the batch; [`Batch::outcome`] tells what was found. If a single value is inside, the smooth
+    /// gradient alone is tried.
+    pub(super) fn fit(&mut self, is_label: bool, stretch: &Stretch) {
         dispatch(FitKernel(self));
+        self.is_label = is_label;
         if is_label {
             return;
         }
@@ -155,6 +178,9 @@ impl Batch {
         for (slot, code, plane) in self.sharp.found() {
             (self.code[slot], self.offset[slot]) = (code, plane.offset);
             self.fitted[slot] = u32::from(plane.covers == 0);
+        }
+        if stretch.is_long {
+            dispatch(StrayKernel { batch: self, stretch });
         }
     }
 
@@ -197,6 +223,32 @@ impl Kernel for FitKernel<'_> {
             let agrees = (fitted.badness <= b.near[i] * b.near[i]) & (fitted.covers == 0);
             (b.offset[i], b.badness[i], b.covers[i]) = (fitted.offset, fitted.badness, fitted.covers);
             b.fitted[i] = u32::from(agrees & !b.gradient[0][i].is_nan());
+        }
+    }
+}
+
+struct StrayKernel<'a> {
+    batch: &'a mut Batch,
+    stretch: &'a Stretch,
+}
+
+impl Kernel for StrayKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let (b, stretch) = (self.batch, *self.stretch);
+        let len = b.len.next_multiple_of(8).min(BATCH);
+        for i in 0..len {
+            let fit = Fit {
+                code: b.code[i],
+                offset: b.offset[i],
+                mask: b.mask[i],
+                depth: std::array::from_fn(|c| b.depth[c][i]),
+                crossing: std::array::from_fn(|e| b.crossing[e][i]),
+                mean: [b.mean[0][i], b.mean[1][i], b.mean[2][i]],
+            };
+            b.strays[i] = u32::from(fit.strays(&stretch));
         }
     }
 }

@@ -8,7 +8,8 @@
 //! Most cells are fitted in batches without a branch ([`fit`]): the normal is that of the smooth gradient, the
 //! plane goes through the mean of the crossings, and is moved outwards where a corner inside would lie in front
 //! of it. Of cells that such a plane does not describe, as at sharp edges and in noise, two more normals are tried
-//! ([`sharp`]). One by one ([`mod@pick`]) go thin walls, label maps, and whatever touches the border of the volume.
+//! ([`sharp`]). Cells far longer than wide keep their corners where planes do not follow the surface ([`stretch`]).
+//! One by one ([`mod@pick`]) go thin walls, label maps, and whatever touches the border of the volume.
 //!
 //! Every operation is an IEEE operation in a fixed order, and the last decisions are of integers: models are the
 //! same on every machine.
@@ -21,6 +22,7 @@ mod jet;
 mod label;
 mod pick;
 mod sharp;
+mod stretch;
 mod window;
 
 use super::error::BuildError;
@@ -36,8 +38,9 @@ use crate::geom::Dims;
 use crate::volume::SourceError;
 
 use field::{EDGE, Field};
-use fit::{BATCH, Batch};
+use fit::{BATCH, Batch, Outcome};
 use pick::{Cell, Picked};
+use stretch::Stretch;
 
 /// Name recorded in the metadata.
 const ESTIMATOR: &str = "cell planes";
@@ -126,6 +129,7 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
             slices: Slices::new(self.volume.source, self.volume.form, AROUND_CELL, tile),
             level: self.volume.form.level(self.volume.bound()),
             is_label: range.lo == range.hi,
+            stretch: Stretch::new(self.volume.source.info().spacing_mm),
             batch: Batch::new(),
             codes: Vec::with_capacity(2 * SLICE_VOXELS),
             offsets: Vec::with_capacity(SLICE_VOXELS),
@@ -145,6 +149,7 @@ pub(super) struct CellWorker<'a, F: RingForm> {
     level: f32,
     /// Is a single value inside, as in a map of labels?
     is_label: bool,
+    stretch: Stretch,
     batch: Box<Batch>,
     codes: Vec<u8>,
     offsets: Vec<u8>,
@@ -184,26 +189,33 @@ impl<F: RingForm> CellWorker<'_, F> {
 
     /// Fits the cells of the batch and appends their items.
     fn flush(&mut self) {
-        self.batch.fit(self.is_label);
+        self.batch.fit(self.is_label, &self.stretch);
         for at in 0..self.batch.len() {
-            if self.batch.is_fitted(at) {
+            let outcome = self.batch.outcome(at);
+            if outcome == Outcome::Plane {
                 let (code, offset) = self.batch.plane(at);
                 self.codes.extend(code.to_le_bytes());
                 self.offsets.push(offset.cast_unsigned());
                 continue;
             }
-            let (place, mask, is_label) = (self.batch.cell(at), self.batch.mask(at), self.is_label);
+            let (place, mask) = (self.batch.cell(at), self.batch.mask(at));
+            let (is_label, stretch) = (self.is_label, self.stretch);
             let cell = match self.batch.inner(at) {
-                Some((depth, gradient, near)) => Cell { mask, depth, gradient, near, is_label },
+                Some((depth, gradient, near)) => Cell { mask, depth, gradient, near, is_label, stretch },
                 None => {
                     let field = self.field(place, mask);
                     let depth = field.corners();
                     let jet = field.jet();
                     let gradient = jet.at(pick::mean_crossing(mask, &depth));
-                    Cell { mask, depth, gradient, near: jet.near_crossings(gradient), is_label }
+                    Cell { mask, depth, gradient, near: jet.near_crossings(gradient), is_label, stretch }
                 }
             };
-            let (code, offset) = match pick::pick(&cell, || self.field(place, mask)) {
+            let picked = if outcome == Outcome::Corners {
+                pick::with_corners(&cell)
+            } else {
+                pick::pick(&cell, || self.field(place, mask))
+            };
+            let (code, offset) = match picked {
                 Picked::Plane(code, offset) => (code, offset),
                 Picked::Corners(code, corners) => {
                     self.corners.extend(corners.map(i8::cast_unsigned));

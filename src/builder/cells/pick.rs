@@ -2,12 +2,14 @@
 //!
 //! Tried are the smooth gradient; and the plane that fits the crossings of the cell's edges best, near the
 //! gradient of the trilinear interpolation at their mean, and near the direction from the corners inside to those
-//! outside. Where no plane separates the corners, or where the best plane would still cover an outside corner by more than [`TOLERANCE`], there are two surfaces in
-//! the cell: it keeps its corners.
+//! outside. Where no plane separates the corners, or where the best plane would still cover an outside corner by
+//! more than [`TOLERANCE`], there are two surfaces in the cell: it keeps its corners. So does a long cell in which
+//! the surface strays from the plane ([`super::stretch`]).
 
 use super::corner::{EDGES, TOLERANCE, encode, outward, signed_depth};
 use super::field::Field;
 use super::label;
+use super::stretch::{Fit, Stretch};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
 
@@ -46,6 +48,7 @@ pub(super) struct Cell {
     pub(super) near: f32,
     /// Is a single value inside, as in a map of labels?
     pub(super) is_label: bool,
+    pub(super) stretch: Stretch,
 }
 
 /// Describes a cell; `field` is asked where there may be only two values around it.
@@ -62,28 +65,47 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
         }
     }
     if !SEPARABLE[usize::from(cell.mask)] {
-        let code = outward(cell.gradient.map(f64::from)).unwrap_or(ANY);
-        return Picked::Corners(code, quantised(cell.mask, &depth));
+        return with_corners(cell);
     }
     let crossings = Crossings::new(cell.mask, &depth);
-    let smooth = outward(cell.gradient.map(f64::from)).map(|code| Tried::new(code, cell.mask, &crossings));
+    let picked = best_plane(cell, &depth, &crossings);
+    match picked {
+        Picked::Plane(code, offset) if cell.stretch.is_long => {
+            let fit = crossings.fit(cell.mask, depth, code, offset);
+            if fit.strays(&cell.stretch) { with_corners(cell) } else { picked }
+        }
+        _ => picked,
+    }
+}
+
+/// The best of the planes that are tried, if it separates the corners well enough.
+fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> Picked {
+    let smooth = outward(cell.gradient.map(f64::from)).map(|code| Tried::new(code, cell.mask, crossings));
     if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(cell.near)) {
-        return smooth.picked(cell.mask, &depth, TOLERANCE);
+        return smooth.picked(cell.mask, depth, TOLERANCE);
     }
     let near = |guess: [f64; 3]| {
         let fitted = crossings.fitted_near(guess)?;
-        Some(Tried::new(encode(fitted)?, cell.mask, &crossings))
+        Some(Tried::new(encode(fitted)?, cell.mask, crossings))
     };
     let better = |a: Option<Tried>, b: Option<Tried>| match (a, b) {
         (Some(a), Some(b)) => Some(if b.badness < a.badness { b } else { a }),
         (a, b) => a.or(b),
     };
-    let mut best = better(smooth, near(crossings.gradient(&depth)));
+    let mut best = better(smooth, near(crossings.gradient(depth)));
     if best.is_none_or(|best| best.badness > f64::from(cell.near)) {
         best = better(best, near(crossings.across(cell.mask)));
     }
     // A cell without any direction: its corners say all.
-    best.unwrap_or_else(|| Tried::new(ANY, cell.mask, &crossings)).picked(cell.mask, &depth, TOLERANCE)
+    let best = best.unwrap_or_else(|| Tried::new(ANY, cell.mask, crossings));
+    best.picked(cell.mask, depth, TOLERANCE)
+}
+
+/// A cell with its corners, and the direction of its smooth gradient.
+pub(super) fn with_corners(cell: &Cell) -> Picked {
+    let depth = std::array::from_fn(|c| signed_depth(cell.depth[c], cell.mask >> c & 1 == 1));
+    let code = outward(cell.gradient.map(f64::from)).unwrap_or(ANY);
+    Picked::Corners(code, quantised(cell.mask, &depth))
 }
 
 /// Patterns of corners that some plane separates: 104 of 256, the empty and the full one among them.
@@ -129,6 +151,8 @@ pub(super) fn has_two_values(mask: u8, depth: &[f32; CORNERS]) -> bool {
 
 /// Crossings of a cell's edges, in the cell's coordinates (-1..=1).
 struct Crossings {
+    /// Where edges are crossed, from their first corner; NaN where they are not.
+    along: [f64; 12],
     points: [[f64; 3]; 12],
     count: usize,
     mean: [f64; 3],
@@ -136,13 +160,14 @@ struct Crossings {
 
 impl Crossings {
     fn new(mask: u8, depth: &[f32; CORNERS]) -> Self {
-        let mut crossings = Self { points: [[0.0; 3]; 12], count: 0, mean: [0.0; 3] };
-        for (p, q) in EDGES {
+        let mut crossings = Self { along: [f64::NAN; 12], points: [[0.0; 3]; 12], count: 0, mean: [0.0; 3] };
+        for ((p, q), along) in EDGES.into_iter().zip(&mut crossings.along) {
             if (mask >> p ^ mask >> q) & 1 == 0 {
                 continue;
             }
             let (a, b) = (f64::from(depth[p]), f64::from(depth[q]));
             let t = a / (a - b);
+            *along = t;
             let point = std::array::from_fn(|axis| {
                 let coordinate = |c: usize| if c >> axis & 1 == 1 { 1.0 } else { -1.0 };
                 coordinate(p) + t * (coordinate(q) - coordinate(p))
@@ -155,6 +180,19 @@ impl Crossings {
         let count = crossings.count.max(1) as f64;
         crossings.mean = crossings.mean.map(|c| c / count);
         crossings
+    }
+
+    /// A plane through them, to be looked at.
+    #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
+    fn fit(&self, mask: u8, depth: [f32; CORNERS], code: u16, offset: i8) -> Fit {
+        Fit {
+            code,
+            offset: f32::from(offset),
+            mask: u32::from(mask),
+            depth,
+            crossing: self.along.map(|t| t as f32),
+            mean: self.mean.map(|c| 0.5 * c as f32),
+        }
     }
 
     fn points(&self) -> &[[f64; 3]] {
@@ -325,7 +363,14 @@ mod tests {
             if mask == 0 || mask == 255 {
                 continue;
             }
-            let cell = Cell { mask, depth, gradient: [0.0; 3], near: 0.15, is_label: false };
+            let cell = Cell {
+                mask,
+                depth,
+                gradient: [0.0; 3],
+                near: 0.15,
+                is_label: false,
+                stretch: Stretch::new([1.0; 3]),
+            };
             let Picked::Plane(code, offset) = pick(&cell, || Field::EMPTY) else { panic!("{n:?} {at:?}") };
             let plane = Plane::new(code, offset);
             assert_eq!(plane.inside() & mask, mask);
@@ -354,7 +399,14 @@ mod tests {
                     if mask >> c & 1 == 1 { size } else { -size }
                 });
                 let gradient = [f32::from(u8::try_from(round).unwrap()) - 20.0, 3.0, -7.0];
-                let cell = Cell { mask, depth, gradient, near: 0.15, is_label: false };
+                let cell = Cell {
+                    mask,
+                    depth,
+                    gradient,
+                    near: 0.15,
+                    is_label: false,
+                    stretch: Stretch::new([1.0; 3]),
+                };
                 match pick(&cell, || Field::EMPTY) {
                     Picked::Plane(code, offset) => {
                         assert_eq!(Plane::new(code, offset).inside() & mask, mask, "{mask:08b}");

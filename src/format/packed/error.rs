@@ -59,6 +59,8 @@ pub enum CodingError {
     },
     /// SPEC 5.4: a residual leads out of the range of codes.
     NormalRange,
+    /// SPEC 5.7: a residual leads out of the range of offsets.
+    OffsetRange,
     /// SPEC 5.5: a block is not what zstd wrote, or has another length.
     BlockUnreadable {
         /// Content bytes that are due.

@@ -1,116 +1,31 @@
 //! Normals of a subtree, each predicted from the voxels around it that are coded already (SPEC 5.4).
 
 use super::CodingError;
+use super::around::{Neighbour, PLACES, neighbours, place};
 use super::coder::{Bit, BitCoder};
+use super::residual::{COUNTS, OTHERS, Residual, SPREADS, count_class, spread_class};
 use super::structure::Cell;
 use crate::format::normal::{SCALE, decode_l1};
 
-/// Boxes along a side of the grid: 64 cells and a border.
-const SIDE: usize = 66;
 /// In the grid: no voxel, or not coded yet. An illegal code (SPEC 4.6), so no voxel has it.
 const NONE: u16 = 0x8080;
-/// Weight of a neighbour that shares a face, an edge, a corner.
-const WEIGHTS: [i32; 3] = [8, 3, 1];
-/// Classes of spread, of neighbour count, of the other component's error.
-const SPREADS: usize = 12;
-const COUNTS: usize = 6;
-const OTHERS: usize = 4;
-const CONTEXTS: usize = SPREADS * COUNTS * OTHERS;
-/// Classes of magnitude: exact to 4, then two for every power of two to 256.
-const CLASSES: usize = 16;
-
-/// Contexts of one of the two components.
-#[derive(Clone, Debug)]
-struct Component {
-    zero: Vec<Bit>,
-    sign: [Bit; OTHERS],
-    more: Vec<[Bit; CLASSES - 1]>,
-    within: [Bit; CLASSES],
-}
-
-impl Component {
-    fn new() -> Self {
-        Self {
-            zero: vec![Bit::NEW; CONTEXTS],
-            sign: [Bit::NEW; OTHERS],
-            more: vec![[Bit::NEW; CLASSES - 1]; CONTEXTS],
-            within: [Bit::NEW; CLASSES],
-        }
-    }
-
-    /// Codes a residual in -254..=254.
-    fn code(&mut self, coder: &mut impl BitCoder, context: usize, value: i32) -> Result<i32, CodingError> {
-        let other = context % OTHERS;
-        if coder.code(&mut self.zero[context], value == 0)? {
-            return Ok(0);
-        }
-        let negative = coder.code(&mut self.sign[other], value < 0)?;
-        let rest = value.unsigned_abs().wrapping_sub(1).min(255);
-        let due = class_of(rest);
-        let mut class = 0;
-        for more in &mut self.more[context] {
-            if !coder.code(more, due > class)? {
-                break;
-            }
-            class += 1;
-        }
-        // The value within its class: the highest bit in a context, the rest even.
-        let bits = if class < 4 { 0 } else { class / 2 - 1 };
-        let mut read = if class < 4 { class } else { 2 | (class % 2) };
-        for i in (0..bits).rev() {
-            let mut even = Bit::NEW;
-            let bit_context = if i + 1 == bits { &mut self.within[class as usize] } else { &mut even };
-            read = read << 1 | u32::from(coder.code(bit_context, rest >> i & 1 == 1)?);
-        }
-        Ok(signed(read + 1, negative))
-    }
-}
-
-/// Class of a magnitude less one: 0, 1, 2, 3, 4-5, 6-7, 8-11, 12-15 ... 192-255.
-fn class_of(rest: u32) -> u32 {
-    if rest < 4 {
-        return rest;
-    }
-    let exponent = rest.ilog2();
-    2 * exponent + (rest >> (exponent - 1) & 1)
-}
-
-fn signed(magnitude: u32, negative: bool) -> i32 {
-    let magnitude = magnitude.cast_signed();
-    if negative { -magnitude } else { magnitude }
-}
 
 /// Codes the normals of subtrees one after the other; what it learns carries on until a restart.
 #[derive(Debug)]
 pub struct NormalCoder {
     grid: Vec<u16>,
-    components: [Component; 2],
+    components: [Residual; 2],
     twins: [Bit; 2],
-    /// Steps and weights of the 26 neighbours.
-    around: [(isize, i32); 26],
+    around: [Neighbour; 26],
 }
 
 impl Default for NormalCoder {
     fn default() -> Self {
-        let mut around = [(0, 0); 26];
-        let mut at = 0;
-        let side = SIDE.cast_signed();
-        for z in -1..=1_isize {
-            for y in -1..=1_isize {
-                for x in -1..=1_isize {
-                    let away = x.unsigned_abs() + y.unsigned_abs() + z.unsigned_abs();
-                    if away > 0 {
-                        around[at] = ((z * side + y) * side + x, WEIGHTS[away - 1]);
-                        at += 1;
-                    }
-                }
-            }
-        }
         Self {
-            grid: vec![NONE; SIDE * SIDE * SIDE],
-            components: [Component::new(), Component::new()],
+            grid: vec![NONE; PLACES],
+            components: [Residual::new(), Residual::new()],
             twins: [Bit::NEW; 2],
-            around,
+            around: neighbours(),
         }
     }
 }
@@ -145,7 +60,7 @@ struct Expected {
 impl NormalCoder {
     /// Forgets what was learnt: the start of a group.
     pub fn restart(&mut self) {
-        self.components = [Component::new(), Component::new()];
+        self.components = [Residual::new(), Residual::new()];
         self.twins = [Bit::NEW; 2];
     }
 
@@ -160,14 +75,10 @@ impl NormalCoder {
         cells: &[Cell],
         codes: &mut [u16],
     ) -> Result<(), CodingError> {
-        let index = |cell: &Cell| {
-            let [x, y, z] = cell.map(|c| usize::from(c) + 1);
-            (z * SIDE + y) * SIDE + x
-        };
         let mut result = Ok(());
         let mut last = [0, 0, SCALE];
         for (cell, code) in cells.iter().zip(codes) {
-            let at = index(cell);
+            let at = place(cell);
             match self.code_one(coder, at, last, *code) {
                 Ok(done) => {
                     *code = done;
@@ -183,7 +94,7 @@ impl NormalCoder {
             }
         }
         for cell in cells {
-            if let Some(slot) = self.grid.get_mut(index(cell)) {
+            if let Some(slot) = self.grid.get_mut(place(cell)) {
                 *slot = NONE;
             }
         }
@@ -234,7 +145,7 @@ impl NormalCoder {
         let mut sum = [0; 3];
         let mut near = [0_u16; 26];
         let mut count = 0;
-        for (step, weight) in self.around {
+        for Neighbour { step, weight, .. } in self.around {
             let code = self.grid.get(at.wrapping_add_signed(step)).copied().unwrap_or(NONE);
             if code != NONE {
                 for (s, c) in sum.iter_mut().zip(decode_l1(code)) {
@@ -267,23 +178,10 @@ impl NormalCoder {
                     (c[0] - center[0]).abs().min(40) + (c[1] - center[1]).abs().min(40)
                 })
                 .sum();
-            let counts = match count {
-                1 => 1,
-                2 => 2,
-                3..=4 => 3,
-                5..=7 => 4,
-                _ => 5,
-            };
-            spread_class(4 * spread / i32::try_from(count).unwrap_or(1)) * COUNTS + counts
+            spread_class(4 * spread / i32::try_from(count).unwrap_or(1)) * COUNTS + count_class(count)
         };
         Expected { chart: center, mirror, class }
     }
-}
-
-/// Class of four times the mean distance between the neighbours and the prediction.
-fn spread_class(spread: i32) -> usize {
-    const UP_TO: [i32; 10] = [3, 7, 11, 15, 21, 27, 35, 47, 63, 90];
-    UP_TO.iter().take_while(|limit| spread > **limit).count()
 }
 
 #[cfg(test)]

@@ -5,10 +5,11 @@ use std::io;
 
 use crate::format::packed::coder::Decoder;
 use crate::format::packed::normals::NormalCoder;
+use crate::format::packed::offsets::OffsetCoder;
 use crate::format::packed::structure::{StructureCoder, cells_of};
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_PLANES, CODEC_STRUCTURE, CodingError, GROUP_BYTES_LIMIT,
-    GROUP_VOXELS, planes,
+    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_OFFSETS, CODEC_PLANES, CODEC_STRUCTURE, CodingError,
+    GROUP_BYTES_LIMIT, GROUP_VOXELS, planes,
 };
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
@@ -18,7 +19,7 @@ use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_chan
 
 use super::encode::finish_frame;
 use super::stop::Stop;
-use super::stream::{Subtrees, Writer, roots, subtree_shape};
+use super::stream::{Normals, Subtrees, Writer, codec_of, roots, subtree_shape};
 
 /// Unpacks into an empty file and returns the frame of what was written; its checksums are verified.
 pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
@@ -82,7 +83,7 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         CODEC_PLANES => entry.content_bytes <= blocks(5, planes::BLOCK_BYTES as u64),
         CODEC_DERIVED => entry.stored_bytes == 0,
         // A group has a header of 8 bytes, a payload of at least 4, and two times its voxels at most.
-        CODEC_STRUCTURE | CODEC_NORMALS => {
+        CODEC_STRUCTURE | CODEC_NORMALS | CODEC_OFFSETS => {
             subtree_shape(frame).1 == 0 || frame.header.voxels <= blocks(12, 2 * GROUP_VOXELS)
         }
         codec => return Err(CodingError::UnknownCodec { codec }.into()),
@@ -92,7 +93,7 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         (_, None) => false,
         // Blocks of bytes are legal for any section that is not read when a file is opened.
         (CODEC_PLANES, _) => true,
-        (codec, Some(kind)) => kind.codec() == codec,
+        (codec, Some(kind)) => codec_of(frame, kind) == codec,
     };
     if ok && right_kind {
         return Ok(());
@@ -120,6 +121,7 @@ fn decode_section<R: ReadAt + ?Sized>(
         CODEC_PLANES => stored.planes(entry.item_bytes, &mut writer)?,
         CODEC_STRUCTURE => structure(&mut stored, packed, target, out)?,
         CODEC_NORMALS => normals(&mut stored, mapped, &mut writer, out)?,
+        CODEC_OFFSETS => offsets(&mut stored, mapped, &mut writer, out)?,
         _ => {}
     }
     match stored.0.left() {
@@ -258,6 +260,43 @@ fn normals<R: ReadAt + ?Sized>(
     if !writer.is_full() {
         let (kind, room) = (SectionKind::Voxels(Channel::Normal), writer.room());
         return Err(FormatError::SurplusItems { kind, room }.into());
+    }
+    writer.flush().map_err(Stop::Output)
+}
+
+fn offsets<R: ReadAt + ?Sized>(
+    stored: &mut Stored<'_, R>,
+    mapped: &Frame,
+    writer: &mut Writer,
+    out: &File,
+) -> Result<(), Stop> {
+    let kind = SectionKind::Voxels(Channel::Offset);
+    let mut normals = Normals::new(out, mapped)?;
+    let mut coder = OffsetCoder::default();
+    let (mut levels, mut cells, mut codes, mut offsets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut subtrees = Subtrees::new(out, mapped);
+    let mut left = roots(mapped);
+    while left > 0 {
+        let (count, payload) = stored.group(left)?;
+        let mut decoder = Decoder::new(&payload)?;
+        coder.restart();
+        for _ in 0..count {
+            let voxels = subtrees.next(&mut levels)?.unwrap_or(0);
+            if voxels > writer.room() {
+                return Err(FormatError::MissingItem { kind }.into());
+            }
+            cells_of(&levels, &mut cells)?;
+            normals.next(cells.len(), &mut codes)?;
+            offsets.clear();
+            offsets.resize(cells.len(), 0);
+            coder.code(&mut decoder, &cells, &codes, &mut offsets)?;
+            writer.write(&offsets).map_err(Stop::Output)?;
+        }
+        decoder.finish()?;
+        left -= u64::from(count);
+    }
+    if !writer.is_full() {
+        return Err(FormatError::SurplusItems { kind, room: writer.room() }.into());
     }
     writer.flush().map_err(Stop::Output)
 }

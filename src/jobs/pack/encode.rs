@@ -5,10 +5,11 @@ use std::os::unix::fs::FileExt;
 
 use crate::format::packed::coder::Encoder;
 use crate::format::packed::normals::NormalCoder;
+use crate::format::packed::offsets::OffsetCoder;
 use crate::format::packed::structure::{StructureCoder, cells_of};
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_PLANES, CODEC_STRUCTURE, CodingError, GROUP_BYTES_LIMIT,
-    planes,
+    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_OFFSETS, CODEC_PLANES, CODEC_STRUCTURE, CodingError,
+    GROUP_BYTES_LIMIT, planes,
 };
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up,
@@ -18,7 +19,7 @@ use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt, verify};
 
 use super::stop::Stop;
-use super::stream::{Subtrees, Writer, for_each_in_group, subtree_shape};
+use super::stream::{Normals, Subtrees, Writer, codec_of, for_each_in_group, subtree_shape};
 
 /// Packs into an empty file and returns the frame of what was written.
 pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
@@ -42,10 +43,11 @@ pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
         let padding = usize::try_from(offset - writer.position()).unwrap_or(0);
         writer.write(&[0; 64][..padding.min(64)]).map_err(Stop::Output)?;
         writer.take_crc();
-        entry.codec = entry.kind.map_or(CODEC_NONE, SectionKind::codec);
+        entry.codec = entry.kind.map_or(CODEC_NONE, |kind| codec_of(&frame, kind));
         match entry.codec {
             CODEC_STRUCTURE => structure(source, &frame, &content, &mut writer)?,
-            CODEC_NORMALS => normals(source, &frame, &content, &mut writer)?,
+            CODEC_NORMALS => normals(source, &frame, &mut writer)?,
+            CODEC_OFFSETS => offsets(source, &frame, &content, &mut writer)?,
             CODEC_PLANES => plane_blocks(source, content.offset, &content, &mut writer)?,
             CODEC_DERIVED => {}
             _ => copy(source, &content, &mut writer)?,
@@ -142,13 +144,8 @@ fn structure<R: ReadAt + ?Sized>(
     }
 }
 
-fn normals<R: ReadAt + ?Sized>(
-    source: &R,
-    frame: &Frame,
-    entry: &SectionEntry,
-    writer: &mut Writer,
-) -> Result<(), Stop> {
-    let mut stored = Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES);
+fn normals<R: ReadAt + ?Sized>(source: &R, frame: &Frame, writer: &mut Writer) -> Result<(), Stop> {
+    let mut stored = Normals::new(source, frame)?;
     let mut coder = NormalCoder::default();
     let (mut levels, mut cells, mut codes) = (Vec::new(), Vec::new(), Vec::new());
     let mut subtrees = Subtrees::new(source, frame);
@@ -157,13 +154,40 @@ fn normals<R: ReadAt + ?Sized>(
         coder.restart();
         let count = for_each_in_group(&mut subtrees, &mut levels, |levels, _| -> Result<(), Stop> {
             cells_of(levels, &mut cells)?;
-            codes.clear();
-            for _ in 0..cells.len() {
-                let missing = FormatError::MissingItem { kind: SectionKind::Voxels(Channel::Normal) };
-                let code = stored.take::<2>()?.ok_or(missing)?;
-                codes.push(u16::from_le_bytes(code));
-            }
+            stored.next(cells.len(), &mut codes)?;
             Ok(coder.code(&mut encoder, &cells, &mut codes)?)
+        })?;
+        if count == 0 {
+            return Ok(());
+        }
+        write_group(writer, count, &encoder.finish())?;
+    }
+}
+
+fn offsets<R: ReadAt + ?Sized>(
+    source: &R,
+    frame: &Frame,
+    entry: &SectionEntry,
+    writer: &mut Writer,
+) -> Result<(), Stop> {
+    let mut normals = Normals::new(source, frame)?;
+    let mut stored = Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES);
+    let mut coder = OffsetCoder::default();
+    let (mut levels, mut cells, mut codes, mut offsets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut subtrees = Subtrees::new(source, frame);
+    loop {
+        let mut encoder = Encoder::default();
+        coder.restart();
+        let count = for_each_in_group(&mut subtrees, &mut levels, |levels, _| -> Result<(), Stop> {
+            cells_of(levels, &mut cells)?;
+            normals.next(cells.len(), &mut codes)?;
+            offsets.clear();
+            for _ in 0..cells.len() {
+                let missing = FormatError::MissingItem { kind: SectionKind::Voxels(Channel::Offset) };
+                let [offset] = stored.take::<1>()?.ok_or(missing)?;
+                offsets.push(offset);
+            }
+            Ok(coder.code(&mut encoder, &cells, &codes, &mut offsets)?)
         })?;
         if count == 0 {
             return Ok(());

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 
-use crate::format::packed::{GROUP_VOXELS, SUBTREE_DEPTH};
-use crate::format::{FormatError, SectionKind};
+use crate::format::packed::{CODEC_OFFSETS, GROUP_VOXELS, SUBTREE_DEPTH};
+use crate::format::{Channel, FormatError, SectionKind, SurfaceKind};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
 
@@ -117,6 +117,34 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
             count = level.iter().map(|m| u64::from(m.count_ones())).sum();
         }
         Ok(Some(count))
+    }
+}
+
+/// Codec of a section in the packed encoding (SPEC 5.1).
+pub(super) fn codec_of(frame: &Frame, kind: SectionKind) -> u8 {
+    let is_of_cells = frame.header.surface == SurfaceKind::Cells;
+    if is_of_cells && kind == SectionKind::Voxels(Channel::Offset) { CODEC_OFFSETS } else { kind.codec() }
+}
+
+/// Reads the normals of a mapped file from front to back.
+pub(super) struct Normals<'a, R: ReadAt + ?Sized>(Cursor<'a, R>);
+
+impl<'a, R: ReadAt + ?Sized> Normals<'a, R> {
+    const KIND: SectionKind = SectionKind::Voxels(Channel::Normal);
+
+    pub(super) fn new(source: &'a R, frame: &Frame) -> Result<Self, FormatError> {
+        let entry = frame.section(Self::KIND).ok_or(FormatError::MissingItem { kind: Self::KIND })?;
+        Ok(Self(Cursor::new(source, entry.offset, entry.end(), BUFFER_BYTES)))
+    }
+
+    /// The next codes, so many, in the place of what `codes` held.
+    pub(super) fn next(&mut self, count: usize, codes: &mut Vec<u16>) -> Result<(), Fault> {
+        codes.clear();
+        for _ in 0..count {
+            let missing = FormatError::MissingItem { kind: Self::KIND };
+            codes.push(u16::from_le_bytes(self.0.take::<2>()?.ok_or(missing)?));
+        }
+        Ok(())
     }
 }
 

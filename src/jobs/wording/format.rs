@@ -182,6 +182,7 @@ impl fmt::Display for CodingError {
             Self::SubtreeTooDeep => "a subtree is too deep (SPEC 5.3)",
             Self::SubtreeNodes { .. } => "a depth has too many or too few nodes (SPEC I11)",
             Self::NormalRange => "a packed normal is out of range (SPEC 5.4)",
+            Self::OffsetRange => "a packed offset is out of range (SPEC 5.7)",
             Self::BlockUnreadable { .. } => "a packed block cannot be decoded (SPEC 5.5)",
         })
     }
