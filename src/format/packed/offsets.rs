@@ -2,7 +2,7 @@
 //! (SPEC 5.7). The normals are known.
 //!
 //! The surface bends evenly between neighbours, so that a neighbour's plane is carried on by the mean of both
-//! normals: with the normal of one of the two 3.76 bits a cell of a head are left, with the mean 3.55 (with zstd 8 before).
+//! normals: with the normal of one of the two 3.76 bits a cell of a head are left, with the mean 3.55 (zstd: 6.9).
 
 use super::CodingError;
 use super::around::{Neighbour, PLACES, neighbours, place};
