@@ -118,16 +118,22 @@ pub fn build_source(
 const UNEVEN: f64 = 3.0;
 
 /// What may be wanted besides: of a CT that nobody chose a threshold for, and of uneven spacing.
-fn hints(source: &dyn VolumeSource, threshold: Threshold, report: &BuildReport) -> Vec<String> {
+fn hints(
+    source: &dyn VolumeSource,
+    threshold: Threshold,
+    surface: SurfaceKind,
+    report: &BuildReport,
+) -> Vec<String> {
     let bone = (threshold == Threshold::Otsu && source.modality() == Some("CT"))
         .then_some(Hint::Bone { chosen: report.selection.lo });
     let spacing_mm = source.info().spacing_mm;
     let axis = (0..3).fold(0, |longest, a| if spacing_mm[a] > spacing_mm[longest] { a } else { longest });
-    // Along an axis of one voxel there are no stairs.
+    // Along an axis of one voxel there are no stairs, nor are there where cells follow the samples.
     let sides = source.info().dims.to_array();
     let several = (0..3).filter(|a| sides[*a] > 1).map(|a| spacing_mm[a]);
     let times = spacing_mm[axis] / several.fold(f64::INFINITY, f64::min);
-    let uneven = (sides[axis] > 1 && times >= UNEVEN).then_some(Hint::Uneven { spacing_mm, axis, times });
+    let uneven = (surface == SurfaceKind::Skin && sides[axis] > 1 && times >= UNEVEN)
+        .then_some(Hint::Uneven { spacing_mm, axis, times });
     bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
 }
 
@@ -184,7 +190,7 @@ pub fn convert_reshaped(
     let wall_s = started.elapsed().as_secs_f64();
     let mut warnings = told(&*source, &report);
     warnings.extend(doubt.map(|doubt| doubt.to_string()));
-    let hints = hints(&*source, threshold, &report);
+    let hints = hints(&*source, threshold, options.surface, &report);
     Ok(BuildSummary {
         input,
         output: output.to_path_buf(),
