@@ -11,13 +11,13 @@
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | [`signs`] | samples inside, as places where rows change sides |
-//! | [`cases`] | the 256 cases of a cube, and its patches |
-//! | [`place`] | where a patch lies in its cube, and its normal |
-//! | [`coarse`] | blocks of samples in their place, for fewer triangles |
-//! | [`dual`] | vertices and triangles, layer by layer |
-//! | [`mask`] | NRRD and NIfTI |
-//! | [`write`](mod@write) | STL, PLY, OBJ and GLB |
+//! | `signs` | samples inside, as places where rows change sides |
+//! | `cases` | the 256 cases of a cube, and its patches |
+//! | `place` | where a patch lies in its cube, and its normal |
+//! | `coarse` | blocks of samples in their place, for fewer triangles |
+//! | `dual` | vertices and triangles, layer by layer |
+//! | `mask` | NRRD and NIfTI |
+//! | `write` | STL, PLY, OBJ and GLB |
 
 mod cases;
 mod coarse;
