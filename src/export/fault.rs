@@ -10,6 +10,11 @@ pub enum ExportFault {
         /// How many there would be.
         needed: u64,
     },
+    /// A slice of blocks of samples would have more of them than are kept in memory.
+    TooBroad {
+        /// Blocks of a slice.
+        blocks: u64,
+    },
     /// NIfTI-1 states sides in 15 bits.
     TooWide {
         /// Voxels of the longest side.

@@ -133,6 +133,9 @@ impl From<io::Error> for ExportStop {
 /// Slices after which the model's pages leave memory.
 const SLICES_KEPT: u32 = 64;
 
+/// Most blocks of samples in a slice, of which three are held: 4 bytes each.
+const MOST_BLOCKS: u64 = 1 << 24;
+
 /// A model with its place.
 pub(crate) struct Exporter<'a, V> {
     pub(crate) view: &'a V,
@@ -200,6 +203,10 @@ impl<V: NodeView> Exporter<'_, V> {
             row[3] = at;
         }
         let [width, height] = [0, 1].map(|a| bounds[1][a] - bounds[0][a] + 2);
+        let blocks = u64::from(width / self.step) * u64::from(height / self.step);
+        if self.step > 1 && blocks > MOST_BLOCKS {
+            return Err(ExportStop::Output(ExportFault::TooBroad { blocks }.into()));
+        }
         let coarse = (self.step > 1).then(|| Coarse::new(self.step, width, height as usize));
         let mut product = Product::Mesh(Mesher::new(to_mm, sink.as_mut()), coarse);
         let unknown = self.sweep(bounds, &mut product, progress)?;

@@ -95,6 +95,10 @@ impl fmt::Display for ExportFault {
                 f,
                 "{needed} corners, triangles or bytes are more than the format can count; leave fine levels out of the model first, with oct strip --levels"
             ),
+            Self::TooBroad { blocks } => write!(
+                f,
+                "a slice of {blocks} blocks is more than is kept in memory; choose a larger --simplify, or 0"
+            ),
             Self::TooWide { side } => write!(
                 f,
                 "a side of {side} voxels is longer than NIfTI-1 can state (32767); write NRRD instead"
