@@ -20,7 +20,7 @@ use infobyte::format::Channels;
 use infobyte::geom::Affine;
 use infobyte::jobs::export::MOST_SIMPLIFIED;
 
-pub(crate) use picture::{RenderArgs, Shading, ThumbnailArgs};
+pub(crate) use picture::{RenderArgs, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, DemoArgs, RawArgs, ScanArgs};
 
 /// Volumes into compact surface octrees in a fixed amount of memory, shown by exact ray traversal.

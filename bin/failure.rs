@@ -28,6 +28,8 @@ pub(crate) enum Refusal {
     ForVolumes(&'static str),
     /// The other way round.
     ForMeshes(&'static str),
+    /// This flag says something about the picture of one model, and a scene is shown.
+    ForModels(&'static str),
     /// Standard input, or output, where it cannot be used.
     Dash(Dash),
     /// A name that does not say what a model is to be exported as.
@@ -116,6 +118,9 @@ impl fmt::Display for Refusal {
                     f,
                     "{flag} is for meshes (STL, PLY, OBJ, OFF), and the input is a volume; leave it out"
                 );
+            }
+            Self::ForModels(flag) => {
+                return write!(f, "{flag} is for pictures of one model, and the input is a scene; leave it out");
             }
             Self::Dash(dash) => match dash {
                 Dash::Volume => {

@@ -5,6 +5,7 @@ mod bars;
 mod bus;
 mod failure;
 mod manual;
+mod pictures;
 mod streams;
 
 use std::io::{self, Write};
@@ -21,20 +22,21 @@ use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::opened::open_model;
 use infobyte::jobs::pack::StripRequest;
-use infobyte::jobs::render::{RenderReport, RenderRequest};
+use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
+use infobyte::jobs::scene::is_scene;
 use infobyte::jobs::wording::foreign::{self, data, plain, shown};
 use infobyte::jobs::{self, info, pack, picture, verify};
-use infobyte::render::ViewPoint;
 use infobyte::source::{OpenOptions, RawOptions};
 use infobyte::volume::Placement;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
-use args::{Cli, Command, Shading, Switch, cores};
+use args::{Cli, Command, Switch, cores};
 use bars::{Bars, BatchBars};
 use failure::{Dash, Failure, Refusal, Written, json_of, one_line, tell};
+use pictures::{print_picture, print_scene};
 use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash};
 
 fn main() -> ExitCode {
@@ -357,32 +359,25 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
 }
 
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
-    let request = RenderRequest {
-        width: args.size[0],
-        height: args.size[1],
-        point: match (args.eye, args.look_at) {
-            (Some(eye), Some(look_at)) => ViewPoint::Free { eye, look_at, up: args.up },
-            _ => ViewPoint::Named(args.view),
-        },
-        projection: args.projection,
-        fov_deg: args.fov,
-        threads: args.threads.count(),
-        lod: args.lod == Switch::On,
-        blended: args.shading == Shading::Blended,
-        ambient_rays: if args.shading == Shading::Ao { args.ao_rays } else { 0 },
-        traversal: args.traversal,
-        coherence: args.coherence,
-        ..RenderRequest::default()
-    };
     let (depth, normals) = (args.depth.as_deref(), args.normals.as_deref());
     let layers = || depth.into_iter().chain(normals);
     refuse_dash(layers(), Dash::Layer)?;
     check_suffixes(layers(), Written::Picture, args.force)?;
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
-    let model = Input::of(&args.model)?;
-    bus::tell_of(&args.model, args.json);
+    let outputs = Outputs { image: output.path(), depth, normals };
     let bars = Bars::new(args.json);
-    let report = picture::render_file(model.path(), output.path(), depth, normals, &request, &bars);
+    bus::tell_of(&args.model, args.json);
+    if is_scene(&args.model) {
+        if let Some(flag) = args.model_flag() {
+            return Err(Refusal::ForModels(flag).into());
+        }
+        let report = jobs::scene::render_scene(&args.model, &outputs, &args.scene_request(), &bars);
+        bars.finish();
+        let report = report?;
+        return output.finish(|| print_scene(args.json, &args.model, &args.output, &report));
+    }
+    let model = Input::of(&args.model)?;
+    let report = picture::render_file(model.path(), &outputs, &args.request(), &bars);
     bars.finish();
     let report = report?;
     output.finish(|| print_picture(args.json, &args.model, &args.output, &report))
@@ -395,41 +390,6 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
     bus::tell_of(&args.model, args.json);
     let report = picture::thumbnail_file(model.path(), output.path(), args.size, threads)?;
     output.finish(|| print_picture(args.json, &args.model, &args.output, &report))
-}
-
-/// What is said of a picture that shows nothing.
-const NO_HIT: &str = "no ray meets the model, so the picture is empty; check --eye, --look-at and --fov";
-
-fn print_picture(
-    as_json: bool,
-    model: &Path,
-    output: &Path,
-    report: &RenderReport,
-) -> Result<ExitCode, Error> {
-    let warnings: &[&str] = if report.hits == 0 { &[NO_HIT] } else { &[] };
-    let json = || {
-        let mut value = serde_json::to_value(report).unwrap_or_default();
-        if let Value::Object(map) = &mut value {
-            map.insert("input".into(), json!(data(model)));
-            map.insert("output".into(), json!(data(output)));
-            map.insert("warnings".into(), json!(warnings));
-            map.insert("peak_rss_bytes".into(), json!(infobyte::budget::peak_rss_bytes()));
-        }
-        value
-    };
-    let text = || {
-        let notes: String = warnings.iter().map(|note| format!("  note: {note}\n")).collect();
-        format!(
-            "{}: {}x{}, {} rays, {} hits, {:.3} s\n{notes}",
-            shown(output),
-            report.width,
-            report.height,
-            report.rays,
-            report.hits,
-            report.wall_s
-        )
-    };
-    print(as_json, json, text)
 }
 
 fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
@@ -540,7 +500,7 @@ fn to_f64(count: u64) -> f64 {
 
 /// Prints the report as JSON or as text. A reader that has gone away (`oct info x | head -1`) is no
 /// error.
-fn print(
+pub(crate) fn print(
     as_json: bool,
     json: impl FnOnce() -> Value,
     text: impl FnOnce() -> String,

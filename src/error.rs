@@ -12,6 +12,7 @@ use crate::facts::SourceError;
 use crate::format::{Channel, FormatError};
 use crate::load::LoadError;
 use crate::render::RenderError;
+use crate::scene::SceneError;
 
 /// Anything that can stop a job.
 #[non_exhaustive]
@@ -31,6 +32,8 @@ pub enum Error {
     Load(LoadError),
     /// Making or writing a picture failed.
     Render(RenderError),
+    /// The text of a scene is wrong.
+    Scene(SceneError),
     /// Another batch writes into the output folder.
     Busy {
         /// The folder.
@@ -136,7 +139,7 @@ impl std::error::Error for Error {
             Self::Load(inner) => inner.source(),
             Self::Render(inner) => inner.source(),
             Self::Output { cause, .. } => Some(cause),
-            Self::Usage(_) | Self::Busy { .. } | Self::Internal => None,
+            Self::Usage(_) | Self::Scene(_) | Self::Busy { .. } | Self::Internal => None,
         }
     }
 }
@@ -158,7 +161,8 @@ gathers!(
     Clean(CleanError),
     Format(FormatError),
     Load(LoadError),
-    Render(RenderError)
+    Render(RenderError),
+    Scene(SceneError)
 );
 
 impl Error {
@@ -172,6 +176,7 @@ impl Error {
             Self::Format(_) => ExitKind::Input,
             Self::Load(e) => e.kind(),
             Self::Render(e) => e.kind(),
+            Self::Scene(e) => e.kind(),
             Self::Busy { .. } | Self::Output { .. } => ExitKind::Io,
         }
     }

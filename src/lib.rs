@@ -107,6 +107,7 @@ pub mod progress;
 mod random;
 pub mod render;
 mod resident;
+pub mod scene;
 mod scratch;
 pub mod source;
 mod stamp;

@@ -55,6 +55,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("mesh", &["budget", "builder", "facts", "format", "geom", "scratch", "stamp"]),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark"]),
+    ("scene", &["exit", "geom", "load", "render"]),
     ("enclosed", &["format", "geom", "load"]),
     ("export", &["enclosed", "format", "geom", "load", "progress", "render", "scratch"]),
     (
@@ -80,13 +81,14 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "progress",
             "render",
             "resident",
+            "scene",
             "scratch",
             "source",
             "synthetic",
             "volume",
         ],
     ),
-    ("error", &["builder", "clean", "exit", "export", "facts", "format", "load", "render"]),
+    ("error", &["builder", "clean", "exit", "export", "facts", "format", "load", "render", "scene"]),
 ];
 
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.
@@ -323,7 +325,8 @@ fn the_command_knows_the_library_only_from_outside() {
     for source in sources("bin") {
         for (name, _) in crate_paths(&source.code) {
             assert!(
-                ["args", "bars", "bus", "failure", "manual", "streams"].contains(&name.as_str()),
+                ["args", "bars", "bus", "failure", "manual", "pictures", "print", "streams"]
+                    .contains(&name.as_str()),
                 "{}: crate::{name}",
                 source.path
             );

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::jobs::render::RenderRequest;
+use infobyte::jobs::scene::SceneRequest;
 use infobyte::render::picture::Traversal;
-use infobyte::render::{NamedView, Projection};
+use infobyte::render::{NamedView, Projection, ViewPoint};
 
 use super::{Switch, ThreadArgs, parse};
 
@@ -19,8 +20,8 @@ pub(crate) enum Shading {
 
 #[derive(Debug, Args)]
 pub(crate) struct RenderArgs {
-    /// The model; - for standard input
-    #[arg(value_name = "MODEL.oct")]
+    /// The model, - for standard input; or a scene of several models
+    #[arg(value_name = "MODEL.oct|SCENE.toml")]
     pub(crate) model: PathBuf,
     /// The PNG to write; - for standard output
     #[arg(short, long, value_name = "IMAGE.png")]
@@ -28,12 +29,12 @@ pub(crate) struct RenderArgs {
     /// Write pictures even if their names say that they are other kinds of files
     #[arg(long)]
     pub(crate) force: bool,
-    /// Size of the picture in pixels
-    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = parse::size)]
-    pub(crate) size: [u32; 2],
-    /// Named view
-    #[arg(long, default_value = "front", value_parser = parse::views(), conflicts_with = "eye")]
-    pub(crate) view: NamedView,
+    /// Size of the picture in pixels; by default that of the scene, or 1024x1024
+    #[arg(long, value_name = "WxH", value_parser = parse::size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Named view; by default the scene's camera, or front
+    #[arg(long, value_parser = parse::views(), conflicts_with = "eye")]
+    pub(crate) view: Option<NamedView>,
     /// Position of the eye in mm (LPS)
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "look_at")]
     pub(crate) eye: Option<[f64; 3]>,
@@ -43,12 +44,12 @@ pub(crate) struct RenderArgs {
     /// Direction that is up in the picture
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "eye")]
     pub(crate) up: Option<[f64; 3]>,
-    /// Kind of projection
-    #[arg(long, default_value = "parallel", value_parser = parse::projections())]
-    pub(crate) projection: Projection,
-    /// Vertical field of view in degrees, for the perspective projection
-    #[arg(long, value_name = "DEG", default_value_t = RenderRequest::FOV_DEG, value_parser = parse::fov)]
-    pub(crate) fov: f64,
+    /// Kind of projection; by default that of the scene, or parallel
+    #[arg(long, value_parser = parse::projections())]
+    pub(crate) projection: Option<Projection>,
+    /// Vertical field of view in degrees, for the perspective projection; by default that of the scene, or 35
+    #[arg(long, value_name = "DEG", value_parser = parse::fov)]
+    pub(crate) fov: Option<f64>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
     /// Stop at nodes about as small as a pixel instead of at voxels
@@ -97,4 +98,61 @@ pub(crate) struct ThumbnailArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl RenderArgs {
+    /// Where the camera stands, if that is said.
+    fn point(&self) -> Option<ViewPoint> {
+        match (self.eye, self.look_at) {
+            (Some(eye), Some(look_at)) => Some(ViewPoint::Free { eye, look_at, up: self.up }),
+            _ => self.view.map(ViewPoint::Named),
+        }
+    }
+
+    fn ambient_rays(&self) -> Option<u32> {
+        (self.shading == Shading::Ao).then_some(self.ao_rays)
+    }
+
+    /// What is asked of the picture of a model.
+    pub(crate) fn request(&self) -> RenderRequest {
+        let usual = RenderRequest::default();
+        let [width, height] = self.size.unwrap_or([usual.width, usual.height]);
+        RenderRequest {
+            width,
+            height,
+            point: self.point().unwrap_or(usual.point),
+            projection: self.projection.unwrap_or(usual.projection),
+            fov_deg: self.fov.unwrap_or(usual.fov_deg),
+            threads: self.threads.count(),
+            lod: self.lod == Switch::On,
+            blended: self.shading == Shading::Blended,
+            ambient_rays: self.ambient_rays().unwrap_or(0),
+            traversal: self.traversal,
+            coherence: self.coherence,
+            ..usual
+        }
+    }
+
+    /// What is asked of the picture of a scene.
+    pub(crate) fn scene_request(&self) -> SceneRequest {
+        SceneRequest {
+            size: self.size,
+            point: self.point(),
+            projection: self.projection,
+            fov_deg: self.fov,
+            ambient_rays: self.ambient_rays(),
+            threads: self.threads.count(),
+        }
+    }
+
+    /// A flag that says something about the picture of one model, if it was given.
+    pub(crate) fn model_flag(&self) -> Option<&'static str> {
+        let given = [
+            (self.lod == Switch::On, "--lod"),
+            (self.shading == Shading::Blended, "--shading blended"),
+            (self.traversal != Traversal::Exact, "--traversal"),
+            (self.coherence > 0, "--coherence"),
+        ];
+        given.into_iter().find(|(given, _)| *given).map(|(_, flag)| flag)
+    }
 }

@@ -5,6 +5,7 @@
 //! left, +y to the back, +z to the head.
 
 mod affine;
+pub(crate) mod angle;
 mod dims;
 pub mod morton;
 mod number;

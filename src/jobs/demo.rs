@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::build::{BuildSummary, build_source};
-use super::picture::{refuse_clash, render_file, thumbnail_file};
+use super::picture::{Outputs, refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
 use super::verify::verify_file;
 use super::wording::foreign::{data, shown};
@@ -78,8 +78,9 @@ pub fn demo(
     let verify_s = timed(&mut || verify_file(&files.model).map(|_| ()))?;
     let request = RenderRequest { threads, smooth_edges: true, ..RenderRequest::default() };
     progress.stage("render", 1);
-    let render_s =
-        timed(&mut || render_file(&files.model, &files.picture, None, None, &request, progress).map(|_| ()))?;
+    let render_s = timed(&mut || {
+        render_file(&files.model, &Outputs::of(&files.picture), &request, progress).map(|_| ())
+    })?;
     let thumbnail_s =
         timed(&mut || thumbnail_file(&files.model, &files.thumbnail, 256, threads).map(|_| ()))?;
     Ok(DemoSummary { files: files.clone(), built, build_peak_bytes, verify_s, render_s, thumbnail_s })

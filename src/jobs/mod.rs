@@ -18,6 +18,7 @@ pub mod picture;
 pub mod render;
 pub mod report;
 pub mod scan;
+pub mod scene;
 pub mod verify;
 pub mod wording;
 

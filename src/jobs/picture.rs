@@ -7,9 +7,68 @@ use super::render::{RenderReport, RenderRequest, render_view_watched, thumbnail}
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::progress::Progress;
+use crate::render::Image;
 use crate::render::image::ImageFile;
 
-/// Renders the model at `model` to `output`, and to the depth and normal images if named.
+/// Where the pictures of one call go.
+#[derive(Clone, Copy, Debug)]
+pub struct Outputs<'a> {
+    /// The colours.
+    pub image: &'a Path,
+    /// The depth image, if one is wanted.
+    pub depth: Option<&'a Path>,
+    /// The normal image, if one is wanted.
+    pub normals: Option<&'a Path>,
+}
+
+/// Pictures that are begun.
+pub(super) struct Layers {
+    image: ImageFile,
+    depth: Option<ImageFile>,
+    normals: Option<ImageFile>,
+}
+
+impl<'a> Outputs<'a> {
+    /// The colours alone.
+    pub fn of(image: &'a Path) -> Self {
+        Self { image, depth: None, normals: None }
+    }
+
+    /// All that are named.
+    pub(super) fn all(&self) -> Vec<&'a Path> {
+        [Some(self.image), self.depth, self.normals].into_iter().flatten().collect()
+    }
+
+    /// Refuses names that are the input's, or each other's.
+    pub(super) fn refuse_clash(&self, input: &Path) -> Result<(), Error> {
+        refuse_clash(input, &self.all())
+    }
+
+    /// Begins the files: a folder that cannot be written is told before the work is done.
+    pub(super) fn create(&self) -> Result<Layers, Error> {
+        Ok(Layers {
+            image: ImageFile::create(self.image)?,
+            depth: self.depth.map(ImageFile::create).transpose()?,
+            normals: self.normals.map(ImageFile::create).transpose()?,
+        })
+    }
+}
+
+impl Layers {
+    /// Writes them.
+    pub(super) fn write(self, image: &Image) -> Result<(), Error> {
+        image.write_png_to(self.image)?;
+        if let Some(file) = self.depth {
+            image.write_depth_png_to(file)?;
+        }
+        if let Some(file) = self.normals {
+            image.write_normals_png_to(file)?;
+        }
+        Ok(())
+    }
+}
+
+/// Renders the model at `model` to what is named in `outputs`.
 ///
 /// The files are begun before the picture is: a folder that cannot be written is told at once.
 ///
@@ -17,31 +76,21 @@ use crate::render::image::ImageFile;
 /// The model cannot be used, the camera makes no sense, or a picture cannot be written.
 pub fn render_file(
     model: &Path,
-    output: &Path,
-    depth: Option<&Path>,
-    normals: Option<&Path>,
+    outputs: &Outputs<'_>,
     request: &RenderRequest,
     progress: &dyn Progress,
 ) -> Result<RenderReport, Error> {
-    let outputs: Vec<&Path> = [Some(output), depth, normals].into_iter().flatten().collect();
-    refuse_clash(model, &outputs)?;
+    outputs.refuse_clash(model)?;
     let path = model;
     let model = open_model(path)?;
-    let output = ImageFile::create(output)?;
-    let depth = depth.map(ImageFile::create).transpose()?;
-    let normals = normals.map(ImageFile::create).transpose()?;
-    let request = RenderRequest { depth: depth.is_some(), normals: normals.is_some(), ..*request };
+    let layers = outputs.create()?;
+    let request =
+        RenderRequest { depth: outputs.depth.is_some(), normals: outputs.normals.is_some(), ..*request };
     let (image, mut report) =
         render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
     model.check_unchanged(path)?;
-    image.write_png_to(output)?;
-    if let Some(file) = depth {
-        image.write_depth_png_to(file)?;
-    }
-    if let Some(file) = normals {
-        image.write_normals_png_to(file)?;
-    }
+    layers.write(&image)?;
     Ok(report)
 }
 

@@ -19,6 +19,7 @@ use crate::load::NodeView;
 
 use super::around::Surroundings;
 use super::form::Form;
+use super::leave;
 use super::picture::Painter;
 use super::ray::Ray;
 use super::single;
@@ -29,9 +30,6 @@ use super::traverse::{Hit, Trace};
 
 /// Most rays of a pixel.
 pub(crate) const MOST_RAYS: u32 = 1024;
-
-/// Boxes on every side of the one that was hit that its rays are not stopped by.
-const REACH: u32 = 2;
 
 /// Cosine and sine of the golden angle.
 const GOLDEN: [f64; 2] = [-0.737_368_878_078_319_7, 0.675_490_294_261_523_8];
@@ -44,7 +42,7 @@ const PIXELS: [usize; 16] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 
 
 /// The directions that rays go out to; the axis upwards is the last.
 #[derive(Clone, Debug)]
-pub(super) struct Sky {
+pub(crate) struct Sky {
     turned: Vec<Vec<[f64; 3]>>,
 }
 
@@ -65,7 +63,7 @@ fn turned([x, y]: [f64; 2], [cosine, sine]: [f64; 2]) -> [f64; 2] {
 
 impl Sky {
     /// So many directions, at least one and at most [`MOST_RAYS`].
-    pub(super) fn new(rays: u32) -> Self {
+    pub(crate) fn new(rays: u32) -> Self {
         let rays = rays.clamp(1, MOST_RAYS);
         let mut first = [1.0, 0.0];
         let mut all = Vec::with_capacity(PIXELS.len());
@@ -85,7 +83,7 @@ impl Sky {
     }
 
     /// The directions of a pixel.
-    fn of(&self, [x, y]: [usize; 2]) -> &[[f64; 3]] {
+    pub(crate) fn of(&self, [x, y]: [usize; 2]) -> &[[f64; 3]] {
         self.turned.get(PIXELS[x % 4 + y % 4 * 4]).map_or(&[], Vec::as_slice)
     }
 
@@ -116,29 +114,7 @@ impl Place<'_> {
     /// The ray from here into a direction of the world, from where it leaves the boxes around; `None` where that is
     /// outside the grid.
     fn ray(&self, direction: [f64; 3]) -> Option<Ray> {
-        let direction = self.space.world_to_grid().apply_vector(direction);
-        let edge = 1_u32 << self.hit.edge_log2.min(31);
-        let (low, high): ([f64; 3], [f64; 3]) = (
-            self.hit.cell.map(|c| f64::from(c) - f64::from(REACH * edge)),
-            self.hit.cell.map(|c| f64::from(c) + f64::from(edge) + f64::from(REACH * edge)),
-        );
-        let from = self.space.to_grid(self.point);
-        let (mut time, mut axis) = (f64::INFINITY, 0);
-        let border = |a: usize| if direction[a] > 0.0 { high[a] } else { low[a] };
-        for a in 0..3 {
-            let after = (border(a) - from[a]) / direction[a];
-            if direction[a] != 0.0 && after < time {
-                (time, axis) = (after, a);
-            }
-        }
-        let mut start: [f64; 3] =
-            std::array::from_fn(|a| (from[a] + direction[a] * time).clamp(low[a], high[a]));
-        start[axis] = border(axis);
-        let side = f64::from(1_u32 << self.space.dims().depth().min(31));
-        if !start.iter().all(|c| (0.0..=side).contains(c)) {
-            return None;
-        }
-        Ray::new(self.space.dims().depth(), start, direction, 0.0).ok().flatten()
+        leave::leaving(self.space, self.hit, self.point, direction, 0.0).map(|(ray, _)| ray)
     }
 }
 
@@ -182,7 +158,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         let [x, y] = pixel.map(|c| c as f64 + 0.5);
         let line @ (origin, sight) = self.sight.line(x, y);
         let seen = self.seen(&Trace { hit: Some(hit), steps: 0 }, x, y);
-        let normal = self.normal(around, seen, line);
+        let normal = self.normals.normal(around, seen, line);
         let away = dot(normal, sight) > 0.0;
         let place = Place {
             space: self.sight.space(),
@@ -195,7 +171,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 }
 
 /// Two unit vectors perpendicular to a unit vector and to each other.
-fn beside(normal: [f64; 3]) -> [[f64; 3]; 2] {
+pub(crate) fn beside(normal: [f64; 3]) -> [[f64; 3]; 2] {
     let size = normal.map(f64::abs);
     let least = (1..3).fold(0, |least, a| if size[a] < size[least] { a } else { least });
     let mut axis = [0.0; 3];
@@ -211,6 +187,7 @@ mod tests {
     use super::*;
     use crate::geom::{Affine, Dims, morton};
     use crate::load::MemoryTree;
+    use crate::render::leave::REACH;
     use crate::render::picture::{Canvas, Traversal, paint};
     use crate::render::surface::Skin;
     use crate::render::{Camera, NamedView, Projection, ViewPoint};

@@ -46,7 +46,7 @@ struct Way {
 }
 
 /// Looks up windows of 5 x 5 x 5 boxes.
-pub(super) struct Surroundings {
+pub(crate) struct Surroundings {
     bricks: Vec<Brick>,
     way: Way,
     /// Levels of the grid that is kept here.
@@ -54,7 +54,7 @@ pub(super) struct Surroundings {
 }
 
 impl Surroundings {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let way = Way { to: [0; 3], nodes: [NodeIndex::ROOT; MOST_LEVELS + 1], known: 1 };
         Self { bricks: vec![Brick::NONE; KEPT], way, levels: u32::MAX }
     }

@@ -17,6 +17,7 @@ use std::str::FromStr;
 
 use super::space::{add_scaled, cross, dot};
 use super::{CameraFault, RenderError};
+use crate::geom::angle;
 
 /// How lines of sight run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -271,6 +272,16 @@ impl Camera {
         (self.half_width, self.half_height)
     }
 
+    /// Where the eye is; `None` of a parallel camera.
+    pub(crate) fn eye(&self) -> Option<[f64; 3]> {
+        (self.projection == Projection::Perspective).then_some(self.eye)
+    }
+
+    /// Unit vectors to the right, up and forward in the picture.
+    pub(crate) fn axes(&self) -> [[f64; 3]; 3] {
+        [self.right, self.up, self.forward]
+    }
+
     /// Height in mm of a pixel at a depth, for a picture `height` pixels high.
     pub fn pixel_mm(&self, height: u32, depth_mm: f64) -> f64 {
         let per_pixel = 2.0 * self.half_height / f64::from(height);
@@ -341,20 +352,9 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     Some(v.map(|c| c / length))
 }
 
-/// Tangent of 0..=85 degrees by the series of sine and cosine: the system's own differs between machines in
-/// the last bit, and with it would the pictures.
+/// Tangent of 0..=85 degrees, the same on every machine.
 fn tan_deg(degrees: f64) -> f64 {
-    let x = degrees * (std::f64::consts::PI / 180.0);
-    let (mut sin, mut cos, mut term) = (0.0, 0.0, 1.0);
-    for i in 0..32_u32 {
-        let signed = if i % 4 < 2 { term } else { -term };
-        if i % 2 == 0 {
-            cos += signed;
-        } else {
-            sin += signed;
-        }
-        term *= x / f64::from(i + 1);
-    }
+    let [sin, cos] = angle::sin_cos_series(degrees);
     sin / cos
 }
 

@@ -2,7 +2,7 @@
 
 use super::cells::Cells;
 use super::form::Form;
-use super::picture::cell_coordinates;
+use super::shown::cell_coordinates;
 use super::single;
 use super::surface::Skin;
 use super::{GridSpace, RenderError};

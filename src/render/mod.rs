@@ -20,12 +20,13 @@
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
+//! | `leave` | rays that start at a surface, beyond the boxes around the one that was hit |
 //! | `ambient` | how open a point's surroundings are: hollows turn dark |
-//! | `facing`, `around` | normals that the skin around a hit contradicts |
+//! | `shown` | what a ray saw, and its normal; `facing`, `around`: normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
 
 pub(crate) mod ambient;
-mod around;
+pub(crate) mod around;
 pub(crate) mod blend;
 pub mod camera;
 mod caster;
@@ -39,6 +40,7 @@ pub mod image;
 mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_x86;
+pub(crate) mod leave;
 mod occupancy;
 pub mod picture;
 mod pierce;
@@ -46,6 +48,7 @@ pub mod ray;
 pub mod reference;
 pub mod selfcheck;
 pub mod shade;
+pub(crate) mod shown;
 pub mod sight;
 pub mod single;
 pub mod space;

@@ -7,26 +7,22 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::format::normal;
-use crate::geom::{BoxIndex, NodeIndex};
 use crate::load::NodeView;
 
 use super::around::Surroundings;
-use super::blend;
 use super::cells::Cells;
 use super::coherence::{Band, Look, Sample, Tolerance};
 use super::discrete::DiscreteRays;
-use super::facing;
 use super::form::Form;
 use super::image::Image;
-use super::ray::Face;
 use super::shade::Shader;
+use super::shown::{Line, Normals, Seen};
 use super::sight::Sight;
 use super::single;
 use super::space::GridSpace;
 use super::surface::{Skin, Surface};
 use super::tile::{RAYS as TILE_PIXELS, TILE, Tile, Tracer};
-use super::traverse::{Hit, Trace};
+use super::traverse::Trace;
 use super::{Camera, RenderError};
 
 /// Pixels traced between two shading passes; bounds the memory for hits to 4 MiB, or a row of tiles.
@@ -137,53 +133,6 @@ impl Counts {
     }
 }
 
-/// A pixel's hit in 16 bytes.
-#[derive(Clone, Copy)]
-pub(super) struct Seen {
-    box_number: u64,
-    /// Depth in mm; NaN for background.
-    depth: f32,
-    /// Axis and side of the face, or [`Seen::NO_FACE`].
-    face: u8,
-    kind: SeenKind,
-    /// The normal's code, where it is not that of the box.
-    code: u16,
-}
-
-/// Where the normal of a hit comes from.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum SeenKind {
-    Voxel,
-    Node,
-    /// The hit itself: of a cell with corners, whose normal is not the same everywhere.
-    Own,
-}
-
-impl Seen {
-    const NO_FACE: u8 = u8::MAX;
-    const NOTHING: Self =
-        Self { box_number: 0, depth: f32::NAN, face: Self::NO_FACE, kind: SeenKind::Node, code: 0 };
-
-    #[expect(clippy::cast_possible_truncation, reason = "a depth image has 16 bits")]
-    fn new(trace: &Trace) -> Self {
-        trace.hit.map_or(Self::NOTHING, |hit| Self {
-            box_number: hit.box_number,
-            depth: (hit.t as f32).min(f32::MAX),
-            face: hit.face.map_or(Self::NO_FACE, |f| 2 * f.axis + u8::from(f.high)),
-            kind: if hit.edge_log2 == 0 { SeenKind::Voxel } else { SeenKind::Node },
-            code: 0,
-        })
-    }
-
-    fn is_hit(self) -> bool {
-        !self.depth.is_nan()
-    }
-
-    fn face(self) -> Option<Face> {
-        (self.face != Self::NO_FACE).then(|| Face::new(usize::from(self.face / 2), self.face % 2 == 1))
-    }
-}
-
 /// Checks a picture's size.
 ///
 /// # Errors
@@ -208,22 +157,16 @@ pub fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
         .map_err(|cause| RenderError::Threads { threads, cause: std::io::Error::other(cause) })
 }
 
-/// A world point in the coordinates of a cell, -1..=1.
-pub(super) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3]) -> [f64; 3] {
-    let at = space.to_grid(world);
-    std::array::from_fn(|a| (2.0 * (at[a] - f64::from(cell[a])) - 1.0).clamp(-1.0, 1.0))
-}
-
 /// Grey of a depth in a depth image of this range.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-fn depth_code((near, far): (f64, f64), depth: f32) -> u16 {
+pub(crate) fn depth_code((near, far): (f64, f64), depth: f32) -> u16 {
     let scale = if far > near { 65_534.0 / (far - near) } else { 0.0 };
     1 + ((f64::from(depth) - near) * scale + 0.5).clamp(0.0, 65_534.0) as u16
 }
 
 /// Colour of a component of a normal in a normal image.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-fn normal_code(component: f64) -> u8 {
+pub(crate) fn normal_code(component: f64) -> u8 {
     (128.5 + component * 127.0).clamp(1.0, 255.0) as u8
 }
 
@@ -261,8 +204,7 @@ impl Kept {
 pub(super) struct Painter<'a, V, S> {
     pub(super) view: &'a V,
     pub(super) surface: S,
-    /// The cells, if the model has them: normals are of index space then.
-    pub(super) cells: Option<Cells<'a>>,
+    pub(super) normals: Normals<'a, V>,
     pub(super) sight: Sight<'a>,
     /// The rays of the discrete mode, if that is asked for.
     pub(super) discrete: Option<DiscreteRays<'a>>,
@@ -320,16 +262,17 @@ pub fn paint_watched<V: NodeView>(
     }
     let (form, shader) = (Form::best(), Shader::new());
     let pool = pool(canvas.threads)?;
+    let normals = Normals::new(view, space, canvas.blended, canvas.lod_edge_log2);
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
         Some(surface) => {
             let painter =
-                Painter { view, surface, cells, sight, discrete, form, canvas, shader, open: vec![] };
+                Painter { view, surface, normals, sight, discrete, form, canvas, shader, open: vec![] };
             pool.install(|| painter.paint(rows_done))
         }
         // Coarse boxes are solid, whatever the finest are.
         None => {
             let painter =
-                Painter { view, surface: Skin, cells, sight, discrete, form, canvas, shader, open: vec![] };
+                Painter { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open: vec![] };
             pool.install(|| painter.paint(rows_done))
         }
     })
@@ -493,7 +436,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
             depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
                 for (pixel, out) in row_of(seen, width, y).zip(row) {
-                    *out = if pixel.is_hit() { depth_code(range, pixel.depth) } else { 0 };
+                    *out = if pixel.is_hit() { depth_code(range, pixel.depth()) } else { 0 };
                 }
             });
         }
@@ -566,7 +509,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     if seen.is_hit() {
                         hits += 1;
                         let line = self.sight.line(x + dx, y + dy);
-                        let light = self.light(self.normal(around, seen, line), line, [i % width, i / width]);
+                        let light =
+                            self.light(self.normals.normal(around, seen, line), line, [i % width, i / width]);
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -600,128 +544,28 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     /// What was seen through a point of the picture.
     #[inline]
     pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> Seen {
-        let mut seen = Seen::new(trace);
-        if let (Some(cells), Some(hit)) = (&self.cells, &trace.hit)
-            && seen.kind == SeenKind::Voxel
-            && cells.has_corners(hit.box_number.wrapping_sub(self.view.node_count()))
-        {
-            (seen.kind, seen.code) = (SeenKind::Own, self.corner_normal(cells, hit, x, y));
-        }
-        seen
+        self.normals.seen(trace, || self.sight.line(x, y))
     }
 
-    /// Code of the normal where a cell with corners was hit.
-    #[cold]
-    #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
-    fn corner_normal(&self, cells: &Cells<'_>, hit: &Hit, x: f64, y: f64) -> u16 {
-        let (origin, direction) = self.sight.line(x, y);
-        let at = std::array::from_fn(|i| origin[i] + hit.t * direction[i]);
-        let number = hit.box_number.wrapping_sub(self.view.node_count());
-        let u = cell_coordinates(self.sight.space(), hit.cell, at);
-        normal::encode(cells.normal(number, u).map(|c| c as f32))
-    }
-
-    /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
-    #[inline]
-    fn blended(&self, seen: Seen, (origin, sight): Line, own: [f64; 3]) -> [f64; 3] {
-        if !self.canvas.blended || seen.kind == SeenKind::Node {
-            return own;
-        }
-        let world = super::space::add_scaled(origin, f64::from(seen.depth), sight);
-        blend::blended(self.view, self.sight.space().to_grid(world), own)
-    }
-
-    /// As [`Painter::normal`]; pixels of one face have one normal, which is found once.
+    /// As [`Normals::normal`]; pixels of one face have one normal, which is found once.
     #[inline]
     fn normal_of(&self, kept: &mut Kept, seen: Seen, line: Line) -> [f64; 3] {
         // Without a face it may depend on the line of sight.
-        if seen.face == Seen::NO_FACE || seen.kind == SeenKind::Own || self.canvas.blended {
-            return self.normal(&mut kept.around, seen, line);
+        if !seen.is_of_face() || self.canvas.blended {
+            return self.normals.normal(&mut kept.around, seen, line);
         }
-        let key = seen.box_number.wrapping_mul(8) | u64::from(seen.face);
+        let key = seen.key();
         let slot = (key.wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize;
         match kept.normals.get(slot) {
             Some((round, known, normal)) if (*round, *known) == (kept.round, key) => *normal,
             _ => {
-                let normal = self.normal(&mut kept.around, seen, line);
+                let normal = self.normals.normal(&mut kept.around, seen, line);
                 if let Some(place) = kept.normals.get_mut(slot) {
                     *place = (kept.round, key, normal);
                 }
                 normal
             }
         }
-    }
-
-    /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
-    /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
-    pub(super) fn normal(&self, around: &mut Surroundings, seen: Seen, line: Line) -> [f64; 3] {
-        let box_frame = match (self.stored(seen, 0), seen.face()) {
-            (Some(stored), _) if self.cells.is_some() => {
-                let own = self.blended(seen, line, stored.map(f64::from));
-                return self.sight.space().index_normal_to_world(own);
-            }
-            (Some(stored), Some(face)) => {
-                let own = self.facing(around, seen, face, line, stored).unwrap_or(stored.map(f64::from));
-                self.blended(seen, line, own)
-            }
-            (Some(stored), None) => self.blended(seen, line, stored.map(f64::from)),
-            (None, Some(face)) => {
-                let mut n = [0.0; 3];
-                n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
-                n
-            }
-            (None, None) => {
-                let sight = line.1;
-                let length = super::space::dot(sight, sight).sqrt();
-                return sight.map(|c| -c / length);
-            }
-        };
-        self.sight.space().normal_to_world(box_frame)
-    }
-
-    /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
-    /// the box, its parts' sizes adding up to 127.
-    #[inline]
-    fn stored(&self, seen: Seen, distance: i64) -> Option<[i32; 3]> {
-        let number = seen.box_number.wrapping_add_signed(distance);
-        let code = match seen.kind {
-            SeenKind::Voxel => self.view.voxel_normal(BoxIndex::new(number).voxel(self.view.node_count())),
-            SeenKind::Node => self.view.node_normal(NodeIndex::new(number)),
-            SeenKind::Own => Some(seen.code),
-        };
-        code.map(normal::decode_l1)
-    }
-
-    /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
-    #[inline]
-    fn facing(
-        &self,
-        around: &mut Surroundings,
-        seen: Seen,
-        face: Face,
-        (origin, sight): Line,
-        stored: [i32; 3],
-    ) -> Option<[f64; 3]> {
-        let space = self.sight.space();
-        // In voxels instead of millimetres: a normal's components grow with the spacing.
-        let spacing = space.spacing_mm();
-        let scale = |n: [i32; 3]| -> [f64; 3] { std::array::from_fn(|a| f64::from(n[a]) * spacing[a]) };
-        let in_voxels = scale(stored);
-        let edge_log2 = if seen.kind == SeenKind::Voxel { 0 } else { self.canvas.lod_edge_log2 };
-        let struck = || {
-            let world = super::space::add_scaled(origin, f64::from(seen.depth), sight);
-            let edge = f64::from(1_u32 << edge_log2.min(31));
-            let at = space.world_to_grid().apply(world).map(|c| c / edge);
-            facing::Struck { number: seen.box_number, at, edge_log2, face }
-        };
-        let cubes = spacing[0] == spacing[1] && spacing[1] == spacing[2];
-        let company = facing::company(|distance| match self.stored(seen, distance) {
-            Some(other) if cubes => facing::alike_whole(stored, other, normal::SCALE),
-            Some(other) => facing::alike(in_voxels, scale(other)),
-            None => true,
-        });
-        let shown = facing::shown(self.view, around, face, struck, in_voxels, company)?;
-        Some(std::array::from_fn(|a| shown[a] / spacing[a]))
     }
 }
 
@@ -737,10 +581,10 @@ impl<V: NodeView, S: Surface<V>> Looks<'_, '_, V, S> {
         }
         let painter = self.painter;
         let line = painter.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-        let normal = painter.normal(around, seen, line);
+        let normal = painter.normals.normal(around, seen, line);
         Sample {
             color: painter.light(normal, line, [x, y]).map(|c| painter.shader.encode(c)),
-            depth: seen.depth,
+            depth: seen.depth(),
             normal: normal.map(normal_code),
         }
     }
@@ -776,6 +620,3 @@ impl<V: NodeView, S: Surface<V>> Look for Looks<'_, '_, V, S> {
         counts
     }
 }
-
-/// Line of sight in the world: origin and direction.
-pub(super) type Line = ([f64; 3], [f64; 3]);

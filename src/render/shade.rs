@@ -71,7 +71,7 @@ impl Shader {
 }
 
 /// Linear light of an sRGB value 0..=1 (IEC 61966-2-1).
-fn linear(s: f64) -> f64 {
+pub(crate) fn linear(s: f64) -> f64 {
     if s <= 0.040_45 {
         return s / 12.92;
     }

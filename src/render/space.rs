@@ -53,7 +53,7 @@ impl GridSpace {
     }
 
     /// World (LPS mm) to grid.
-    pub(super) fn world_to_grid(&self) -> &Affine {
+    pub(crate) fn world_to_grid(&self) -> &Affine {
         &self.world_to_grid
     }
 
@@ -63,7 +63,7 @@ impl GridSpace {
     }
 
     /// Distance of neighbouring voxels along each axis in mm.
-    pub(super) fn spacing_mm(&self) -> [f64; 3] {
+    pub(crate) fn spacing_mm(&self) -> [f64; 3] {
         self.spacing_mm
     }
 
@@ -146,18 +146,18 @@ impl GridSpace {
 
 /// Scalar product.
 #[inline]
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Vector product.
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// `a + s b`.
 #[inline]
-pub(super) fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
+pub(crate) fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
     [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 

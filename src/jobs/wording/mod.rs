@@ -20,6 +20,7 @@
 //! | `builder`, `clean` | why a build stops, before and after cleaning |
 //! | `format`, `load` | what is wrong with an `.oct`, and why it cannot be opened |
 //! | `render` | why a picture cannot be made |
+//! | `scene` | what is wrong with the text of a scene |
 //! | `hint` | what may be wanted besides |
 //! | `number` | numbers with the digits that mean something |
 //! | `system` | what to do about what the operating system refuses |
@@ -44,6 +45,7 @@ mod numbered;
 mod picture;
 mod render;
 mod samples;
+mod scene;
 mod sidecar;
 mod synthetic;
 mod system;

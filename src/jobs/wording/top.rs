@@ -20,6 +20,7 @@ impl fmt::Display for Error {
             Self::Format(inner) => inner.fmt(f),
             Self::Load(inner) => inner.fmt(f),
             Self::Render(inner) => inner.fmt(f),
+            Self::Scene(inner) => inner.fmt(f),
             Self::Busy { path } => write!(
                 f,
                 "{}: another batch is writing into this folder; wait until it has finished, or choose another folder with --out",

@@ -1,0 +1,271 @@
+//! `oct render SCENE.toml`: several models on disk into one picture.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::opened::open_model;
+use super::picture::{Outputs, refuse_clash};
+use crate::budget::mapped_rss_bytes;
+use crate::error::Error;
+use crate::load::{LoadError, Model, ModelView, open_regular};
+use crate::progress::Progress;
+use crate::render::{Camera, NamedView, Projection, RenderError, ViewPoint};
+use crate::scene::{self, Key, Look, MOST_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
+
+/// What the command line says of a scene's picture; it counts before what the scene says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SceneRequest {
+    /// Pixels in a row, and rows.
+    pub size: Option<[u32; 2]>,
+    /// Where the camera stands.
+    pub point: Option<ViewPoint>,
+    /// How its lines of sight run.
+    pub projection: Option<Projection>,
+    /// Angle in degrees between the bottom and the top of the picture.
+    pub fov_deg: Option<f64>,
+    /// Rays of each point that tell how open its surroundings are.
+    pub ambient_rays: Option<u32>,
+    /// Threads; 0 counts as 1. The picture does not depend on them.
+    pub threads: usize,
+}
+
+/// How a scene was shown; the keys of `--json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneReport {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Threads used.
+    pub threads: usize,
+    /// Models in the scene.
+    pub models: usize,
+    /// Files that they are in; models of one file share it.
+    pub files: usize,
+    /// Rays from the eye.
+    pub rays: u64,
+    /// Of those, rays that hit a model.
+    pub hits: u64,
+    /// Rays towards lights.
+    pub shadow_rays: u64,
+    /// Mirrored rays.
+    pub mirrored_rays: u64,
+    /// Bent rays.
+    pub refracted_rays: u64,
+    /// Rays of ambient occlusion.
+    pub ambient_rays: u64,
+    /// Seconds to read the scene, open the models, place the camera and start the threads.
+    pub setup_s: f64,
+    /// Seconds of tracing and shading.
+    pub trace_s: f64,
+    /// Seconds of all that, without writing the file.
+    pub wall_s: f64,
+    /// Rays from the eye, per second of tracing.
+    pub rays_per_s: f64,
+    /// Bytes of the models' files that came into memory, in whole pages.
+    pub bytes_touched: Option<u64>,
+    /// Depth in mm of grey 1 in the depth image.
+    pub depth_near_mm: f64,
+    /// Depth in mm of grey 65535.
+    pub depth_far_mm: f64,
+}
+
+/// Is a file the text of a scene, and not a model? Its name says so.
+pub fn is_scene(path: &Path) -> bool {
+    path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("toml"))
+}
+
+/// Reads the text of a scene.
+///
+/// # Errors
+/// The file cannot be read, or [`Error::Scene`] with what is wrong in it.
+pub fn read_scene(path: &Path) -> Result<Scene, Error> {
+    let unreadable = |cause| Error::Load(LoadError::Unreadable { path: path.to_path_buf(), cause });
+    let wrong = |fault| Error::Scene(SceneError { path: path.to_path_buf(), fault });
+    let file: File = open_regular(path).map_err(unreadable)?;
+    let bytes = file.metadata().map_err(unreadable)?.len();
+    if bytes > MOST_BYTES {
+        return Err(wrong(SceneFault::TooLong { bytes, most: MOST_BYTES }));
+    }
+    let mut text = Vec::new();
+    file.take(MOST_BYTES).read_to_end(&mut text).map_err(unreadable)?;
+    let text = String::from_utf8(text).map_err(|_| wrong(SceneFault::NotText))?;
+    scene::read(&text).map_err(wrong)
+}
+
+/// The files of a scene, each opened once.
+struct Files {
+    paths: Vec<PathBuf>,
+    models: Vec<Model>,
+    /// The file of each model of the scene.
+    of: Vec<usize>,
+}
+
+impl Files {
+    /// Opens what a scene names, beside its own file.
+    fn open(path: &Path, scene: &Scene) -> Result<Self, Error> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let (mut known, mut files): (Vec<PathBuf>, _) =
+            (Vec::new(), Self { paths: Vec::new(), models: Vec::new(), of: Vec::new() });
+        for model in &scene.models {
+            let path = folder.join(&model.file);
+            // Two names of one file are one file.
+            let real = path.canonicalize().unwrap_or_else(|_| path.clone());
+            let at = match known.iter().position(|other| *other == real) {
+                Some(at) => at,
+                None => {
+                    files.models.push(open_model(&path)?);
+                    files.paths.push(path);
+                    known.push(real);
+                    known.len() - 1
+                }
+            };
+            files.of.push(at);
+        }
+        Ok(files)
+    }
+
+    fn bytes_touched(&self) -> Option<u64> {
+        self.models.iter().map(|model| mapped_rss_bytes(model.bytes())).sum()
+    }
+}
+
+/// Renders the scene at `path` to `output`, and to the depth and normal images if named.
+///
+/// # Errors
+/// The scene is wrong, a model cannot be used, the camera makes no sense, or a picture cannot be written.
+pub fn render_scene(
+    path: &Path,
+    outputs: &Outputs<'_>,
+    request: &SceneRequest,
+    progress: &dyn Progress,
+) -> Result<SceneReport, Error> {
+    let start = Instant::now();
+    outputs.refuse_clash(path)?;
+    let scene = read_scene(path)?;
+    let files = Files::open(path, &scene)?;
+    for model in &files.paths {
+        refuse_clash(model, &outputs.all())?;
+    }
+    let layers = outputs.create()?;
+    let views: Vec<ModelView<'_>> = files.models.iter().map(Model::view).collect();
+    let parts = parts(path, &scene, &files, &views)?;
+    let look = look(path, &scene, &parts, request, outputs)?;
+    progress.stage("render", look.height.into());
+    let rows_done = |rows: u32| progress.advance(rows.into());
+    let (image, rays, traced) = scene::paint(&parts, &look, &rows_done)?;
+    let bytes_touched = files.bytes_touched();
+    for (model, path) in files.models.iter().zip(&files.paths) {
+        model.check_unchanged(path)?;
+    }
+    layers.write(&image)?;
+    let wall = start.elapsed();
+    let (near, far) = look.depth_range_mm.unwrap_or(depth_range(&parts, &look.camera));
+    let Rays { primary, hits, shadow, mirrored, refracted, ambient } = rays;
+    Ok(SceneReport {
+        width: look.width,
+        height: look.height,
+        threads: look.threads.max(1),
+        models: parts.len(),
+        files: files.models.len(),
+        rays: primary,
+        hits,
+        shadow_rays: shadow,
+        mirrored_rays: mirrored,
+        refracted_rays: refracted,
+        ambient_rays: ambient,
+        setup_s: wall.saturating_sub(traced).as_secs_f64(),
+        trace_s: traced.as_secs_f64(),
+        wall_s: wall.as_secs_f64(),
+        #[expect(clippy::cast_precision_loss, reason = "a rate")]
+        rays_per_s: primary as f64 / traced.as_secs_f64().max(1e-9),
+        bytes_touched,
+        depth_near_mm: near,
+        depth_far_mm: far,
+    })
+}
+
+/// The models in their places.
+fn parts<'a>(
+    path: &Path,
+    scene: &Scene,
+    files: &Files,
+    views: &'a [ModelView<'a>],
+) -> Result<Vec<Part<'a, ModelView<'a>>>, Error> {
+    let mut parts = Vec::with_capacity(scene.models.len());
+    for ((number, placed), file) in (1..).zip(&scene.models).zip(&files.of) {
+        let (Some(model), Some(view)) = (files.models.get(*file), views.get(*file)) else { continue };
+        let affine = model.affine();
+        let half = model.dims().to_array().map(|side| (f64::from(side) - 1.0) / 2.0);
+        let placement = placed.place.affine(affine.apply(half));
+        let (material, clip) = (placed.material, placed.clip.clone());
+        let part = Part::new((view, *file), model.dims(), &affine, &placement, material, clip);
+        parts.push(part.map_err(|_| {
+            let fault = SceneFault::Flat { key: Key { table: Table::Model(number), name: "scale" } };
+            SceneError { path: path.to_path_buf(), fault }
+        })?);
+    }
+    Ok(parts)
+}
+
+/// Camera and light, by the scene and the command line.
+fn look(
+    path: &Path,
+    scene: &Scene,
+    parts: &[Part<'_, ModelView<'_>>],
+    request: &SceneRequest,
+    outputs: &Outputs<'_>,
+) -> Result<Look, Error> {
+    let [width, height] = request.size.or(scene.size).unwrap_or([1024, 1024]);
+    crate::render::picture::check_size(width, height)?;
+    let own = &scene.camera;
+    let of_scene = match (own.eye, own.view) {
+        (Some([eye, look_at]), _) => Some(ViewPoint::Free { eye, look_at, up: own.up }),
+        (None, view) => view.map(ViewPoint::Named),
+    };
+    let point = request.point.or(of_scene).unwrap_or(ViewPoint::Named(NamedView::Front));
+    let framed: Vec<_> = parts.iter().zip(&scene.models).filter(|(_, model)| model.framed).collect();
+    let support = |direction| {
+        let all = parts.iter().map(|part| part.support(direction));
+        let framed = framed.iter().map(|(part, _)| part.support(direction));
+        let most = framed.fold(f64::NEG_INFINITY, f64::max);
+        if most.is_finite() { most } else { all.fold(f64::NEG_INFINITY, f64::max) }
+    };
+    let projection = request.projection.or(own.projection).unwrap_or_default();
+    let fov = request.fov_deg.or(own.fov_deg).unwrap_or(super::render::RenderRequest::FOV_DEG);
+    let aspect = f64::from(width) / f64::from(height);
+    let camera = Camera::new(point, projection, fov, aspect, support).map_err(|error| match error {
+        // What the command line says is told as elsewhere.
+        RenderError::Camera(fault) if request.point.is_none() && request.fov_deg.is_none() => {
+            Error::Scene(SceneError { path: path.to_path_buf(), fault: SceneFault::Camera(fault) })
+        }
+        other => other.into(),
+    })?;
+    let mut ambient = scene.ambient;
+    ambient.rays = request.ambient_rays.unwrap_or(ambient.rays);
+    Ok(Look {
+        width,
+        height,
+        near_mm: own.near_mm,
+        lights: scene.lights.clone(),
+        ambient,
+        background: scene.background,
+        bounces: scene.bounces,
+        samples: scene.samples,
+        threads: request.threads,
+        depth_range_mm: outputs.depth.map(|_| depth_range(parts, &camera)),
+        normals: outputs.normals.is_some(),
+        camera,
+    })
+}
+
+/// Depths of all models.
+fn depth_range(parts: &[Part<'_, ModelView<'_>>], camera: &Camera) -> (f64, f64) {
+    camera.depth_range_mm(|direction| {
+        parts.iter().map(|part| part.support(direction)).fold(f64::NEG_INFINITY, f64::max)
+    })
+}

@@ -1,0 +1,222 @@
+//! What a ray saw, and the normal that is shown there.
+
+use crate::format::normal;
+use crate::geom::{BoxIndex, NodeIndex};
+use crate::load::NodeView;
+
+use super::around::Surroundings;
+use super::blend;
+use super::cells::Cells;
+use super::facing;
+use super::ray::Face;
+use super::space::{GridSpace, add_scaled, dot};
+use super::traverse::{Hit, Trace};
+
+/// Line of sight in the world: origin and direction.
+pub(crate) type Line = ([f64; 3], [f64; 3]);
+
+/// A pixel's hit in 16 bytes.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen {
+    box_number: u64,
+    /// Depth in mm; NaN for background.
+    depth: f32,
+    /// Axis and side of the face, or [`Seen::NO_FACE`].
+    face: u8,
+    kind: SeenKind,
+    /// The normal's code, where it is not that of the box.
+    code: u16,
+}
+
+/// Where the normal of a hit comes from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum SeenKind {
+    Voxel,
+    Node,
+    /// The hit itself: of a cell with corners, whose normal is not the same everywhere.
+    Own,
+}
+
+impl Seen {
+    const NO_FACE: u8 = u8::MAX;
+    /// Background.
+    pub(super) const NOTHING: Self =
+        Self { box_number: 0, depth: f32::NAN, face: Self::NO_FACE, kind: SeenKind::Node, code: 0 };
+
+    #[expect(clippy::cast_possible_truncation, reason = "a depth image has 16 bits")]
+    pub(super) fn new(trace: &Trace) -> Self {
+        trace.hit.map_or(Self::NOTHING, |hit| Self {
+            box_number: hit.box_number,
+            depth: (hit.t as f32).min(f32::MAX),
+            face: hit.face.map_or(Self::NO_FACE, |f| 2 * f.axis + u8::from(f.high)),
+            kind: if hit.edge_log2 == 0 { SeenKind::Voxel } else { SeenKind::Node },
+            code: 0,
+        })
+    }
+
+    pub(super) fn is_hit(self) -> bool {
+        !self.depth.is_nan()
+    }
+
+    /// Depth in mm; NaN for background.
+    pub(super) fn depth(self) -> f32 {
+        self.depth
+    }
+
+    /// Is its normal that of the face of a box, whatever the line of sight?
+    #[inline]
+    pub(super) fn is_of_face(self) -> bool {
+        self.face != Self::NO_FACE && self.kind != SeenKind::Own
+    }
+
+    /// Of every face of every box another.
+    #[inline]
+    pub(super) fn key(self) -> u64 {
+        self.box_number.wrapping_mul(8) | u64::from(self.face)
+    }
+
+    fn face(self) -> Option<Face> {
+        (self.face != Self::NO_FACE).then(|| Face::new(usize::from(self.face / 2), self.face % 2 == 1))
+    }
+}
+
+/// A world point in the coordinates of a cell, -1..=1.
+pub(super) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3]) -> [f64; 3] {
+    let at = space.to_grid(world);
+    std::array::from_fn(|a| (2.0 * (at[a] - f64::from(cell[a])) - 1.0).clamp(-1.0, 1.0))
+}
+
+/// Finds the normals of a model in its place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Normals<'a, V> {
+    view: &'a V,
+    /// The cells, if the model has them: normals are of index space then.
+    cells: Option<Cells<'a>>,
+    space: &'a GridSpace,
+    blended: bool,
+    lod_edge_log2: u32,
+}
+
+impl<'a, V: NodeView> Normals<'a, V> {
+    /// Of a model; `blended` between the boxes around a hit, where hits may be boxes of `2^lod_edge_log2`.
+    pub(crate) fn new(view: &'a V, space: &'a GridSpace, blended: bool, lod_edge_log2: u32) -> Self {
+        Self { view, cells: view.cells().map(Cells::new), space, blended, lod_edge_log2 }
+    }
+
+    /// What was seen along a line.
+    #[inline]
+    pub(crate) fn seen(&self, trace: &Trace, line: impl FnOnce() -> Line) -> Seen {
+        let mut seen = Seen::new(trace);
+        if let (Some(cells), Some(hit)) = (&self.cells, &trace.hit)
+            && seen.kind == SeenKind::Voxel
+            && cells.has_corners(hit.box_number.wrapping_sub(self.view.node_count()))
+        {
+            (seen.kind, seen.code) = (SeenKind::Own, self.corner_normal(cells, hit, line()));
+        }
+        seen
+    }
+
+    /// Code of the normal where a cell with corners was hit.
+    #[cold]
+    #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+    fn corner_normal(&self, cells: &Cells<'_>, hit: &Hit, (origin, direction): Line) -> u16 {
+        let at = std::array::from_fn(|i| origin[i] + hit.t * direction[i]);
+        let number = hit.box_number.wrapping_sub(self.view.node_count());
+        let u = cell_coordinates(self.space, hit.cell, at);
+        normal::encode(cells.normal(number, u).map(|c| c as f32))
+    }
+
+    /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
+    #[inline]
+    fn blended(&self, seen: Seen, (origin, sight): Line, own: [f64; 3]) -> [f64; 3] {
+        if !self.blended || seen.kind == SeenKind::Node {
+            return own;
+        }
+        let world = add_scaled(origin, f64::from(seen.depth), sight);
+        blend::blended(self.view, self.space.to_grid(world), own)
+    }
+
+    /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
+    /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
+    pub(crate) fn normal(&self, around: &mut Surroundings, seen: Seen, line: Line) -> [f64; 3] {
+        let box_frame = match (self.stored(seen, 0), seen.face()) {
+            (Some(stored), _) if self.cells.is_some() => {
+                let own = self.blended(seen, line, stored.map(f64::from));
+                return self.space.index_normal_to_world(own);
+            }
+            (Some(stored), Some(face)) => {
+                let own = self.facing(around, seen, face, line, stored).unwrap_or(stored.map(f64::from));
+                self.blended(seen, line, own)
+            }
+            (Some(stored), None) => self.blended(seen, line, stored.map(f64::from)),
+            (None, Some(face)) => {
+                let mut n = [0.0; 3];
+                n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
+                n
+            }
+            (None, None) => {
+                let sight = line.1;
+                let length = dot(sight, sight).sqrt();
+                return sight.map(|c| -c / length);
+            }
+        };
+        self.space.normal_to_world(box_frame)
+    }
+
+    /// Unit vector of the world out of the body, as it is stored, blended where that is wanted; `None` where none is
+    /// stored.
+    pub(crate) fn outward(&self, seen: Seen, line: Line) -> Option<[f64; 3]> {
+        let own = self.blended(seen, line, self.stored(seen, 0)?.map(f64::from));
+        let world = if self.cells.is_some() {
+            self.space.index_normal_to_world(own)
+        } else {
+            self.space.normal_to_world(own)
+        };
+        Some(world)
+    }
+
+    /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
+    /// the box, its parts' sizes adding up to 127.
+    #[inline]
+    fn stored(&self, seen: Seen, distance: i64) -> Option<[i32; 3]> {
+        let number = seen.box_number.wrapping_add_signed(distance);
+        let code = match seen.kind {
+            SeenKind::Voxel => self.view.voxel_normal(BoxIndex::new(number).voxel(self.view.node_count())),
+            SeenKind::Node => self.view.node_normal(NodeIndex::new(number)),
+            SeenKind::Own => Some(seen.code),
+        };
+        code.map(normal::decode_l1)
+    }
+
+    /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
+    #[inline]
+    fn facing(
+        &self,
+        around: &mut Surroundings,
+        seen: Seen,
+        face: Face,
+        (origin, sight): Line,
+        stored: [i32; 3],
+    ) -> Option<[f64; 3]> {
+        let space = self.space;
+        // In voxels instead of millimetres: a normal's components grow with the spacing.
+        let spacing = space.spacing_mm();
+        let scale = |n: [i32; 3]| -> [f64; 3] { std::array::from_fn(|a| f64::from(n[a]) * spacing[a]) };
+        let in_voxels = scale(stored);
+        let edge_log2 = if seen.kind == SeenKind::Voxel { 0 } else { self.lod_edge_log2 };
+        let struck = || {
+            let world = add_scaled(origin, f64::from(seen.depth), sight);
+            let edge = f64::from(1_u32 << edge_log2.min(31));
+            let at = space.world_to_grid().apply(world).map(|c| c / edge);
+            facing::Struck { number: seen.box_number, at, edge_log2, face }
+        };
+        let cubes = spacing[0] == spacing[1] && spacing[1] == spacing[2];
+        let company = facing::company(|distance| match self.stored(seen, distance) {
+            Some(other) if cubes => facing::alike_whole(stored, other, normal::SCALE),
+            Some(other) => facing::alike(in_voxels, scale(other)),
+            None => true,
+        });
+        let shown = facing::shown(self.view, around, face, struck, in_voxels, company)?;
+        Some(std::array::from_fn(|a| shown[a] / spacing[a]))
+    }
+}

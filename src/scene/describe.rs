@@ -1,0 +1,123 @@
+//! The text of a scene: its keys as they are written, before they are checked. `SCENES.md` says what they mean.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+/// The whole text.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Description {
+    pub(super) size: Option<[u32; 2]>,
+    pub(super) background: Option<String>,
+    pub(super) bounces: Option<u32>,
+    pub(super) samples: Option<u32>,
+    #[serde(default)]
+    pub(super) camera: CameraKeys,
+    #[serde(default)]
+    pub(super) ambient: AmbientKeys,
+    #[serde(default)]
+    pub(super) clip: ClipKeys,
+    #[serde(default)]
+    pub(super) light: Vec<LightKeys>,
+    #[serde(default)]
+    pub(super) model: Vec<ModelKeys>,
+    #[serde(default)]
+    pub(super) material: BTreeMap<String, MaterialKeys>,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraKeys {
+    pub(super) view: Option<String>,
+    pub(super) eye: Option<[f64; 3]>,
+    pub(super) look_at: Option<[f64; 3]>,
+    pub(super) up: Option<[f64; 3]>,
+    pub(super) projection: Option<String>,
+    pub(super) fov: Option<f64>,
+    pub(super) near: Option<f64>,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AmbientKeys {
+    pub(super) color: Option<String>,
+    pub(super) strength: Option<f64>,
+    pub(super) rays: Option<u32>,
+    pub(super) reach: Option<f64>,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ClipKeys {
+    #[serde(rename = "box")]
+    pub(super) within: Option<[[f64; 3]; 2]>,
+    #[serde(default)]
+    pub(super) planes: Vec<[f64; 4]>,
+    pub(super) cap: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum LightName {
+    Head,
+    Directional,
+    Point,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LightKeys {
+    pub(super) kind: LightName,
+    pub(super) from: Option<[f64; 3]>,
+    pub(super) at: Option<[f64; 3]>,
+    pub(super) color: Option<String>,
+    pub(super) strength: Option<f64>,
+    pub(super) shadows: Option<bool>,
+}
+
+/// A point of a model that scaling and turning leave where it is.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum PivotKey {
+    Named(String),
+    Point([f64; 3]),
+}
+
+/// One factor, or one for each axis.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum ScaleKey {
+    All(f64),
+    Each([f64; 3]),
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ModelKeys {
+    pub(super) file: String,
+    pub(super) material: Option<String>,
+    pub(super) scale: Option<ScaleKey>,
+    pub(super) turn: Option<[f64; 3]>,
+    pub(super) pivot: Option<PivotKey>,
+    #[serde(rename = "move")]
+    pub(super) moved: Option<[f64; 3]>,
+    pub(super) at: Option<[f64; 3]>,
+    pub(super) place: Option<[[f64; 4]; 3]>,
+    pub(super) framed: Option<bool>,
+    #[serde(default)]
+    pub(super) clip: ClipKeys,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialKeys {
+    pub(super) preset: Option<String>,
+    pub(super) color: Option<String>,
+    pub(super) diffuse: Option<f64>,
+    pub(super) specular: Option<f64>,
+    pub(super) exponent: Option<u32>,
+    pub(super) mirror: Option<f64>,
+    pub(super) clear: Option<f64>,
+    pub(super) index: Option<f64>,
+}

@@ -1,0 +1,37 @@
+//! Scenes: several models in their places, lit, mirrored, bent.
+//!
+//! ```text
+//! scene.toml --> Description --> Part (model, place, material, cut) --+--> World: the nearest of all --> Stage: light --> Image
+//!                            '--> Look (camera, lights, background) --'
+//! ```
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `describe`, `read`, `fault` | the text, checked; what may be wrong with it |
+//! | `body` | a model in its place: where a line meets it |
+//! | `world` | all of them |
+//! | `shade` | light, shadow, mirrors, glass |
+//! | `paint` | pixels |
+//! | `place`, `material`, `light`, `clip` | what a scene is made of |
+
+mod body;
+mod clip;
+mod describe;
+mod fault;
+mod light;
+mod material;
+mod paint;
+mod place;
+mod read;
+mod shade;
+mod world;
+
+pub use body::Part;
+pub use clip::{Clip, Plane};
+pub use fault::{Key, SceneError, SceneFault, Table};
+pub use light::{Ambient, Light, LightKind};
+pub use material::{Material, PRESETS};
+pub use paint::{Look, paint};
+pub use place::Placement;
+pub use read::{MOST_BYTES, MOST_LIGHTS, MOST_MODELS, Place, Scene, SceneCamera, SceneModel, read};
+pub use shade::Rays;

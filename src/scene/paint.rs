@@ -1,0 +1,269 @@
+//! A scene as pixels: tiles of 8 x 8 points over a private pool of threads.
+//!
+//! A point depends on its own line only and is written to its own place, so a picture has the same bytes at any number
+//! of threads. Lines from the eye walk each body's octree together, as in pictures of one model; those of bodies that
+//! are cut, and all others, go alone.
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use crate::load::NodeView;
+use crate::render::ambient::Sky;
+use crate::render::form::Form;
+use crate::render::image::Image;
+use crate::render::picture::{check_size, depth_code, normal_code, pool};
+use crate::render::shade::Shader;
+use crate::render::shown::Line;
+use crate::render::sight::Sight;
+use crate::render::space::{add_scaled, dot};
+use crate::render::surface::Skin;
+use crate::render::tile::{RAYS, TILE, Tile, Tracer};
+use crate::render::{Camera, RenderError};
+
+use super::body::{Met, Part};
+use super::light::{Ambient, Light};
+use super::shade::{Branch, Kept, Rays, Stage};
+use super::world::World;
+
+/// How a scene is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The eye.
+    pub camera: Camera,
+    /// What is nearer than this along a line of sight, in mm, is not seen.
+    pub near_mm: f64,
+    /// The lights.
+    pub lights: Vec<Light>,
+    /// Light from everywhere.
+    pub ambient: Ambient,
+    /// Linear RGB of what meets nothing; `None` is transparent, and black in mirrors.
+    pub background: Option<[f64; 3]>,
+    /// How often a line is thrown back or bent.
+    pub bounces: u32,
+    /// Lines of a pixel along each of its sides: 1 to 8.
+    pub samples: u32,
+    /// Threads to use, at least 1.
+    pub threads: usize,
+    /// Depth range in mm for a depth image, if one is wanted.
+    pub depth_range_mm: Option<(f64, f64)>,
+    /// Is a normal image wanted?
+    pub normals: bool,
+}
+
+/// Paints a scene; `rows_done` is told each time how many more rows are painted.
+///
+/// Memory: the image, and for every thread 20 KiB for each file, 1.5 KiB a tile.
+///
+/// # Errors
+/// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start.
+pub fn paint<V: NodeView>(
+    parts: &[Part<'_, V>],
+    look: &Look,
+    rows_done: &(dyn Fn(u32) + Sync),
+) -> Result<(Image, Rays, Duration), RenderError> {
+    check_size(look.width, look.height)?;
+    let samples = look.samples.clamp(1, 8);
+    let (wide, high) = (look.width * samples, look.height * samples);
+    let painter = Painter {
+        stage: Stage {
+            world: World::of(parts),
+            lights: &look.lights,
+            ambient: look.ambient,
+            camera: &look.camera,
+            background: look.background.unwrap_or([0.0; 3]),
+            most_bounces: look.bounces,
+            sky: Sky::new(look.ambient.rays),
+        },
+        sights: parts.iter().map(|part| Sight::new(part.space(), &look.camera, wide, high)).collect(),
+        files: parts.iter().map(|part| part.file() + 1).max().unwrap_or(0),
+        look,
+        samples: samples as usize,
+        form: Form::best(),
+        shader: Shader::new(),
+    };
+    let pool = pool(look.threads)?;
+    let start = Instant::now();
+    let (image, rays) = pool.install(|| painter.paint(rows_done));
+    Ok((image, rays, start.elapsed()))
+}
+
+struct Painter<'a, V> {
+    stage: Stage<'a, V>,
+    /// The lines of sight in each body's grid.
+    sights: Vec<Sight<'a>>,
+    files: usize,
+    look: &'a Look,
+    samples: usize,
+    form: Form,
+    shader: Shader,
+}
+
+impl<V: NodeView> Painter<'_, V> {
+    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Rays) {
+        let (width, height) = (self.look.width as usize, self.look.height as usize);
+        let mut image = Image {
+            width: self.look.width,
+            height: self.look.height,
+            rgba: vec![0; width * height * 4],
+            depth: self.look.depth_range_mm.map(|_| vec![0; width * height]),
+            normals: self.look.normals.then(|| vec![0; width * height * 3]),
+        };
+        let mut strips: Vec<Strip<'_>> =
+            image.rgba.chunks_mut(width * TILE * 4).map(|rgba| Strip { rgba, ..Strip::default() }).collect();
+        let depth = image.depth.as_mut().map(|all| all.chunks_mut(width * TILE));
+        for (strip, depth) in strips.iter_mut().zip(depth.into_iter().flatten()) {
+            strip.depth = depth;
+        }
+        let normals = image.normals.as_mut().map(|all| all.chunks_mut(width * TILE * 3));
+        for (strip, normals) in strips.iter_mut().zip(normals.into_iter().flatten()) {
+            strip.normals = normals;
+        }
+        let begin = || (Tracer::new(self.form), Kept::new(self.files));
+        let rays = strips.into_par_iter().enumerate().map_init(begin, |(tracer, kept), (number, strip)| {
+            kept.rays = Rays::default();
+            let rows = self.strip(tracer, kept, number * TILE, strip);
+            #[expect(clippy::cast_possible_truncation, reason = "rows of a strip")]
+            rows_done(rows as u32);
+            kept.rays
+        });
+        let rays = rays.reduce(Rays::default, Rays::plus);
+        (image, rays)
+    }
+
+    /// Paints a strip of pixels from row `top` on; how many rows it has.
+    fn strip(&self, tracer: &mut Tracer, kept: &mut Kept, top: usize, strip: Strip<'_>) -> usize {
+        let (width, samples) = (self.look.width as usize, self.samples);
+        let rows = strip.rgba.len() / 4 / width.max(1);
+        let mut sums = vec![Sum::default(); width * rows];
+        for down in (0..rows * samples).step_by(TILE) {
+            for left in (0..width * samples).step_by(TILE) {
+                let corner = (left, top * samples + down);
+                let limits = (TILE.min(width * samples - left), TILE.min(rows * samples - down));
+                let met = self.first(tracer, Tile { corner, limits, lod_edge_log2: 0 });
+                for (ray, met) in met.into_iter().enumerate() {
+                    let at = [corner.0 + ray % TILE, corner.1 + ray / TILE];
+                    if ray % TILE >= limits.0 || ray / TILE >= limits.1 {
+                        continue;
+                    }
+                    let pixel = (at[1] / samples - top) * width + at[0] / samples;
+                    if let Some(sum) = sums.get_mut(pixel) {
+                        self.add(kept, met, at, sum);
+                    }
+                }
+            }
+        }
+        self.write(&sums, strip);
+        rows
+    }
+
+    /// The line of sight through a point of the picture.
+    fn line(&self, at: [usize; 2]) -> Line {
+        let (wide, high) = (
+            f64::from(self.look.width) * self.samples as f64,
+            f64::from(self.look.height) * self.samples as f64,
+        );
+        let [x, y] = at.map(|c| c as f64 + 0.5);
+        self.look.camera.ray((2.0 * x - wide) / wide, (high - 2.0 * y) / high)
+    }
+
+    /// What the lines of a tile meet first.
+    fn first(&self, tracer: &mut Tracer, tile: Tile) -> Vec<Option<(usize, Met)>> {
+        let mut nearest: Vec<Option<(usize, Met)>> = vec![None; RAYS];
+        for (number, (body, sight)) in self.stage.world.bodies.iter().zip(&self.sights).enumerate() {
+            let mut take = |ray: usize, met: Met| {
+                if let Some(nearest) = nearest.get_mut(ray)
+                    && nearest.as_ref().is_none_or(|(_, other)| met.t() < other.t())
+                {
+                    *nearest = Some((number, met));
+                }
+            };
+            if self.look.near_mm > 0.0 || !body.part.clip().is_empty() {
+                for ray in 0..RAYS {
+                    let line = self.line([tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE]);
+                    let near = self.look.near_mm / dot(line.1, line.1).sqrt();
+                    if let Some(met) = body.meet(line, [near, f64::INFINITY], None) {
+                        take(ray, met);
+                    }
+                }
+                continue;
+            }
+            let hits = match &body.cells {
+                Some(cells) => tracer.trace(body.part.view(), cells, sight, tile),
+                None => tracer.trace(body.part.view(), &Skin, sight, tile),
+            };
+            for ray in 0..RAYS {
+                if let Some(hit) = hits.hit(ray) {
+                    take(ray, Met::Surface(hit));
+                }
+            }
+        }
+        nearest
+    }
+
+    /// Adds what a line sees to a pixel.
+    fn add(&self, kept: &mut Kept, met: Option<(usize, Met)>, at: [usize; 2], sum: &mut Sum) {
+        kept.rays.primary += 1;
+        sum.lines += 1;
+        let Some((number, first)) = met else { return };
+        kept.rays.hits += 1;
+        let line = self.line(at);
+        let color = self.stage.color(kept, Branch::first(line), met, at);
+        sum.color = add_scaled(sum.color, 1.0, color);
+        if sum.hits == 0 && self.look.depth_range_mm.is_some() {
+            sum.depth = first.t();
+        }
+        if sum.hits == 0 && self.look.normals {
+            sum.normal = self.stage.normal(kept, line, (number, first));
+        }
+        sum.hits += 1;
+    }
+
+    /// Writes the pixels of a strip.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    fn write(&self, sums: &[Sum], strip: Strip<'_>) {
+        let (rgba, _) = strip.rgba.as_chunks_mut::<4>();
+        for (sum, out) in sums.iter().zip(rgba) {
+            let (hits, lines) = (f64::from(sum.hits), f64::from(sum.lines.max(1)));
+            let (color, alpha) = match self.look.background {
+                Some(background) => {
+                    (add_scaled(sum.color, lines - hits, background).map(|c| c / lines), 255.0)
+                }
+                None => (sum.color.map(|c| c / hits.max(1.0)), 255.0 * hits / lines),
+            };
+            let [r, g, b] = color.map(|c| self.shader.encode(c));
+            *out = if alpha > 0.0 { [r, g, b, (alpha + 0.5) as u8] } else { [0; 4] };
+        }
+        if let Some(range) = self.look.depth_range_mm {
+            for (sum, out) in sums.iter().zip(strip.depth) {
+                *out = if sum.hits > 0 { depth_code(range, sum.depth as f32) } else { 0 };
+            }
+        }
+        for (sum, out) in sums.iter().zip(strip.normals.as_chunks_mut::<3>().0) {
+            *out = if sum.hits > 0 { sum.normal.map(normal_code) } else { [0; 3] };
+        }
+    }
+}
+
+/// The pixels of some rows.
+#[derive(Default)]
+struct Strip<'a> {
+    rgba: &'a mut [u8],
+    depth: &'a mut [u16],
+    normals: &'a mut [u8],
+}
+
+/// What the lines of a pixel saw.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    color: [f64; 3],
+    lines: u32,
+    hits: u32,
+    /// Of the first of them that met something.
+    depth: f64,
+    normal: [f64; 3],
+}

@@ -1,0 +1,421 @@
+//! From the text of a scene to checked values.
+
+use std::path::PathBuf;
+
+use crate::geom::Affine;
+use crate::render::ambient::MOST_RAYS;
+use crate::render::shade::linear;
+use crate::render::space::dot;
+use crate::render::{NamedView, Projection};
+
+use super::clip::{Clip, Plane};
+use super::describe::{
+    AmbientKeys, CameraKeys, ClipKeys, Description, LightKeys, LightName, MaterialKeys, ModelKeys, PivotKey,
+    ScaleKey,
+};
+use super::fault::{Key, SceneFault, Table};
+use super::light::{Ambient, Light, LightKind};
+use super::material::{Material, PRESETS};
+use super::place::Placement;
+
+/// Longest text in bytes.
+pub const MOST_BYTES: u64 = 1 << 20;
+/// Most models, and most lights.
+pub const MOST_MODELS: usize = 4096;
+/// See [`MOST_MODELS`].
+pub const MOST_LIGHTS: usize = 64;
+/// Most planes that cut one model.
+const MOST_PLANES: usize = 64;
+/// How often a line is thrown back or bent, unless that is said.
+const BOUNCES: u32 = 8;
+const MOST_BOUNCES: u32 = 64;
+const MOST_SAMPLES: u32 = 8;
+const MOST_EXPONENT: u32 = 100_000;
+/// Lengths and places in mm.
+const FAR: f64 = 1e12;
+/// Strength of light.
+const STRONG: f64 = 1e6;
+
+/// A scene as its text says, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Pixels in a row, and rows, if they are said.
+    pub size: Option<[u32; 2]>,
+    /// Linear RGB behind everything; `None` is transparent.
+    pub background: Option<[f64; 3]>,
+    /// How often a line is thrown back or bent.
+    pub bounces: u32,
+    /// Lines of a pixel along each side.
+    pub samples: u32,
+    /// The eye, as far as it is said.
+    pub camera: SceneCamera,
+    /// Light from everywhere.
+    pub ambient: Ambient,
+    /// Lights.
+    pub lights: Vec<Light>,
+    /// Models, at least one.
+    pub models: Vec<SceneModel>,
+}
+
+/// The eye, as far as the text says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SceneCamera {
+    /// A named view.
+    pub view: Option<NamedView>,
+    /// Position, and a point in the middle of the picture, in mm.
+    pub eye: Option<[[f64; 3]; 2]>,
+    /// A direction that is upwards.
+    pub up: Option<[f64; 3]>,
+    /// How lines of sight run.
+    pub projection: Option<Projection>,
+    /// Degrees between the bottom and the top.
+    pub fov_deg: Option<f64>,
+    /// What is nearer along a line of sight, in mm, is not seen.
+    pub near_mm: f64,
+}
+
+/// A model of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneModel {
+    /// Its file, as the text names it.
+    pub file: PathBuf,
+    /// What it is made of.
+    pub material: Material,
+    /// Where it is put.
+    pub place: Place,
+    /// What is cut from it, as well as from all models.
+    pub clip: Clip,
+    /// Do named views take it into the frame?
+    pub framed: bool,
+}
+
+/// Where a model is put.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// By this map of its millimetres.
+    Map(Affine),
+    /// About a point of its own.
+    About(Placement),
+    /// About the middle of its volume; `at` is where that comes to be, or how far it is moved.
+    Middle {
+        /// Everything else; its pivot does not count.
+        placement: Placement,
+        /// Is `at` of the placement a distance?
+        moved: bool,
+    },
+}
+
+impl Place {
+    /// The map, for a model whose volume has its middle there.
+    pub fn affine(&self, middle: [f64; 3]) -> Affine {
+        match *self {
+            Self::Map(affine) => affine,
+            Self::About(placement) => placement.affine(),
+            Self::Middle { placement, moved } => {
+                let at = if moved { add(middle, placement.at) } else { placement.at };
+                Placement { pivot: middle, at, ..placement }.affine()
+            }
+        }
+    }
+}
+
+fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// Reads the text of a scene.
+///
+/// # Errors
+/// The first thing that is wrong with it.
+pub fn read(text: &str) -> Result<Scene, SceneFault> {
+    let description: Description = toml::from_str(text).map_err(|fault| SceneFault::Toml {
+        line: fault.span().map(|span| 1 + text.bytes().take(span.start).filter(|b| *b == b'\n').count()),
+        parser: fault.message().to_owned(),
+    })?;
+    scene(&description)
+}
+
+/// Looks after the values of one table.
+struct Checked(Table);
+
+impl Checked {
+    fn key(&self, name: &'static str) -> Key {
+        Key { table: self.0.clone(), name }
+    }
+
+    fn number(&self, name: &'static str, value: f64, [least, most]: [f64; 2]) -> Result<f64, SceneFault> {
+        if (least..=most).contains(&value) {
+            return Ok(value);
+        }
+        Err(SceneFault::Range { key: self.key(name), value, least, most })
+    }
+
+    fn part(&self, name: &'static str, value: Option<f64>, usual: f64) -> Result<f64, SceneFault> {
+        value.map_or(Ok(usual), |value| self.number(name, value, [0.0, 1.0]))
+    }
+
+    fn whole(
+        &self,
+        name: &'static str,
+        value: Option<u32>,
+        usual: u32,
+        limits: [u32; 2],
+    ) -> Result<u32, SceneFault> {
+        let Some(value) = value else { return Ok(usual) };
+        self.number(name, value.into(), limits.map(f64::from)).map(|_| value)
+    }
+
+    fn point(&self, name: &'static str, value: [f64; 3]) -> Result<[f64; 3], SceneFault> {
+        value.iter().try_for_each(|v| self.number(name, *v, [-FAR, FAR]).map(|_| ()))?;
+        Ok(value)
+    }
+
+    /// A unit vector.
+    fn direction(&self, name: &'static str, value: [f64; 3]) -> Result<[f64; 3], SceneFault> {
+        let value = self.point(name, value)?;
+        let length = dot(value, value).sqrt();
+        if !length.is_normal() {
+            return Err(SceneFault::NoDirection { key: self.key(name) });
+        }
+        Ok(value.map(|c| c / length))
+    }
+
+    /// Linear RGB of `#rrggbb`.
+    fn color(&self, name: &'static str, text: &str) -> Result<[f64; 3], SceneFault> {
+        let wrong = || SceneFault::Color { key: self.key(name), text: text.to_owned() };
+        let digits =
+            text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
+        let code = u32::from_str_radix(digits.ok_or_else(wrong)?, 16).map_err(|_| wrong())?;
+        Ok([16, 8, 0].map(|shift| linear(f64::from(code >> shift & 0xff) / 255.0)))
+    }
+
+    /// Light of some colour and strength.
+    fn light(&self, color: Option<&str>, strength: Option<f64>, usual: f64) -> Result<[f64; 3], SceneFault> {
+        let color = color.map_or(Ok([1.0; 3]), |text| self.color("color", text))?;
+        let strength = strength.map_or(Ok(usual), |v| self.number("strength", v, [0.0, STRONG]))?;
+        Ok(color.map(|c| c * strength))
+    }
+
+    fn not_both(&self, name: &'static str, given: bool, other: &'static str) -> Result<(), SceneFault> {
+        if given { Err(SceneFault::Both { key: self.key(name), other }) } else { Ok(()) }
+    }
+
+    fn unknown<'n>(
+        &self,
+        name: &'static str,
+        given: &str,
+        known: impl IntoIterator<Item = &'n str>,
+    ) -> SceneFault {
+        let known = known.into_iter().map(str::to_owned).collect();
+        SceneFault::Unknown { key: self.key(name), name: given.to_owned(), known }
+    }
+
+    fn few(&self, name: &'static str, count: usize, most: usize) -> Result<(), SceneFault> {
+        if count > most { Err(SceneFault::TooMany { key: self.key(name), count, most }) } else { Ok(()) }
+    }
+}
+
+fn scene(keys: &Description) -> Result<Scene, SceneFault> {
+    let top = Checked(Table::Top);
+    if keys.model.is_empty() {
+        return Err(SceneFault::NoModels);
+    }
+    top.few("model", keys.model.len(), MOST_MODELS)?;
+    top.few("light", keys.light.len(), MOST_LIGHTS)?;
+    let materials = keys.material.iter().map(|(name, keys)| Ok((name.as_str(), material(name, keys)?)));
+    let materials: Vec<(&str, Material)> = materials.collect::<Result<_, SceneFault>>()?;
+    let all = clip(Table::Clip, &keys.clip)?;
+    let models = (1..).zip(&keys.model).map(|(number, keys)| model(number, keys, &materials, &all));
+    let lights = (1..).zip(&keys.light).map(|(number, keys)| light(number, keys));
+    let mut lights: Vec<Light> = lights.collect::<Result<_, _>>()?;
+    if lights.is_empty() {
+        lights.push(Light { kind: LightKind::Head, color: [0.9; 3], shadows: false });
+    }
+    Ok(Scene {
+        size: keys.size,
+        background: keys.background.as_deref().map(|text| top.color("background", text)).transpose()?,
+        bounces: top.whole("bounces", keys.bounces, BOUNCES, [0, MOST_BOUNCES])?,
+        samples: top.whole("samples", keys.samples, 1, [1, MOST_SAMPLES])?,
+        camera: camera(&keys.camera)?,
+        ambient: ambient(&keys.ambient)?,
+        lights,
+        models: models.collect::<Result<_, _>>()?,
+    })
+}
+
+fn camera(keys: &CameraKeys) -> Result<SceneCamera, SceneFault> {
+    let on = Checked(Table::Camera);
+    let view = keys
+        .view
+        .as_deref()
+        .map(|text| text.parse().map_err(|_| on.unknown("view", text, NamedView::ALL.map(NamedView::name))));
+    let projection = keys
+        .projection
+        .as_deref()
+        .map(|text| text.parse().map_err(|_| on.unknown("projection", text, ["parallel", "perspective"])));
+    on.not_both("view", keys.view.is_some() && keys.eye.is_some(), "eye")?;
+    let eye = match (keys.eye, keys.look_at) {
+        // What is not finite, or the same, the camera itself refuses.
+        (Some(eye), Some(look_at)) => Some([eye, look_at]),
+        (None, None) => None,
+        (Some(_), None) => return Err(SceneFault::Needs { key: on.key("eye"), other: "look_at" }),
+        (None, Some(_)) => return Err(SceneFault::Needs { key: on.key("look_at"), other: "eye" }),
+    };
+    if keys.up.is_some() && eye.is_none() {
+        return Err(SceneFault::Needs { key: on.key("up"), other: "eye" });
+    }
+    Ok(SceneCamera {
+        view: view.transpose()?,
+        eye,
+        up: keys.up,
+        projection: projection.transpose()?,
+        fov_deg: keys.fov,
+        near_mm: keys.near.map_or(Ok(0.0), |v| on.number("near", v, [0.0, FAR]))?,
+    })
+}
+
+fn ambient(keys: &AmbientKeys) -> Result<Ambient, SceneFault> {
+    let on = Checked(Table::Ambient);
+    Ok(Ambient {
+        color: on.light(keys.color.as_deref(), keys.strength, 0.1)?,
+        rays: on.whole("rays", keys.rays, 0, [0, MOST_RAYS])?,
+        reach_mm: keys.reach.map_or(Ok(f64::INFINITY), |v| on.number("reach", v, [0.0, FAR]))?,
+    })
+}
+
+fn light(number: usize, keys: &LightKeys) -> Result<Light, SceneFault> {
+    let on = Checked(Table::Light(number));
+    let needs = |name, other| SceneFault::Needs { key: on.key(name), other };
+    on.not_both("at", keys.at.is_some() && keys.kind != LightName::Point, "kind")?;
+    on.not_both("from", keys.from.is_some() && keys.kind != LightName::Directional, "kind")?;
+    let kind = match keys.kind {
+        LightName::Head => LightKind::Head,
+        LightName::Directional => {
+            let from = keys.from.ok_or_else(|| needs("kind", "from"))?;
+            LightKind::Directional { towards: on.direction("from", from)? }
+        }
+        LightName::Point => {
+            LightKind::Point { at: on.point("at", keys.at.ok_or_else(|| needs("kind", "at"))?)? }
+        }
+    };
+    Ok(Light {
+        kind,
+        color: on.light(keys.color.as_deref(), keys.strength, 0.9)?,
+        shadows: keys.shadows.unwrap_or(keys.kind != LightName::Head),
+    })
+}
+
+fn material(name: &str, keys: &MaterialKeys) -> Result<Material, SceneFault> {
+    let on = Checked(Table::Material(name.to_owned()));
+    let base = match keys.preset.as_deref() {
+        None => Material::default(),
+        Some(preset) => Material::preset(preset)
+            .ok_or_else(|| on.unknown("preset", preset, PRESETS.iter().map(|(name, _)| *name)))?,
+    };
+    Ok(Material {
+        color: keys.color.as_deref().map_or(Ok(base.color), |text| on.color("color", text))?,
+        diffuse: on.part("diffuse", keys.diffuse, base.diffuse)?,
+        specular: on.part("specular", keys.specular, base.specular)?,
+        exponent: on.whole("exponent", keys.exponent, base.exponent, [1, MOST_EXPONENT])?,
+        mirror: on.part("mirror", keys.mirror, base.mirror)?,
+        clear: on.part("clear", keys.clear, base.clear)?,
+        index: keys.index.map_or(Ok(base.index), |v| on.number("index", v, [0.1, 10.0]))?,
+    })
+}
+
+fn clip(table: Table, keys: &ClipKeys) -> Result<Clip, SceneFault> {
+    let on = Checked(table);
+    on.few("planes", keys.planes.len(), MOST_PLANES)?;
+    let cap = keys.cap.as_deref().map(|text| on.color("cap", text)).transpose()?;
+    let mut planes = Vec::new();
+    if let Some([low, high]) = keys.within {
+        for axis in 0..3 {
+            let (low, high) = (on.point("box", low)?[axis], on.point("box", high)?[axis]);
+            if low >= high {
+                return Err(SceneFault::EmptyBox { key: on.key("box") });
+            }
+            let mut normal = [0.0; 3];
+            normal[axis] = 1.0;
+            planes.push(Plane { normal, limit: high, cap });
+            planes.push(Plane { normal: normal.map(|c| -c + 0.0), limit: -low, cap });
+        }
+    }
+    for [x, y, z, limit] in &keys.planes {
+        let normal = on.direction("planes", [*x, *y, *z])?;
+        // The distance counts along the vector as it is written.
+        let length = dot([*x, *y, *z], [*x, *y, *z]).sqrt();
+        planes.push(Plane { normal, limit: on.number("planes", *limit, [-FAR, FAR])? / length, cap });
+    }
+    Ok(Clip::new(planes))
+}
+
+fn model(
+    number: usize,
+    keys: &ModelKeys,
+    materials: &[(&str, Material)],
+    all: &Clip,
+) -> Result<SceneModel, SceneFault> {
+    let on = Checked(Table::Model(number));
+    let material = match keys.material.as_deref() {
+        None => Material::default(),
+        Some(name) => {
+            let own = materials.iter().find(|(own, _)| *own == name).map(|(_, material)| *material);
+            let known = || materials.iter().map(|(own, _)| *own).chain(PRESETS.iter().map(|(name, _)| *name));
+            own.or_else(|| Material::preset(name)).ok_or_else(|| on.unknown("material", name, known()))?
+        }
+    };
+    Ok(SceneModel {
+        file: PathBuf::from(&keys.file),
+        material,
+        place: place(&on, keys)?,
+        clip: clip(Table::ModelClip(number), &keys.clip)?.and(all),
+        framed: keys.framed.unwrap_or(true),
+    })
+}
+
+fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, SceneFault> {
+    if let Some(rows) = keys.place {
+        for (name, given) in [
+            ("scale", keys.scale.is_some()),
+            ("turn", keys.turn.is_some()),
+            ("pivot", keys.pivot.is_some()),
+            ("move", keys.moved.is_some()),
+            ("at", keys.at.is_some()),
+        ] {
+            on.not_both(name, given, "place")?;
+        }
+        rows.iter().flatten().try_for_each(|v| on.number("place", *v, [-FAR, FAR]).map(|_| ()))?;
+        let affine = Affine { rows };
+        return affine.inverse().map(|_| Place::Map(affine)).ok_or(SceneFault::Flat { key: on.key("place") });
+    }
+    on.not_both("at", keys.at.is_some() && keys.moved.is_some(), "move")?;
+    let scale = match keys.scale {
+        None => [1.0; 3],
+        Some(ScaleKey::All(factor)) => [factor; 3],
+        Some(ScaleKey::Each(factors)) => factors,
+    };
+    let scale = on.point("scale", scale)?;
+    let turn_deg = on.point("turn", keys.turn.unwrap_or([0.0; 3]))?;
+    let moved = keys.at.is_none();
+    let at = match keys.at {
+        Some(at) => on.point("at", at)?,
+        None => on.point("move", keys.moved.unwrap_or([0.0; 3]))?,
+    };
+    let placement = Placement { scale, turn_deg, pivot: [0.0; 3], at };
+    if placement.affine().inverse().is_none() {
+        return Err(SceneFault::Flat { key: on.key("scale") });
+    }
+    match &keys.pivot {
+        None => Ok(Place::Middle { placement, moved }),
+        Some(PivotKey::Named(name)) => match name.as_str() {
+            "middle" => Ok(Place::Middle { placement, moved }),
+            "origin" => Ok(Place::About(placement)),
+            _ => Err(on.unknown("pivot", name, ["middle", "origin"])),
+        },
+        Some(PivotKey::Point(pivot)) => {
+            let pivot = on.point("pivot", *pivot)?;
+            let at = if moved { add(pivot, at) } else { at };
+            Ok(Place::About(Placement { pivot, at, ..placement }))
+        }
+    }
+}

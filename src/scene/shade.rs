@@ -1,0 +1,314 @@
+//! The colour of what a line sees: light, shadow, mirrors, glass.
+//!
+//! Where a body is clear, a line goes on in two; so lines wait in a list, each with its share of the picture's point,
+//! and are dropped where that share is too small to be seen, or where they have been thrown back or bent too often.
+
+use crate::load::NodeView;
+use crate::render::Camera;
+use crate::render::ambient::{Sky, beside};
+use crate::render::around::Surroundings;
+use crate::render::shown::Line;
+use crate::render::space::{add_scaled, dot};
+use crate::render::traverse::{Hit, Trace};
+
+use super::body::{Met, Side, Start};
+use super::light::{Ambient, Light, Way};
+use super::material::{Material, fresnel, power};
+use super::world::{From, World};
+
+/// Least share of a point's light that a line is followed for.
+const LEAST_SHARE: f64 = 1.0 / 1024.0;
+
+/// Lines traced, by what for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rays {
+    /// From the eye.
+    pub primary: u64,
+    /// Of those, lines that meet a body.
+    pub hits: u64,
+    /// Towards lights.
+    pub shadow: u64,
+    /// Mirrored.
+    pub mirrored: u64,
+    /// Bent.
+    pub refracted: u64,
+    /// Looking around for ambient occlusion.
+    pub ambient: u64,
+}
+
+impl Rays {
+    pub(super) fn plus(mut self, other: Self) -> Self {
+        self.primary += other.primary;
+        self.hits += other.hits;
+        self.shadow += other.shadow;
+        self.mirrored += other.mirrored;
+        self.refracted += other.refracted;
+        self.ambient += other.ambient;
+        self
+    }
+
+    /// All that did not come from the eye.
+    pub fn secondary(&self) -> u64 {
+        self.shadow + self.mirrored + self.refracted + self.ambient
+    }
+}
+
+/// A line that is still to be followed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Branch {
+    pub(super) line: Line,
+    pub(super) from: From,
+    /// The clear body that it runs in.
+    inside: Option<usize>,
+    /// Its part of the point's light.
+    share: [f64; 3],
+    bounces: u32,
+}
+
+impl Branch {
+    /// A line from the eye.
+    pub(super) fn first(line: Line) -> Self {
+        Self { line, from: None, inside: None, share: [1.0; 3], bounces: 0 }
+    }
+}
+
+/// What a worker keeps from one point to the next.
+pub(super) struct Kept {
+    around: Vec<Surroundings>,
+    waiting: Vec<Branch>,
+    pub(super) rays: Rays,
+}
+
+impl Kept {
+    pub(super) fn new(files: usize) -> Self {
+        let around = (0..files).map(|_| Surroundings::new()).collect();
+        Self { around, waiting: Vec::new(), rays: Rays::default() }
+    }
+}
+
+/// Bodies in their light.
+pub(super) struct Stage<'a, V> {
+    pub(super) world: World<'a, V>,
+    pub(super) lights: &'a [Light],
+    pub(super) ambient: Ambient,
+    pub(super) camera: &'a Camera,
+    /// Linear RGB of what meets nothing.
+    pub(super) background: [f64; 3],
+    /// How often a line is thrown back or bent.
+    pub(super) most_bounces: u32,
+    pub(super) sky: Sky,
+}
+
+/// A point of a surface.
+struct Spot<'a> {
+    number: usize,
+    material: &'a Material,
+    color: [f64; 3],
+    point: [f64; 3],
+    /// Unit vector along the line that came here.
+    sight: [f64; 3],
+    /// Unit vector out of the surface on the side that is seen.
+    normal: [f64; 3],
+    /// Did the line come from outside the body?
+    enters: bool,
+    met: Met,
+}
+
+impl Spot<'_> {
+    /// A start of lines on the side that is seen, or on the other one.
+    fn start(&self, beyond: bool) -> From {
+        let start = match self.met {
+            Met::Surface(hit) => {
+                let side = if self.enters == beyond { Side::Inside } else { Side::Outside };
+                Start::Surface { hit, side }
+            }
+            Met::Cut { plane, .. } => Start::Cut { plane },
+        };
+        Some((self.number, start))
+    }
+}
+
+impl<V: NodeView> Stage<'_, V> {
+    /// Linear RGB of what a line from the eye sees, which has met `first`.
+    pub(super) fn color(
+        &self,
+        kept: &mut Kept,
+        first: Branch,
+        met: Option<(usize, Met)>,
+        pixel: [usize; 2],
+    ) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        let mut waiting = std::mem::take(&mut kept.waiting);
+        waiting.clear();
+        let mut next = Some((first, met));
+        while let Some((branch, met)) = next {
+            let light = match met {
+                None => self.background,
+                Some((number, met)) => {
+                    let spot = self.spot(kept, &branch, number, met);
+                    self.follow(kept, &mut waiting, &branch, &spot);
+                    self.local(kept, &spot, pixel)
+                }
+            };
+            sum = std::array::from_fn(|c| sum[c] + branch.share[c] * light[c]);
+            next = waiting.pop().map(|branch| {
+                let met = self.world.nearest(branch.line, [0.0, f64::INFINITY], &branch.from);
+                (branch, met)
+            });
+        }
+        kept.waiting = waiting;
+        sum
+    }
+
+    /// The unit normal that is shown where a line from the eye meets a body.
+    pub(super) fn normal(&self, kept: &mut Kept, line: Line, (number, met): (usize, Met)) -> [f64; 3] {
+        self.spot(kept, &Branch::first(line), number, met).normal
+    }
+
+    fn spot(&self, kept: &mut Kept, branch: &Branch, number: usize, met: Met) -> Spot<'_> {
+        let body = &self.world.bodies[number];
+        let (line, material) = (branch.line, body.part.material());
+        let length = dot(line.1, line.1).sqrt();
+        let sight = line.1.map(|c| c / length);
+        let mut color = material.color;
+        let (mut normal, enters) = match met {
+            Met::Cut { plane, .. } => {
+                let plane = body.part.clip().planes()[plane];
+                color = plane.cap.unwrap_or(color);
+                (plane.normal, true)
+            }
+            Met::Surface(hit) => self.surface_normal(kept, branch, number, hit),
+        };
+        if dot(normal, sight) > 0.0 {
+            normal = normal.map(|c| -c);
+        }
+        let point = add_scaled(line.0, met.t(), line.1);
+        Spot { number, material, color, point, sight, normal, enters, met }
+    }
+
+    /// A normal, and whether the line comes from outside.
+    fn surface_normal(&self, kept: &mut Kept, branch: &Branch, number: usize, hit: Hit) -> ([f64; 3], bool) {
+        let (body, line) = (&self.world.bodies[number], branch.line);
+        let outward = body.outward(line, hit);
+        let enters =
+            branch.inside != Some(number) && outward.is_none_or(|outward| dot(outward, line.1) < 0.0);
+        let smooth = body.part.material().mirror > 0.0 || body.part.material().is_clear();
+        let shown = match (outward, kept.around.get_mut(body.part.file())) {
+            // What mirrors and bends is as smooth as its normals; the skin around says no more.
+            (Some(outward), _) if smooth => outward,
+            (_, Some(around)) => {
+                let seen = body.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
+                body.normals.normal(around, seen, line)
+            }
+            (outward, None) => outward.unwrap_or(line.1),
+        };
+        (shown, enters)
+    }
+
+    /// Mirrored and bent lines.
+    fn follow(&self, kept: &mut Kept, waiting: &mut Vec<Branch>, branch: &Branch, spot: &Spot<'_>) {
+        let (material, cosine) = (spot.material, -dot(spot.normal, spot.sight));
+        if branch.bounces >= self.most_bounces {
+            return;
+        }
+        let mut mirror = material.mirror;
+        let mut bent = None;
+        if material.is_clear() {
+            let through = (1.0 - material.mirror) * material.clear;
+            let ratio = if spot.enters { 1.0 / material.index } else { material.index };
+            match fresnel(cosine.min(1.0), ratio) {
+                Some((part, behind)) => {
+                    mirror += through * part;
+                    let way = spot.sight.map(|c| c * ratio);
+                    let bend = add_scaled(way, ratio * cosine - behind, spot.normal);
+                    bent = Some((bend, through * (1.0 - part)));
+                }
+                None => mirror += through,
+            }
+        }
+        let mut add = |direction: [f64; 3], part: f64, color: [f64; 3], beyond: bool, rays: &mut u64| {
+            let share: [f64; 3] = std::array::from_fn(|c| branch.share[c] * part * color[c]);
+            if share.iter().any(|c| *c >= LEAST_SHARE) {
+                *rays += 1;
+                let within = spot.enters == beyond && material.is_clear();
+                let inside = match branch.inside {
+                    _ if within => Some(spot.number),
+                    // Out of this body, or beside another within it.
+                    Some(other) if other != spot.number => Some(other),
+                    _ => None,
+                };
+                let length = dot(direction, direction).sqrt();
+                let line = (spot.point, direction.map(|c| c / length));
+                let from = spot.start(beyond);
+                waiting.push(Branch { line, from, inside, share, bounces: branch.bounces + 1 });
+            }
+        };
+        if mirror > 0.0 {
+            let back = add_scaled(spot.sight, 2.0 * cosine, spot.normal);
+            let color = if material.is_clear() { [1.0; 3] } else { material.color };
+            add(back, mirror, color, false, &mut kept.rays.mirrored);
+        }
+        if let Some((bend, part)) = bent {
+            let color = if spot.enters { material.color } else { [1.0; 3] };
+            add(bend, part, color, true, &mut kept.rays.refracted);
+        }
+    }
+
+    /// Light that a surface throws back by itself.
+    fn local(&self, kept: &mut Kept, spot: &Spot<'_>, pixel: [usize; 2]) -> [f64; 3] {
+        let material = spot.material;
+        let matt = material.solid() * material.diffuse;
+        // Within what is clear nothing shines.
+        let shiny = if spot.enters || !material.is_clear() { material.specular } else { 0.0 };
+        let mut light = [0.0; 3];
+        if matt > 0.0 {
+            let open = self.openness(kept, spot, pixel);
+            light = std::array::from_fn(|c| matt * spot.color[c] * self.ambient.color[c] * open);
+        }
+        if matt <= 0.0 && shiny <= 0.0 {
+            return light;
+        }
+        for lamp in self.lights {
+            let Some(way) = lamp.way(spot.point, self.camera) else { continue };
+            let cosine = dot(way.towards, spot.normal);
+            if cosine <= 0.0 {
+                continue;
+            }
+            let half = add_scaled(way.towards, -1.0, spot.sight);
+            let shine =
+                shiny * power((dot(half, spot.normal) / dot(half, half).sqrt()).max(0.0), material.exponent);
+            let Some(through) = self.through(kept, lamp, way, spot) else { continue };
+            light = std::array::from_fn(|c| {
+                let back = matt * cosine * spot.color[c] + shine;
+                light[c] + back * lamp.color[c] * through[c]
+            });
+        }
+        light
+    }
+
+    /// Part of a lamp's light that comes here.
+    fn through(&self, kept: &mut Kept, lamp: &Light, way: Way, spot: &Spot<'_>) -> Option<[f64; 3]> {
+        if !lamp.shadows {
+            return Some([1.0; 3]);
+        }
+        kept.rays.shadow += 1;
+        self.world.light_through((spot.point, way.towards), [0.0, way.distance], &spot.start(false))
+    }
+
+    /// Part of the surroundings that is open.
+    fn openness(&self, kept: &mut Kept, spot: &Spot<'_>, pixel: [usize; 2]) -> f64 {
+        if self.ambient.rays == 0 {
+            return 1.0;
+        }
+        let directions = self.sky.of(pixel);
+        let [right, ahead] = beside(spot.normal);
+        let from = spot.start(false);
+        let closed = directions.iter().filter(|d| {
+            let way = std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + spot.normal[a] * d[2]);
+            self.world.is_stopped((spot.point, way), [0.0, self.ambient.reach_mm], &from)
+        });
+        let closed = closed.count() as f64;
+        kept.rays.ambient += directions.len() as u64;
+        1.0 - closed / directions.len().max(1) as f64
+    }
+}

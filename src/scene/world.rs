@@ -1,0 +1,90 @@
+//! All bodies together: the nearest that a line meets, and how much light comes through.
+
+use crate::load::NodeView;
+use crate::render::form::Form;
+use crate::render::shown::Line;
+use crate::render::space::dot;
+
+use super::body::{Body, Met, Part, Side, Start};
+
+/// Surfaces of clear bodies that a line to a light passes at most.
+const MOST_SURFACES: u32 = 64;
+
+/// Where a line starts: the number of a body, and where on it.
+pub(super) type From = Option<(usize, Start)>;
+
+/// The bodies of a scene.
+#[derive(Debug)]
+pub(super) struct World<'a, V> {
+    pub(super) bodies: Vec<Body<'a, V>>,
+}
+
+impl<'a, V: NodeView> World<'a, V> {
+    pub(super) fn of(parts: &'a [Part<'a, V>]) -> Self {
+        let form = Form::best();
+        Self { bodies: parts.iter().map(|part| Body::of(part, form)).collect() }
+    }
+
+    /// What a line meets first between two values of t, and the number of the body: of bodies that are met at the same
+    /// t, the first.
+    pub(super) fn nearest(&self, line: Line, limits: [f64; 2], from: &From) -> Option<(usize, Met)> {
+        let mut nearest: Option<(usize, Met)> = None;
+        for (number, body) in self.bodies.iter().enumerate() {
+            let most = nearest.as_ref().map_or(limits[1], |(_, met)| met.t());
+            let start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| start);
+            if let Some(met) = body.meet(line, [limits[0], most], start)
+                && nearest.as_ref().is_none_or(|(_, other)| met.t() < other.t())
+            {
+                nearest = Some((number, met));
+            }
+        }
+        nearest
+    }
+
+    /// Is a line stopped by a body that is not clear?
+    pub(super) fn is_stopped(&self, line: Line, limits: [f64; 2], from: &From) -> bool {
+        self.bodies.iter().enumerate().filter(|(_, body)| !body.part.material().is_clear()).any(
+            |(number, body)| {
+                let start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| start);
+                body.meet(line, limits, start).is_some()
+            },
+        )
+    }
+
+    /// Part of the light that comes along a line, by colour: none past a body that is not clear, and of what is clear as
+    /// much as it lets through. It is not bent.
+    pub(super) fn light_through(&self, line: Line, limits: [f64; 2], from: &From) -> Option<[f64; 3]> {
+        if self.is_stopped(line, limits, from) {
+            return None;
+        }
+        let mut light = [1.0; 3];
+        for (number, body) in self.bodies.iter().enumerate() {
+            let material = body.part.material();
+            if !material.is_clear() {
+                continue;
+            }
+            let mut start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| *start);
+            let mut least = limits[0];
+            for _ in 0..MOST_SURFACES {
+                let Some(met) = body.meet(line, [least, limits[1]], start.as_ref()) else { break };
+                least = met.t();
+                let (hit, enters) = match met {
+                    Met::Surface(hit) => {
+                        (hit, body.outward(line, hit).is_none_or(|outward| dot(outward, line.1) < 0.0))
+                    }
+                    Met::Cut { hit, .. } => (hit, true),
+                };
+                if enters {
+                    let part = (1.0 - material.mirror) * material.clear;
+                    light = std::array::from_fn(|c| light[c] * part * material.color[c]);
+                }
+                let side = if enters { Side::Inside } else { Side::Outside };
+                start = Some(match met {
+                    Met::Surface(_) => Start::Surface { hit, side },
+                    Met::Cut { plane, .. } => Start::Cut { plane },
+                });
+            }
+        }
+        Some(light)
+    }
+}
