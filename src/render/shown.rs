@@ -163,16 +163,22 @@ impl<'a, V: NodeView> Normals<'a, V> {
         self.space.normal_to_world(box_frame)
     }
 
-    /// Unit vector of the world out of the body, as it is stored, blended where that is wanted; `None` where none is
-    /// stored.
-    pub(crate) fn outward(&self, seen: Seen, line: Line) -> Option<[f64; 3]> {
-        let own = self.blended(seen, line, self.stored(seen, 0)?.map(f64::from));
-        let world = if self.cells.is_some() {
-            self.space.index_normal_to_world(own)
+    /// Unit vector of the world out of the body, as it is stored; `None` where none is stored.
+    pub(crate) fn outward(&self, seen: Seen) -> Option<[f64; 3]> {
+        Some(self.to_world(self.stored(seen, 0)?.map(f64::from)))
+    }
+
+    /// The same, blended where that is wanted.
+    pub(crate) fn smooth_outward(&self, seen: Seen, line: Line) -> Option<[f64; 3]> {
+        Some(self.to_world(self.blended(seen, line, self.stored(seen, 0)?.map(f64::from))))
+    }
+
+    fn to_world(&self, normal: [f64; 3]) -> [f64; 3] {
+        if self.cells.is_some() {
+            self.space.index_normal_to_world(normal)
         } else {
-            self.space.normal_to_world(own)
-        };
-        Some(world)
+            self.space.normal_to_world(normal)
+        }
     }
 
     /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of

@@ -128,6 +128,8 @@ pub(super) struct Body<'a, V> {
     pub(super) cells: Option<Cells<'a>>,
     form: Form,
     least_mm: f64,
+    /// The surface lies between these two corners of the grid, one box aside.
+    bounds: [[f64; 3]; 2],
 }
 
 impl<'a, V: NodeView> Body<'a, V> {
@@ -139,7 +141,24 @@ impl<'a, V: NodeView> Body<'a, V> {
             cells: part.view.cells().map(Cells::new),
             form,
             least_mm: x.min(y).min(z),
+            bounds: bounds(part),
         }
+    }
+
+    /// Does a line of the grid pass the surface's surroundings by? Only what is a box away from them is told so.
+    fn passes_by(&self, origin: [f64; 3], direction: [f64; 3]) -> bool {
+        let [low, high] = self.bounds;
+        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
+        for a in 0..3 {
+            let (one, other) = ((low[a] - origin[a]) / direction[a], (high[a] - origin[a]) / direction[a]);
+            // A line along a wall divides by 0, and has no number where it starts in one: such are not compared.
+            if one < other {
+                (enter, leave) = (enter.max(one), leave.min(other));
+            } else if other < one {
+                (enter, leave) = (enter.max(other), leave.min(one));
+            }
+        }
+        enter > leave
     }
 
     /// First hit of a ray of the grid.
@@ -153,8 +172,11 @@ impl<'a, V: NodeView> Body<'a, V> {
     /// First hit of a line from t = `least` on, or from where it leaves the boxes around `from`.
     fn hit(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<Hit> {
         let space = &self.part.space;
+        let (origin, direction) = (space.to_grid(line.0), space.world_to_grid().apply_vector(line.1));
+        if self.passes_by(origin, direction) {
+            return None;
+        }
         let Some(from) = from else {
-            let (origin, direction) = (space.to_grid(line.0), space.world_to_grid().apply_vector(line.1));
             let ray = Ray::new(space.dims().depth(), origin, direction, least).ok().flatten()?;
             return self.trace(&ray);
         };
@@ -209,8 +231,12 @@ impl<'a, V: NodeView> Body<'a, V> {
 
     /// Unit vector out of the body, as its normals have it, at a hit of a line.
     pub(super) fn outward(&self, line: Line, hit: Hit) -> Option<[f64; 3]> {
-        let seen = self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
-        self.normals.outward(seen, line)
+        self.normals.outward(self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line))
+    }
+
+    /// The same, blended between the boxes around.
+    pub(super) fn smooth_outward(&self, line: Line, hit: Hit) -> Option<[f64; 3]> {
+        self.normals.smooth_outward(self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line), line)
     }
 
     /// Matter that a plane has cut open where a line comes in by it, if the plane has a cap.
@@ -235,4 +261,14 @@ impl<'a, V: NodeView> Body<'a, V> {
         }
         first.filter(|_| votes > 0).map(|hit| Met::Cut { plane, t: span.enter, hit })
     }
+}
+
+/// Corners of the grid between which the surface lies, and a box more.
+fn bounds<V: NodeView>(part: &Part<'_, V>) -> [[f64; 3]; 2] {
+    let mut found = [[0.0; 3]; 2];
+    for (a, [x, y, z, constant]) in part.space.world_to_grid().rows.into_iter().enumerate() {
+        found[0][a] = constant - part.support([-x, -y, -z]) - 1.0;
+        found[1][a] = constant + part.support([x, y, z]) + 1.0;
+    }
+    found
 }

@@ -36,7 +36,7 @@ pub enum LightKind {
 pub struct Ambient {
     /// Linear RGB, its strength included.
     pub color: [f64; 3],
-    /// Rays that tell how open the surroundings of a point are; 0 takes them for open.
+    /// Rays of a pixel that tell how open its surroundings are; 0 takes them for open.
     pub rays: u32,
     /// How far in mm those look.
     pub reach_mm: f64,

@@ -24,6 +24,8 @@ mod paint;
 mod place;
 mod read;
 mod shade;
+#[cfg(test)]
+mod tests;
 mod world;
 
 pub use body::Part;

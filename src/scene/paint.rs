@@ -77,7 +77,7 @@ pub fn paint<V: NodeView>(
             camera: &look.camera,
             background: look.background.unwrap_or([0.0; 3]),
             most_bounces: look.bounces,
-            sky: Sky::new(look.ambient.rays),
+            sky: Sky::new(look.ambient.rays.div_ceil(samples * samples)),
         },
         sights: parts.iter().map(|part| Sight::new(part.space(), &look.camera, wide, high)).collect(),
         files: parts.iter().map(|part| part.file() + 1).max().unwrap_or(0),

@@ -193,14 +193,15 @@ impl<V: NodeView> Stage<'_, V> {
         let enters =
             branch.inside != Some(number) && outward.is_none_or(|outward| dot(outward, line.1) < 0.0);
         let smooth = body.part.material().mirror > 0.0 || body.part.material().is_clear();
-        let shown = match (outward, kept.around.get_mut(body.part.file())) {
+        let smooth = if smooth { body.smooth_outward(line, hit) } else { None };
+        let shown = match (smooth, kept.around.get_mut(body.part.file())) {
             // What mirrors and bends is as smooth as its normals; the skin around says no more.
-            (Some(outward), _) if smooth => outward,
+            (Some(smooth), _) => smooth,
             (_, Some(around)) => {
                 let seen = body.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
                 body.normals.normal(around, seen, line)
             }
-            (outward, None) => outward.unwrap_or(line.1),
+            (None, None) => outward.unwrap_or(line.1),
         };
         (shown, enters)
     }

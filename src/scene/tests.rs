@@ -1,0 +1,130 @@
+//! Lines that leave bodies, and bodies in one place.
+
+use tempfile::TempDir;
+
+use super::body::{Body, Met, Side, Start};
+use super::world::World;
+use super::*;
+use crate::format::SurfaceKind;
+use crate::geom::{Affine, Dims};
+use crate::load::{Model, ModelView};
+use crate::random::Random;
+use crate::render::form::Form;
+use crate::render::space::{add_scaled, dot};
+use crate::volume::Voxels;
+use crate::{BuildOptions, Threshold};
+
+const STAY: Affine = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
+const ALL: [f64; 2] = [0.0, f64::INFINITY];
+
+fn ball(radius: f64, spacing: f64, surface: SurfaceKind) -> Model {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small bodies")]
+    let side = (2.0 * radius / spacing).ceil() as u32 + 6;
+    let middle = f64::from(side - 1) / 2.0;
+    let depth = |p: [u32; 3]| {
+        let at = p.map(|c| (f64::from(c) - middle) * spacing);
+        #[expect(clippy::cast_possible_truncation, reason = "a depth")]
+        let depth = (radius - dot(at, at).sqrt()) as f32;
+        depth
+    };
+    let mut affine = Affine::from_spacing([spacing; 3]);
+    affine.rows.iter_mut().for_each(|row| row[3] = -middle * spacing);
+    let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), depth).placed(affine);
+    let options =
+        BuildOptions { threshold: Threshold::Iso(0.0), surface, threads: 1, ..BuildOptions::default() };
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("ball.oct");
+    crate::build(&volume, &options, &path).unwrap();
+    Model::open(&path).unwrap()
+}
+
+fn part<'a>(model: &Model, view: &'a ModelView<'a>, placement: &Affine) -> Part<'a, ModelView<'a>> {
+    let material = Material::default();
+    Part::new((view, 0), model.dims(), &model.affine(), placement, material, Clip::default()).unwrap()
+}
+
+fn unit(random: &mut Random) -> [f64; 3] {
+    loop {
+        let v = [0.0; 3].map(|_: f64| 2.0 * random.unit() - 1.0);
+        let square = dot(v, v);
+        if (0.01..=1.0).contains(&square) {
+            return v.map(|c| c / square.sqrt());
+        }
+    }
+}
+
+/// A million lines leave a ball and meet it nowhere; as many run through it and come out on the other side, in the
+/// right place, be it skin or cells, straight, or turned and drawn out.
+#[test]
+fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
+    let placements = [
+        STAY,
+        Placement {
+            scale: [1.0, 2.0, 0.7],
+            turn_deg: [20.0, -35.0, 50.0],
+            pivot: [0.0; 3],
+            at: [7.0, -3.0, 11.0],
+        }
+        .affine(),
+    ];
+    let mut random = Random(29);
+    for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
+        let model = ball(24.0, 1.0, surface);
+        let view = model.view();
+        for placement in placements {
+            let part = part(&model, &view, &placement);
+            let body = Body::of(&part, Form::best());
+            let inverse = placement.inverse().unwrap();
+            for _ in 0..4096 {
+                let middle = placement.apply([0.0; 3]);
+                let outward = unit(&mut random);
+                let from = add_scaled(middle, 200.0, outward);
+                let aim = add_scaled(middle, 0.9 * 24.0 * 0.7, unit(&mut random));
+                let sight = add_scaled(aim, -1.0, from);
+                let Some(Met::Surface(hit)) = body.meet((from, sight), ALL, None) else { panic!("missed") };
+                let point = add_scaled(from, hit.t, sight);
+                // The true normal, out of the ball.
+                let own = inverse.apply(point);
+                let outward: [f64; 3] = std::array::from_fn(|a| dot(own, inverse.column(a)));
+                for _ in 0..62 {
+                    let direction = unit(&mut random);
+                    let out = dot(direction, outward) > 0.0;
+                    let side = if out { Side::Outside } else { Side::Inside };
+                    let met = body.meet((point, direction), ALL, Some(&Start::Surface { hit, side }));
+                    if out {
+                        assert!(met.is_none(), "{surface:?} {hit:?} {met:?}");
+                        continue;
+                    }
+                    // Through the ball, in its own millimetres.
+                    let way = inverse.apply_vector(direction);
+                    let length = dot(way, way).sqrt();
+                    let chord = -2.0 * dot(own, way) / length;
+                    if chord > 8.0 {
+                        let Some(Met::Surface(exit)) = met else {
+                            panic!("{surface:?} {hit:?} {direction:?}")
+                        };
+                        assert!(
+                            (exit.t * length - chord).abs() < 3.0,
+                            "{surface:?}: {} {chord}",
+                            exit.t * length
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn of_bodies_in_one_place_the_first_is_met() {
+    let model = ball(10.0, 1.0, SurfaceKind::Skin);
+    let view = model.view();
+    let moved =
+        |x| Placement { scale: [1.0; 3], turn_deg: [0.0; 3], pivot: [0.0; 3], at: [x, 0.0, 0.0] }.affine();
+    let parts = [1, 0, 2].map(|x| part(&model, &view, &moved(f64::from(x.min(1)))));
+    let world = World::of(&parts);
+    let (number, met) = world.nearest(([-50.0, 0.3, 0.2], [1.0, 0.0, 0.0]), ALL, &None).unwrap();
+    assert!((met.t() - 40.0).abs() < 1.0 && number == 1);
+    let (number, _) = world.nearest(([50.0, 0.3, 0.2], [-1.0, 0.0, 0.0]), ALL, &None).unwrap();
+    assert_eq!(number, 0);
+}
