@@ -334,7 +334,7 @@ fn three_bodies_give_this_picture() {
     look.camera = Camera::new(
         ViewPoint::Free { eye: [-20.0, -110.0, 45.0], look_at: [0.0, 0.0, -4.0], up: None },
         Projection::Perspective,
-        24.0,
+        15.0,
         96.0 / 72.0,
         |_| 0.0,
     )

@@ -121,6 +121,6 @@ mod tests {
         let (inwards, again) = fresnel(back, 1.0 / 1.5).unwrap();
         assert!((out - inwards).abs() < 1e-12 && (again - 0.9).abs() < 1e-12);
         // What does not bend does not throw back.
-        assert_eq!(fresnel(0.3, 1.0).unwrap().0, 0.0);
+        assert!(fresnel(0.3, 1.0).unwrap().0 < 1e-30);
     }
 }

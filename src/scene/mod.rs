@@ -7,14 +7,19 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `describe`, `read`, `fault` | the text, checked; what may be wrong with it |
+//! | `describe`, `read`, `checked`, `spec` | the text, and what it says |
+//! | `fault` | what may be wrong with it |
 //! | `body` | a model in its place: where a line meets it |
 //! | `world` | all of them |
 //! | `shade` | light, shadow, mirrors, glass |
 //! | `paint` | pixels |
+//! | `rays` | how many |
 //! | `place`, `material`, `light`, `clip` | what a scene is made of |
+#![doc = "\n"]
+#![doc = include_str!("SCENES.md")]
 
 mod body;
+mod checked;
 mod clip;
 mod describe;
 mod fault;
@@ -22,8 +27,10 @@ mod light;
 mod material;
 mod paint;
 mod place;
+mod rays;
 mod read;
 mod shade;
+mod spec;
 #[cfg(test)]
 mod tests;
 mod world;
@@ -35,5 +42,6 @@ pub use light::{Ambient, Light, LightKind};
 pub use material::{Material, PRESETS};
 pub use paint::{Look, paint};
 pub use place::Placement;
-pub use read::{MOST_BYTES, MOST_LIGHTS, MOST_MODELS, Place, Scene, SceneCamera, SceneModel, read};
-pub use shade::Rays;
+pub use rays::Rays;
+pub use read::{MOST_BYTES, MOST_LIGHTS, MOST_MODELS, read};
+pub use spec::{Place, Scene, SceneCamera, SceneModel};

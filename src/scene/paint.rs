@@ -23,7 +23,8 @@ use crate::render::{Camera, RenderError};
 
 use super::body::{Met, Part};
 use super::light::{Ambient, Light};
-use super::shade::{Branch, Kept, Rays, Stage};
+use super::rays::Rays;
+use super::shade::{Branch, Kept, Stage};
 use super::world::World;
 
 /// How a scene is shown.

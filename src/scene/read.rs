@@ -1,22 +1,21 @@
 //! From the text of a scene to checked values.
 
-use std::path::PathBuf;
-
 use crate::geom::Affine;
+use crate::render::NamedView;
 use crate::render::ambient::MOST_RAYS;
-use crate::render::shade::linear;
-use crate::render::space::dot;
-use crate::render::{NamedView, Projection};
+use crate::render::space::{add_scaled, dot};
 
+use super::checked::{Checked, FAR};
 use super::clip::{Clip, Plane};
 use super::describe::{
     AmbientKeys, CameraKeys, ClipKeys, Description, LightKeys, LightName, MaterialKeys, ModelKeys, PivotKey,
     ScaleKey,
 };
-use super::fault::{Key, SceneFault, Table};
+use super::fault::{SceneFault, Table};
 use super::light::{Ambient, Light, LightKind};
 use super::material::{Material, PRESETS};
 use super::place::Placement;
+use super::spec::{Place, Scene, SceneCamera, SceneModel};
 
 /// Longest text in bytes.
 pub const MOST_BYTES: u64 = 1 << 20;
@@ -31,97 +30,6 @@ const BOUNCES: u32 = 8;
 const MOST_BOUNCES: u32 = 64;
 const MOST_SAMPLES: u32 = 8;
 const MOST_EXPONENT: u32 = 100_000;
-/// Lengths and places in mm.
-const FAR: f64 = 1e12;
-/// Strength of light.
-const STRONG: f64 = 1e6;
-
-/// A scene as its text says, checked.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scene {
-    /// Pixels in a row, and rows, if they are said.
-    pub size: Option<[u32; 2]>,
-    /// Linear RGB behind everything; `None` is transparent.
-    pub background: Option<[f64; 3]>,
-    /// How often a line is thrown back or bent.
-    pub bounces: u32,
-    /// Lines of a pixel along each side.
-    pub samples: u32,
-    /// The eye, as far as it is said.
-    pub camera: SceneCamera,
-    /// Light from everywhere.
-    pub ambient: Ambient,
-    /// Lights.
-    pub lights: Vec<Light>,
-    /// Models, at least one.
-    pub models: Vec<SceneModel>,
-}
-
-/// The eye, as far as the text says.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SceneCamera {
-    /// A named view.
-    pub view: Option<NamedView>,
-    /// Position, and a point in the middle of the picture, in mm.
-    pub eye: Option<[[f64; 3]; 2]>,
-    /// A direction that is upwards.
-    pub up: Option<[f64; 3]>,
-    /// How lines of sight run.
-    pub projection: Option<Projection>,
-    /// Degrees between the bottom and the top.
-    pub fov_deg: Option<f64>,
-    /// What is nearer along a line of sight, in mm, is not seen.
-    pub near_mm: f64,
-}
-
-/// A model of a scene.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SceneModel {
-    /// Its file, as the text names it.
-    pub file: PathBuf,
-    /// What it is made of.
-    pub material: Material,
-    /// Where it is put.
-    pub place: Place,
-    /// What is cut from it, as well as from all models.
-    pub clip: Clip,
-    /// Do named views take it into the frame?
-    pub framed: bool,
-}
-
-/// Where a model is put.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
-    /// By this map of its millimetres.
-    Map(Affine),
-    /// About a point of its own.
-    About(Placement),
-    /// About the middle of its volume; `at` is where that comes to be, or how far it is moved.
-    Middle {
-        /// Everything else; its pivot does not count.
-        placement: Placement,
-        /// Is `at` of the placement a distance?
-        moved: bool,
-    },
-}
-
-impl Place {
-    /// The map, for a model whose volume has its middle there.
-    pub fn affine(&self, middle: [f64; 3]) -> Affine {
-        match *self {
-            Self::Map(affine) => affine,
-            Self::About(placement) => placement.affine(),
-            Self::Middle { placement, moved } => {
-                let at = if moved { add(middle, placement.at) } else { placement.at };
-                Placement { pivot: middle, at, ..placement }.affine()
-            }
-        }
-    }
-}
-
-fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
 
 /// Reads the text of a scene.
 ///
@@ -133,86 +41,6 @@ pub fn read(text: &str) -> Result<Scene, SceneFault> {
         parser: fault.message().to_owned(),
     })?;
     scene(&description)
-}
-
-/// Looks after the values of one table.
-struct Checked(Table);
-
-impl Checked {
-    fn key(&self, name: &'static str) -> Key {
-        Key { table: self.0.clone(), name }
-    }
-
-    fn number(&self, name: &'static str, value: f64, [least, most]: [f64; 2]) -> Result<f64, SceneFault> {
-        if (least..=most).contains(&value) {
-            return Ok(value);
-        }
-        Err(SceneFault::Range { key: self.key(name), value, least, most })
-    }
-
-    fn part(&self, name: &'static str, value: Option<f64>, usual: f64) -> Result<f64, SceneFault> {
-        value.map_or(Ok(usual), |value| self.number(name, value, [0.0, 1.0]))
-    }
-
-    fn whole(
-        &self,
-        name: &'static str,
-        value: Option<u32>,
-        usual: u32,
-        limits: [u32; 2],
-    ) -> Result<u32, SceneFault> {
-        let Some(value) = value else { return Ok(usual) };
-        self.number(name, value.into(), limits.map(f64::from)).map(|_| value)
-    }
-
-    fn point(&self, name: &'static str, value: [f64; 3]) -> Result<[f64; 3], SceneFault> {
-        value.iter().try_for_each(|v| self.number(name, *v, [-FAR, FAR]).map(|_| ()))?;
-        Ok(value)
-    }
-
-    /// A unit vector.
-    fn direction(&self, name: &'static str, value: [f64; 3]) -> Result<[f64; 3], SceneFault> {
-        let value = self.point(name, value)?;
-        let length = dot(value, value).sqrt();
-        if !length.is_normal() {
-            return Err(SceneFault::NoDirection { key: self.key(name) });
-        }
-        Ok(value.map(|c| c / length))
-    }
-
-    /// Linear RGB of `#rrggbb`.
-    fn color(&self, name: &'static str, text: &str) -> Result<[f64; 3], SceneFault> {
-        let wrong = || SceneFault::Color { key: self.key(name), text: text.to_owned() };
-        let digits =
-            text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
-        let code = u32::from_str_radix(digits.ok_or_else(wrong)?, 16).map_err(|_| wrong())?;
-        Ok([16, 8, 0].map(|shift| linear(f64::from(code >> shift & 0xff) / 255.0)))
-    }
-
-    /// Light of some colour and strength.
-    fn light(&self, color: Option<&str>, strength: Option<f64>, usual: f64) -> Result<[f64; 3], SceneFault> {
-        let color = color.map_or(Ok([1.0; 3]), |text| self.color("color", text))?;
-        let strength = strength.map_or(Ok(usual), |v| self.number("strength", v, [0.0, STRONG]))?;
-        Ok(color.map(|c| c * strength))
-    }
-
-    fn not_both(&self, name: &'static str, given: bool, other: &'static str) -> Result<(), SceneFault> {
-        if given { Err(SceneFault::Both { key: self.key(name), other }) } else { Ok(()) }
-    }
-
-    fn unknown<'n>(
-        &self,
-        name: &'static str,
-        given: &str,
-        known: impl IntoIterator<Item = &'n str>,
-    ) -> SceneFault {
-        let known = known.into_iter().map(str::to_owned).collect();
-        SceneFault::Unknown { key: self.key(name), name: given.to_owned(), known }
-    }
-
-    fn few(&self, name: &'static str, count: usize, most: usize) -> Result<(), SceneFault> {
-        if count > most { Err(SceneFault::TooMany { key: self.key(name), count, most }) } else { Ok(()) }
-    }
 }
 
 fn scene(keys: &Description) -> Result<Scene, SceneFault> {
@@ -365,7 +193,7 @@ fn model(
         }
     };
     Ok(SceneModel {
-        file: PathBuf::from(&keys.file),
+        file: keys.file.clone().into(),
         material,
         place: place(&on, keys)?,
         clip: clip(Table::ModelClip(number), &keys.clip)?.and(all),
@@ -414,7 +242,7 @@ fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, SceneFault> {
         },
         Some(PivotKey::Point(pivot)) => {
             let pivot = on.point("pivot", *pivot)?;
-            let at = if moved { add(pivot, at) } else { at };
+            let at = if moved { add_scaled(pivot, 1.0, at) } else { at };
             Ok(Place::About(Placement { pivot, at, ..placement }))
         }
     }

@@ -14,44 +14,11 @@ use crate::render::traverse::{Hit, Trace};
 use super::body::{Met, Side, Start};
 use super::light::{Ambient, Light, Way};
 use super::material::{Material, fresnel, power};
+use super::rays::Rays;
 use super::world::{From, World};
 
 /// Least share of a point's light that a line is followed for.
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
-
-/// Lines traced, by what for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Rays {
-    /// From the eye.
-    pub primary: u64,
-    /// Of those, lines that meet a body.
-    pub hits: u64,
-    /// Towards lights.
-    pub shadow: u64,
-    /// Mirrored.
-    pub mirrored: u64,
-    /// Bent.
-    pub refracted: u64,
-    /// Looking around for ambient occlusion.
-    pub ambient: u64,
-}
-
-impl Rays {
-    pub(super) fn plus(mut self, other: Self) -> Self {
-        self.primary += other.primary;
-        self.hits += other.hits;
-        self.shadow += other.shadow;
-        self.mirrored += other.mirrored;
-        self.refracted += other.refracted;
-        self.ambient += other.ambient;
-        self
-    }
-
-    /// All that did not come from the eye.
-    pub fn secondary(&self) -> u64 {
-        self.shadow + self.mirrored + self.refracted + self.ambient
-    }
-}
 
 /// A line that is still to be followed.
 #[derive(Clone, Copy, Debug)]

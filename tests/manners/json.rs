@@ -86,6 +86,8 @@ fn every_report_is_what_its_schema_says() {
         let report: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|e| panic!("{e}: {run:?}"));
         report
     };
+    let scene = at("scene.toml");
+    fs::write(&scene, "model = [{ file = 'ball.oct' }, { file = 'ball.oct', move = [50, 0, 0] }]").unwrap();
     let failed = oct(&["info", "nothing.oct", "--json"]);
     let reports = [
         ("build", build(&["--otsu", "--spacing", "1x1x4"])),
@@ -102,6 +104,7 @@ fn every_report_is_what_its_schema_says() {
         ("intersect", oct(&["intersect", &model, &model, "--move", "90,0,0", "--json"]).json()),
         ("export", oct(&["export", &model, "-o", &at("m.stl"), "--json"]).json()),
         ("render", oct(&["render", &model, "-o", &at("p.png"), "--size", "30x20", "--json"]).json()),
+        ("scene", oct(&["render", &scene, "-o", &at("q.png"), "--size", "30x20", "--json"]).json()),
         ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),
         ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json"]).json()),
         ("selfcheck", oct(&["selfcheck", &model, "--rays", "1000", "--json"]).json()),

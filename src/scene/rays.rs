@@ -1,0 +1,35 @@
+//! How many lines a picture took.
+
+/// Lines traced, by what for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rays {
+    /// From the eye.
+    pub primary: u64,
+    /// Of those, lines that meet a body.
+    pub hits: u64,
+    /// Towards lights.
+    pub shadow: u64,
+    /// Mirrored.
+    pub mirrored: u64,
+    /// Bent.
+    pub refracted: u64,
+    /// Looking around for ambient occlusion.
+    pub ambient: u64,
+}
+
+impl Rays {
+    pub(super) fn plus(mut self, other: Self) -> Self {
+        self.primary += other.primary;
+        self.hits += other.hits;
+        self.shadow += other.shadow;
+        self.mirrored += other.mirrored;
+        self.refracted += other.refracted;
+        self.ambient += other.ambient;
+        self
+    }
+
+    /// All that did not come from the eye.
+    pub fn secondary(&self) -> u64 {
+        self.shadow + self.mirrored + self.refracted + self.ambient
+    }
+}

@@ -1,0 +1,95 @@
+//! A scene as its text says, checked.
+
+use std::path::PathBuf;
+
+use crate::geom::Affine;
+use crate::render::space::add_scaled;
+use crate::render::{NamedView, Projection};
+
+use super::clip::Clip;
+use super::light::{Ambient, Light};
+use super::material::Material;
+use super::place::Placement;
+
+/// A scene as its text says, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Pixels in a row, and rows, if they are said.
+    pub size: Option<[u32; 2]>,
+    /// Linear RGB behind everything; `None` is transparent.
+    pub background: Option<[f64; 3]>,
+    /// How often a line is thrown back or bent.
+    pub bounces: u32,
+    /// Lines of a pixel along each side.
+    pub samples: u32,
+    /// The eye, as far as it is said.
+    pub camera: SceneCamera,
+    /// Light from everywhere.
+    pub ambient: Ambient,
+    /// Lights.
+    pub lights: Vec<Light>,
+    /// Models, at least one.
+    pub models: Vec<SceneModel>,
+}
+
+/// The eye, as far as the text says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SceneCamera {
+    /// A named view.
+    pub view: Option<NamedView>,
+    /// Position, and a point in the middle of the picture, in mm.
+    pub eye: Option<[[f64; 3]; 2]>,
+    /// A direction that is upwards.
+    pub up: Option<[f64; 3]>,
+    /// How lines of sight run.
+    pub projection: Option<Projection>,
+    /// Degrees between the bottom and the top.
+    pub fov_deg: Option<f64>,
+    /// What is nearer along a line of sight, in mm, is not seen.
+    pub near_mm: f64,
+}
+
+/// A model of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneModel {
+    /// Its file, as the text names it.
+    pub file: PathBuf,
+    /// What it is made of.
+    pub material: Material,
+    /// Where it is put.
+    pub place: Place,
+    /// What is cut from it, as well as from all models.
+    pub clip: Clip,
+    /// Do named views take it into the frame?
+    pub framed: bool,
+}
+
+/// Where a model is put.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// By this map of its millimetres.
+    Map(Affine),
+    /// About a point of its own.
+    About(Placement),
+    /// About the middle of its volume; `at` is where that comes to be, or how far it is moved.
+    Middle {
+        /// Everything else; its pivot does not count.
+        placement: Placement,
+        /// Is `at` of the placement a distance?
+        moved: bool,
+    },
+}
+
+impl Place {
+    /// The map, for a model whose volume has its middle there.
+    pub fn affine(&self, middle: [f64; 3]) -> Affine {
+        match *self {
+            Self::Map(affine) => affine,
+            Self::About(placement) => placement.affine(),
+            Self::Middle { placement, moved } => {
+                let at = if moved { add_scaled(middle, 1.0, placement.at) } else { placement.at };
+                Placement { pivot: middle, at, ..placement }.affine()
+            }
+        }
+    }
+}
