@@ -364,7 +364,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     refuse_dash(layers(), Dash::Layer)?;
     check_suffixes(layers(), Written::Picture, args.force)?;
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
-    let outputs = Outputs { image: output.path(), depth, normals };
+    let outputs = Outputs { image: output.path(), depth, normals, shots: args.shots() };
     let bars = Bars::new(args.json);
     bus::tell_of(&args.model, args.json);
     if is_scene(&args.model) {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use infobyte::jobs::render::RenderRequest;
 use infobyte::jobs::scene::SceneRequest;
+use infobyte::jobs::shots::Shots;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, ViewPoint};
 
@@ -68,6 +69,15 @@ pub(crate) struct RenderArgs {
     /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0: all
     #[arg(long, value_name = "0..255", default_value_t = 0)]
     pub(crate) coherence: u8,
+    /// Six sides on one sheet, each framed by itself
+    #[arg(long, conflicts_with_all = ["view", "eye", "turntable", "depth", "normals"])]
+    pub(crate) contact: bool,
+    /// So many pictures all around the model, as an animated PNG that begins at --view
+    #[arg(long, value_name = "N", conflicts_with_all = ["eye", "depth", "normals"], value_parser = clap::value_parser!(u32).range(2..=3600))]
+    pub(crate) turntable: Option<u32>,
+    /// Draw a scale bar, and a cube with the patient's sides: R, L, A, P, S, I
+    #[arg(long)]
+    pub(crate) annotate: bool,
     /// Also write a picture of the distances
     #[arg(long, value_name = "F.png")]
     pub(crate) depth: Option<PathBuf>,
@@ -129,6 +139,7 @@ impl RenderArgs {
             ambient_rays: self.ambient_rays().unwrap_or(0),
             traversal: self.traversal,
             coherence: self.coherence,
+            annotate: self.annotate,
             ..usual
         }
     }
@@ -141,7 +152,17 @@ impl RenderArgs {
             projection: self.projection,
             fov_deg: self.fov,
             ambient_rays: self.ambient_rays(),
+            annotate: self.annotate,
             threads: self.threads.count(),
+        }
+    }
+
+    /// How many pictures.
+    pub(crate) fn shots(&self) -> Shots {
+        match self.turntable {
+            Some(count) => Shots::Turntable(count),
+            None if self.contact => Shots::Contact,
+            None => Shots::One,
         }
     }
 

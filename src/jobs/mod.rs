@@ -19,6 +19,7 @@ pub mod render;
 pub mod report;
 pub mod scan;
 pub mod scene;
+pub mod shots;
 pub mod verify;
 pub mod wording;
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::opened::open_model;
 use super::render::{RenderReport, RenderRequest, render_view_watched, thumbnail};
+use super::shots::{self, Shots};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::progress::Progress;
@@ -19,11 +20,13 @@ pub struct Outputs<'a> {
     pub depth: Option<&'a Path>,
     /// The normal image, if one is wanted.
     pub normals: Option<&'a Path>,
+    /// How many pictures `image` holds; there are no other images of several.
+    pub shots: Shots,
 }
 
 /// Pictures that are begun.
 pub(super) struct Layers {
-    image: ImageFile,
+    pub(super) image: ImageFile,
     depth: Option<ImageFile>,
     normals: Option<ImageFile>,
 }
@@ -31,7 +34,7 @@ pub(super) struct Layers {
 impl<'a> Outputs<'a> {
     /// The colours alone.
     pub fn of(image: &'a Path) -> Self {
-        Self { image, depth: None, normals: None }
+        Self { image, depth: None, normals: None, shots: Shots::One }
     }
 
     /// All that are named.
@@ -86,11 +89,20 @@ pub fn render_file(
     let layers = outputs.create()?;
     let request =
         RenderRequest { depth: outputs.depth.is_some(), normals: outputs.normals.is_some(), ..*request };
-    let (image, mut report) =
-        render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress)?;
+    let (view, dims, affine) = (model.view(), model.dims(), model.affine());
+    let mut report: Option<RenderReport> = None;
+    let size = [request.width, request.height];
+    shots::write(outputs.shots, layers, size, Some(request.point), progress, |shot, progress| {
+        let [width, height] = shot.size;
+        let request = RenderRequest { width, height, point: shot.point.unwrap_or(request.point), ..request };
+        let (image, own) = render_view_watched(&view, dims, &affine, &request, progress)?;
+        model.check_unchanged(path)?;
+        report = Some(report.take().map_or(own.clone(), |all| all.and(&own)));
+        Ok(image)
+    })?;
+    let mut report = report.unwrap_or_default();
+    (report.width, report.height) = (request.width, request.height);
     report.bytes_touched = mapped_rss_bytes(model.bytes());
-    model.check_unchanged(path)?;
-    layers.write(&image)?;
     Ok(report)
 }
 

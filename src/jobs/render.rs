@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
 use crate::progress::{Progress, Silent};
+use crate::render::annotate::annotate;
 use crate::render::picture::{self, Canvas, Traversal};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
@@ -45,6 +46,8 @@ pub struct RenderRequest {
     pub traversal: Traversal,
     /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 traces all.
     pub coherence: u8,
+    /// Draw a scale bar and the patient's sides.
+    pub annotate: bool,
 }
 
 impl RenderRequest {
@@ -70,12 +73,13 @@ impl Default for RenderRequest {
             ambient_rays: 0,
             traversal: Traversal::Exact,
             coherence: 0,
+            annotate: false,
         }
     }
 }
 
 /// How a picture was made; the keys of `--json`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RenderReport {
     /// Pixels in a row.
     pub width: u32,
@@ -114,6 +118,31 @@ pub struct RenderReport {
     pub depth_near_mm: f64,
     /// Depth in mm of grey 65535: `depth = near + (grey - 1) / 65534 * (far - near)`.
     pub depth_far_mm: f64,
+}
+
+impl RenderReport {
+    /// This picture and another one, as one.
+    pub(super) fn and(self, other: &Self) -> Self {
+        let trace_s = self.trace_s + other.trace_s;
+        let rays = self.rays + other.rays;
+        Self {
+            rays,
+            hits: self.hits + other.hits,
+            setup_s: self.setup_s + other.setup_s,
+            trace_s,
+            shade_s: self.shade_s + other.shade_s,
+            ambient_s: self.ambient_s + other.ambient_s,
+            wall_s: self.wall_s + other.wall_s,
+            #[expect(clippy::cast_precision_loss, reason = "a rate")]
+            rays_per_s: if trace_s > 0.0 { rays as f64 / trace_s } else { 0.0 },
+            steps: self.steps + other.steps,
+            max_steps: self.max_steps.max(other.max_steps),
+            smallest_box: self.smallest_box.min(other.smallest_box),
+            depth_near_mm: self.depth_near_mm.min(other.depth_near_mm),
+            depth_far_mm: self.depth_far_mm.max(other.depth_far_mm),
+            ..self
+        }
+    }
 }
 
 /// Makes a picture of a model placed by `dims` and `affine`.
@@ -168,7 +197,10 @@ pub fn render_view_watched<V: NodeView>(
     let rounds = if request.ambient_rays > 0 { 2 } else { 1 };
     progress.stage("render", rounds * u64::from(request.height));
     let rows_done = |rows: u32| progress.advance(rows.into());
-    let (image, counts) = picture::paint_watched(view, &space, &camera, canvas, &rows_done)?;
+    let (mut image, counts) = picture::paint_watched(view, &space, &camera, canvas, &rows_done)?;
+    if request.annotate {
+        annotate(&mut image, &camera, (near + far) / 2.0);
+    }
     let wall = start.elapsed();
     let trace_s = counts.trace.as_secs_f64();
     let report = RenderReport {

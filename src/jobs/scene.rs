@@ -9,10 +9,12 @@ use serde::Serialize;
 
 use super::opened::open_model;
 use super::picture::{Outputs, refuse_clash};
+use super::shots;
 use crate::budget::mapped_rss_bytes;
 use crate::error::Error;
 use crate::load::{LoadError, Model, ModelView, open_regular};
 use crate::progress::Progress;
+use crate::render::annotate::annotate;
 use crate::render::{Camera, NamedView, Projection, RenderError, ViewPoint};
 use crate::scene::{self, Key, Look, MOST_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
 
@@ -29,12 +31,14 @@ pub struct SceneRequest {
     pub fov_deg: Option<f64>,
     /// Rays of each point that tell how open its surroundings are.
     pub ambient_rays: Option<u32>,
+    /// Draw a scale bar and the patient's sides.
+    pub annotate: bool,
     /// Threads; 0 counts as 1. The picture does not depend on them.
     pub threads: usize,
 }
 
 /// How a scene was shown; the keys of `--json`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SceneReport {
     /// Pixels in a row.
     pub width: u32,
@@ -58,11 +62,11 @@ pub struct SceneReport {
     pub refracted_rays: u64,
     /// Rays of ambient occlusion.
     pub ambient_rays: u64,
-    /// Seconds to read the scene, open the models, place the camera and start the threads.
+    /// Seconds of everything else: reading the scene, opening the models, writing the picture.
     pub setup_s: f64,
     /// Seconds of tracing and shading.
     pub trace_s: f64,
-    /// Seconds of all that, without writing the file.
+    /// Seconds of all that, writing included.
     pub wall_s: f64,
     /// Rays from the eye, per second of tracing.
     pub rays_per_s: f64,
@@ -154,39 +158,54 @@ pub fn render_scene(
     let layers = outputs.create()?;
     let views: Vec<ModelView<'_>> = files.models.iter().map(Model::view).collect();
     let parts = parts(path, &scene, &files, &views)?;
-    let look = look(path, &scene, &parts, request, outputs)?;
-    progress.stage("render", look.height.into());
-    let rows_done = |rows: u32| progress.advance(rows.into());
-    let (image, rays, traced) = scene::paint(&parts, &look, &rows_done)?;
-    let bytes_touched = files.bytes_touched();
-    for (model, path) in files.models.iter().zip(&files.paths) {
-        model.check_unchanged(path)?;
-    }
-    layers.write(&image)?;
-    let wall = start.elapsed();
-    let (near, far) = look.depth_range_mm.unwrap_or(depth_range(&parts, &look.camera));
-    let Rays { primary, hits, shadow, mirrored, refracted, ambient } = rays;
-    Ok(SceneReport {
-        width: look.width,
-        height: look.height,
-        threads: look.threads.max(1),
+    let [width, height] = request.size.or(scene.size).unwrap_or([1024, 1024]);
+    let begin = request.point.or(scene.camera.view.map(ViewPoint::Named));
+    let mut report = SceneReport {
+        width,
+        height,
+        threads: request.threads.max(1),
         models: parts.len(),
         files: files.models.len(),
-        rays: primary,
-        hits,
-        shadow_rays: shadow,
-        mirrored_rays: mirrored,
-        refracted_rays: refracted,
-        ambient_rays: ambient,
-        setup_s: wall.saturating_sub(traced).as_secs_f64(),
-        trace_s: traced.as_secs_f64(),
-        wall_s: wall.as_secs_f64(),
-        #[expect(clippy::cast_precision_loss, reason = "a rate")]
-        rays_per_s: primary as f64 / traced.as_secs_f64().max(1e-9),
-        bytes_touched,
-        depth_near_mm: near,
-        depth_far_mm: far,
-    })
+        depth_near_mm: f64::INFINITY,
+        ..SceneReport::default()
+    };
+    shots::write(outputs.shots, layers, [width, height], begin, progress, |shot, progress| {
+        let request = SceneRequest { size: Some(shot.size), point: shot.point.or(request.point), ..*request };
+        let look = look(path, &scene, &parts, &request, outputs)?;
+        progress.stage("render", look.height.into());
+        let rows_done = |rows: u32| progress.advance(rows.into());
+        let (mut image, rays, traced) = scene::paint(&parts, &look, &rows_done)?;
+        let (near, far) = depth_range(&parts, &look.camera);
+        if request.annotate {
+            annotate(&mut image, &look.camera, (near + far) / 2.0);
+        }
+        for (model, path) in files.models.iter().zip(&files.paths) {
+            model.check_unchanged(path)?;
+        }
+        report.count(rays);
+        report.trace_s += traced.as_secs_f64();
+        report.depth_near_mm = report.depth_near_mm.min(near);
+        report.depth_far_mm = report.depth_far_mm.max(far);
+        Ok(image)
+    })?;
+    report.bytes_touched = files.bytes_touched();
+    report.wall_s = start.elapsed().as_secs_f64();
+    report.setup_s = (report.wall_s - report.trace_s).max(0.0);
+    #[expect(clippy::cast_precision_loss, reason = "a rate")]
+    let rays = report.rays as f64;
+    report.rays_per_s = rays / report.trace_s.max(1e-9);
+    Ok(report)
+}
+
+impl SceneReport {
+    fn count(&mut self, rays: Rays) {
+        self.rays += rays.primary;
+        self.hits += rays.hits;
+        self.shadow_rays += rays.shadow;
+        self.mirrored_rays += rays.mirrored;
+        self.refracted_rays += rays.refracted;
+        self.ambient_rays += rays.ambient;
+    }
 }
 
 /// The models in their places.

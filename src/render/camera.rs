@@ -124,6 +124,14 @@ pub enum ViewPoint {
         /// that, the back's.
         up: Option<[f64; 3]>,
     },
+    /// A named view turned about the head's axis through the model's middle, framed so that the whole model is seen
+    /// from all around.
+    Turned {
+        /// Where it begins; from the top or the bottom the picture turns in its plane.
+        view: NamedView,
+        /// Degrees: the eye goes from the patient's front to the left side.
+        degrees: f64,
+    },
 }
 
 /// Empty border around a framed model, as a part of its size.
@@ -176,6 +184,14 @@ impl Camera {
                     Projection::Perspective => Self::framed_perspective(axes, tangent, aspect, support),
                 })
             }
+            ViewPoint::Turned { view, degrees } => {
+                if !degrees.is_finite() {
+                    return Err(CameraFault::NotFinite.into());
+                }
+                let (forward, up) = view.forward_and_up();
+                let axes = Axes::new(turned(forward, degrees), turned(up, degrees))?;
+                Ok(Self::around(axes, projection, fov_deg, aspect, support))
+            }
             ViewPoint::Free { eye, look_at, up } => {
                 let given = [eye, look_at, up.unwrap_or([0.0; 3])];
                 if !given.iter().flatten().all(|v| v.is_finite()) {
@@ -219,6 +235,41 @@ impl Camera {
         let before = near - (far - near) * MARGIN;
         let eye = axes.point((left + right) / 2.0, (bottom + top) / 2.0, before);
         Self::assemble(Projection::Parallel, eye, axes, half, aspect)
+    }
+
+    /// Camera that sees the whole model however it is turned about the head's axis.
+    fn around(
+        axes: Axes,
+        projection: Projection,
+        fov_deg: f64,
+        aspect: f64,
+        support: impl Fn([f64; 3]) -> f64,
+    ) -> Self {
+        let span = |axis: usize| {
+            let mut v = [0.0; 3];
+            v[axis] = 1.0;
+            let (low, high) = (-support(v.map(|c| -c)), support(v));
+            ((low + high) / 2.0, (high - low) / 2.0)
+        };
+        let [x, y, z] = [0, 1, 2].map(span);
+        let (middle, reach) = ([x.0, y.0, z.0], (x.1 * x.1 + y.1 * y.1).sqrt());
+        // A cylinder about the head's axis, as the camera sees it.
+        let slope = axes.forward[2].abs();
+        let high = z.1 * (1.0 - slope * slope).max(0.0).sqrt() + reach * slope;
+        let half = high.max(reach / aspect) * (1.0 + MARGIN);
+        let ball = (reach * reach + z.1 * z.1).sqrt();
+        let (half_height, back) = match projection {
+            Projection::Parallel => (half, ball * (1.0 + MARGIN)),
+            Projection::Perspective => {
+                let [sin, cos] = angle::sin_cos_series(fov_deg / 2.0);
+                // The narrower of the picture's sides touches the ball around the model.
+                let tangent = sin / cos;
+                let narrow = tangent * aspect.min(1.0);
+                (tangent, ball * (1.0 + MARGIN) * (1.0 + narrow * narrow).sqrt() / narrow)
+            }
+        };
+        let eye = add_scaled(middle, -back, axes.forward);
+        Self::assemble(projection, eye, axes, half_height, aspect)
     }
 
     /// Perspective camera at the least distance from which the whole model is seen.
@@ -341,6 +392,12 @@ impl Axes {
     }
 }
 
+/// A direction turned about the head's axis.
+fn turned(v: [f64; 3], degrees: f64) -> [f64; 3] {
+    let [sin, cos] = angle::sin_cos_deg(degrees);
+    [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]]
+}
+
 /// The vector at length 1; `None` without a length.
 fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     let largest = v.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
@@ -428,6 +485,33 @@ mod tests {
         assert!(free([0.0; 3], [0.0, 0.0, 5.0], None).is_ok());
         let c = Camera::new(ViewPoint::Named(NamedView::Front), Projection::Parallel, 180.0, 1.0, |_| 0.0);
         assert!(c.unwrap_err().to_string().contains("field of view"));
+    }
+
+    #[test]
+    fn turned_views_see_the_whole_model_and_go_from_the_front_to_the_left() {
+        let (low, high) = ([-10.0, 20.0, 5.0], [30.0, 26.0, 9.0]);
+        for projection in [Projection::Parallel, Projection::Perspective] {
+            for view in [NamedView::Front, NamedView::Iso, NamedView::Top] {
+                for (step, aspect) in [(0, 1.0), (1, 0.5), (2, 2.0), (3, 1.0), (4, 0.7)] {
+                    let point = ViewPoint::Turned { view, degrees: 73.0 * f64::from(step) };
+                    let c = Camera::new(point, projection, 40.0, aspect, of_box(low, high)).unwrap();
+                    for corner in 0..8_u32 {
+                        let p = std::array::from_fn(|a| if corner >> a & 1 == 1 { high[a] } else { low[a] });
+                        let v = add_scaled(p, -1.0, c.eye);
+                        let depth = dot(v, c.forward);
+                        let scale = if projection == Projection::Parallel { 1.0 } else { depth };
+                        let x = dot(v, c.right) / (c.half_width * scale);
+                        let y = dot(v, c.up) / (c.half_height * scale);
+                        assert!(depth > 0.0 && x.abs() < 1.0 && y.abs() < 1.0, "{c:?} {p:?} {x} {y}");
+                    }
+                }
+            }
+        }
+        let quarter = ViewPoint::Turned { view: NamedView::Front, degrees: 90.0 };
+        let c = Camera::new(quarter, Projection::Parallel, 40.0, 1.0, of_box(low, high)).unwrap();
+        assert_eq!(c.forward.map(|v| v + 0.0), NamedView::Left.looks_along());
+        let bad = ViewPoint::Turned { view: NamedView::Front, degrees: f64::NAN };
+        assert!(Camera::new(bad, Projection::Parallel, 40.0, 1.0, of_box(low, high)).is_err());
     }
 
     #[test]

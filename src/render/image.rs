@@ -76,6 +76,41 @@ impl Image {
         file.fill(|out| self.encode(out, format, normals))
     }
 
+    /// Writes `count` pictures of one size as an animated PNG, each shown for so many milliseconds, over and over.
+    pub(crate) fn write_frames_to<E: From<RenderError>>(
+        file: ImageFile,
+        [width, height]: [u32; 2],
+        count: u32,
+        each_ms: u16,
+        mut frame: impl FnMut(u32) -> Result<Self, E>,
+    ) -> Result<(), E> {
+        let mut stopped = None;
+        let filled = file.fill(|out| {
+            let mut encoder = png::Encoder::new(out, width, height);
+            encoder.set_color(png::ColorType::Rgba);
+            encoder.set_depth(png::BitDepth::Eight);
+            encoder.set_compression(png::Compression::Fast);
+            encoder.set_filter(png::Filter::Paeth);
+            encoder.set_animated(count, 0).map_err(io::Error::from)?;
+            encoder.set_frame_delay(each_ms, 1000).map_err(io::Error::from)?;
+            encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;
+            encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+            let mut writer = encoder.write_header().map_err(io::Error::from)?;
+            for number in 0..count {
+                match frame(number) {
+                    Ok(image) => writer.write_image_data(&image.rgba).map_err(io::Error::from)?,
+                    Err(error) => {
+                        stopped = Some(error);
+                        return Err(io::ErrorKind::Interrupted.into());
+                    }
+                }
+            }
+            writer.finish().map_err(io::Error::from)
+        });
+        stopped.map_or(Ok(()), Err)?;
+        Ok(filled?)
+    }
+
     fn encode(&self, out: &mut dyn Write, format: Format, bytes: &[u8]) -> io::Result<()> {
         let mut encoder = png::Encoder::new(out, self.width, self.height);
         encoder.set_color(format.colour);

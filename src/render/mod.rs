@@ -24,8 +24,10 @@
 //! | `ambient` | how open a point's surroundings are: hollows turn dark |
 //! | `shown` | what a ray saw, and its normal; `facing`, `around`: normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
+//! | `annotate`, `font` | a scale bar, the patient's sides, letters |
 
 pub(crate) mod ambient;
+pub(crate) mod annotate;
 pub(crate) mod around;
 pub(crate) mod blend;
 pub mod camera;
@@ -35,6 +37,7 @@ mod coherence;
 pub mod discrete;
 mod error;
 mod facing;
+mod font;
 pub mod form;
 pub mod image;
 mod lanes;
