@@ -359,12 +359,12 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
 }
 
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
-    let (depth, normals) = (args.depth.as_deref(), args.normals.as_deref());
-    let layers = || depth.into_iter().chain(normals);
+    let (depth, normals, ids) = (args.depth.as_deref(), args.normals.as_deref(), args.ids.as_deref());
+    let layers = || depth.into_iter().chain(normals).chain(ids);
     refuse_dash(layers(), Dash::Layer)?;
     check_suffixes(layers(), Written::Picture, args.force)?;
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
-    let outputs = Outputs { image: output.path(), depth, normals, shots: args.shots() };
+    let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots() };
     let bars = Bars::new(args.json);
     bus::tell_of(&args.model, args.json);
     if is_scene(&args.model) {

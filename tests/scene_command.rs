@@ -189,3 +189,52 @@ fn bad_scenes_are_refused_with_the_key_and_the_cure() {
         .refused(2, &["ball.oct"]);
     oct(&["render", &scene, "-o", &scene, "--force"]).refused(2, &["scene.toml"]);
 }
+
+/// The chunks of a PNG by their names.
+fn chunks(path: &Path) -> Vec<String> {
+    let bytes = fs::read(path).unwrap();
+    let (mut at, mut names) = (8, Vec::new());
+    while at + 8 <= bytes.len() {
+        let length = u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        names.push(String::from_utf8_lossy(&bytes[at + 4..at + 8]).into_owned());
+        at += 12 + length;
+    }
+    names
+}
+
+#[test]
+fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
+    let folder = folder();
+    let at = |name: &str| text(&folder.path().join(name));
+    fs::write(folder.path().join("two.toml"), "[[model]]\nfile = 'ball.oct'\n[[model]]\nfile = 'ring.oct'\n")
+        .unwrap();
+    for input in ["ring.oct", "two.toml"] {
+        let run = |extra: &[&str]| {
+            oct(&[&["render", &at(input), "-o", &at("p.png"), "--size", "96x64", "--json"], extra].concat())
+        };
+        let sheet = run(&["--contact", "--annotate"]).json();
+        assert_eq!((sheet["width"].as_u64(), sheet["rays"].as_u64()), (Some(96), Some(96 * 64)), "{sheet}");
+        let turning = run(&["--turntable", "5", "--view", "iso", "--projection", "perspective"]).json();
+        assert_eq!(turning["rays"].as_u64(), Some(5 * 96 * 64), "{turning}");
+        let names = chunks(&folder.path().join("p.png"));
+        assert_eq!(names.iter().filter(|name| *name == "fcTL").count(), 5, "{names:?}");
+        run(&["--contact", "--view", "left"]).refused(2, &["--view"]);
+        run(&["--turntable", "1"]).refused(2, &["--turntable"]);
+    }
+    let render = |extra: &[&str]| oct(&[&["render", &at("ring.oct"), "-o", &at("p.png")], extra].concat());
+    let report = oct(&["info", &at("ring.oct"), "--json"]).json();
+    let most = report["nodes"].as_u64().unwrap() + report["skin_voxels"].as_u64().unwrap();
+    assert_eq!(render(&["--size", "64x64", "--ids", &at("i.png")]).code, 0);
+    let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(at("i.png")).unwrap()));
+    let mut reader = decoder.read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    let ids: Vec<u64> =
+        bytes.chunks(6).map(|p| p.iter().fold(0, |id, byte| id << 8 | u64::from(*byte))).collect();
+    assert_eq!(ids.len(), 64 * 64);
+    let nodes = report["nodes"].as_u64().unwrap();
+    assert!(ids.iter().all(|id| *id == 0 || (nodes + 1..=most).contains(id)) && ids.iter().any(|id| *id > 0));
+    render(&["--ids", &at("i.png"), "--coherence", "3"]).refused(2, &["--ids"]);
+    oct(&["render", &at("two.toml"), "-o", &at("p.png"), "--ids", &at("i.png")])
+        .refused(2, &["--ids", "scene"]);
+}

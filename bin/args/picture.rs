@@ -70,10 +70,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "0..255", default_value_t = 0)]
     pub(crate) coherence: u8,
     /// Six sides on one sheet, each framed by itself
-    #[arg(long, conflicts_with_all = ["view", "eye", "turntable", "depth", "normals"])]
+    #[arg(long, conflicts_with_all = ["view", "eye", "turntable", "depth", "normals", "ids"])]
     pub(crate) contact: bool,
     /// So many pictures all around the model, as an animated PNG that begins at --view
-    #[arg(long, value_name = "N", conflicts_with_all = ["eye", "depth", "normals"], value_parser = clap::value_parser!(u32).range(2..=3600))]
+    #[arg(long, value_name = "N", conflicts_with_all = ["eye", "depth", "normals", "ids"], value_parser = clap::value_parser!(u32).range(2..=3600))]
     pub(crate) turntable: Option<u32>,
     /// Draw a scale bar, and a cube with the patient's sides: R, L, A, P, S, I
     #[arg(long)]
@@ -84,6 +84,9 @@ pub(crate) struct RenderArgs {
     /// Also write a picture of the normals
     #[arg(long, value_name = "F.png")]
     pub(crate) normals: Option<PathBuf>,
+    /// Also write a picture of the numbers of the voxels that are seen, 48 bits in three channels, counted from 1
+    #[arg(long, value_name = "F.png", conflicts_with = "coherence")]
+    pub(crate) ids: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -173,6 +176,7 @@ impl RenderArgs {
             (self.shading == Shading::Blended, "--shading blended"),
             (self.traversal != Traversal::Exact, "--traversal"),
             (self.coherence > 0, "--coherence"),
+            (self.ids.is_some(), "--ids"),
         ];
         given.into_iter().find(|(given, _)| *given).map(|(_, flag)| flag)
     }

@@ -20,6 +20,8 @@ pub struct Outputs<'a> {
     pub depth: Option<&'a Path>,
     /// The normal image, if one is wanted.
     pub normals: Option<&'a Path>,
+    /// The image of the numbers of boxes, if one is wanted.
+    pub ids: Option<&'a Path>,
     /// How many pictures `image` holds; there are no other images of several.
     pub shots: Shots,
 }
@@ -29,17 +31,18 @@ pub(super) struct Layers {
     pub(super) image: ImageFile,
     depth: Option<ImageFile>,
     normals: Option<ImageFile>,
+    ids: Option<ImageFile>,
 }
 
 impl<'a> Outputs<'a> {
     /// The colours alone.
     pub fn of(image: &'a Path) -> Self {
-        Self { image, depth: None, normals: None, shots: Shots::One }
+        Self { image, depth: None, normals: None, ids: None, shots: Shots::One }
     }
 
     /// All that are named.
     pub(super) fn all(&self) -> Vec<&'a Path> {
-        [Some(self.image), self.depth, self.normals].into_iter().flatten().collect()
+        [Some(self.image), self.depth, self.normals, self.ids].into_iter().flatten().collect()
     }
 
     /// Refuses names that are the input's, or each other's.
@@ -53,6 +56,7 @@ impl<'a> Outputs<'a> {
             image: ImageFile::create(self.image)?,
             depth: self.depth.map(ImageFile::create).transpose()?,
             normals: self.normals.map(ImageFile::create).transpose()?,
+            ids: self.ids.map(ImageFile::create).transpose()?,
         })
     }
 }
@@ -66,6 +70,9 @@ impl Layers {
         }
         if let Some(file) = self.normals {
             image.write_normals_png_to(file)?;
+        }
+        if let Some(file) = self.ids {
+            image.write_ids_png_to(file)?;
         }
         Ok(())
     }
@@ -87,8 +94,12 @@ pub fn render_file(
     let path = model;
     let model = open_model(path)?;
     let layers = outputs.create()?;
-    let request =
-        RenderRequest { depth: outputs.depth.is_some(), normals: outputs.normals.is_some(), ..*request };
+    let request = RenderRequest {
+        depth: outputs.depth.is_some(),
+        normals: outputs.normals.is_some(),
+        ids: outputs.ids.is_some(),
+        ..*request
+    };
     let (view, dims, affine) = (model.view(), model.dims(), model.affine());
     let mut report: Option<RenderReport> = None;
     let size = [request.width, request.height];

@@ -37,6 +37,8 @@ pub struct RenderRequest {
     pub depth: bool,
     /// Make a normal image, too.
     pub normals: bool,
+    /// Make an image of the numbers of boxes, too ([`Image::ids`]); not with a coherence above 0.
+    pub ids: bool,
     /// Blend normals between the boxes around a hit: smoother close-ups, some microseconds a pixel.
     pub blended: bool,
     /// Rays of each pixel, at most 1024, that tell how open its surroundings are: hollows turn dark, ridges stay bright.
@@ -69,6 +71,7 @@ impl Default for RenderRequest {
             smooth_edges: false,
             depth: false,
             normals: false,
+            ids: false,
             blended: false,
             ambient_rays: 0,
             traversal: Traversal::Exact,
@@ -189,6 +192,7 @@ pub fn render_view_watched<V: NodeView>(
         smooth_edges: request.smooth_edges,
         depth_range_mm: request.depth.then_some((near, far)),
         normals: request.normals,
+        ids: request.ids,
         blended: request.blended,
         ambient_rays: request.ambient_rays,
         traversal: request.traversal,

@@ -89,7 +89,7 @@ fn sheet(
     let size @ [wide, high] = [(width / 3).max(1), (height / 2).max(1)];
     let (width, height) = (width.max(3), height.max(2));
     let bytes = width as usize * height as usize * 4;
-    let mut sheet = Image { width, height, rgba: vec![0; bytes], depth: None, normals: None };
+    let mut sheet = Image { width, height, rgba: vec![0; bytes], depth: None, normals: None, ids: None };
     for (down, views) in SHEET.into_iter().enumerate() {
         for (across, view) in views.into_iter().enumerate() {
             let mut image = take(ViewPoint::Named(view), size)?;

@@ -238,6 +238,7 @@ mod tests {
                 smooth_edges: true,
                 depth_range_mm: None,
                 normals: false,
+                ids: false,
                 blended: false,
                 ambient_rays,
                 traversal: Traversal::Exact,

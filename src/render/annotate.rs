@@ -219,8 +219,14 @@ mod tests {
         let support = |d: [f64; 3]| d.iter().map(|c| 100.0 * c.abs()).sum();
         let point = ViewPoint::Named(NamedView::Iso);
         let camera = Camera::new(point, Projection::Parallel, 35.0, 1.0, support).unwrap();
-        let mut image =
-            Image { width: 400, height: 400, rgba: vec![0; 400 * 400 * 4], depth: None, normals: None };
+        let mut image = Image {
+            width: 400,
+            height: 400,
+            rgba: vec![0; 400 * 400 * 4],
+            depth: None,
+            normals: None,
+            ids: None,
+        };
         annotate(&mut image, &camera, 0.0);
         let pixel_mm = camera.pixel_mm(400, 0.0);
         let row = (400 - 6 * 2 - 3 * 2) as usize;

@@ -102,6 +102,8 @@ pub enum Layer {
     Depth,
     /// World normals.
     Normals,
+    /// Numbers of boxes.
+    Ids,
 }
 
 impl RenderError {

@@ -55,6 +55,8 @@ pub struct Canvas {
     pub depth_range_mm: Option<(f64, f64)>,
     /// Is a normal image wanted?
     pub normals: bool,
+    /// Is an image of the numbers of boxes wanted? Not with a coherence above 0, where not every pixel has one.
+    pub ids: bool,
     /// Are normals blended between the boxes around a hit?
     pub blended: bool,
     /// Rays of each pixel that tell how open its surroundings are; 0 for none.
@@ -168,6 +170,13 @@ pub(crate) fn depth_code((near, far): (f64, f64), depth: f32) -> u16 {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
 pub(crate) fn normal_code(component: f64) -> u8 {
     (128.5 + component * 127.0).clamp(1.0, 255.0) as u8
+}
+
+/// The number of a box, counted from 1, in an image of them: the highest of 48 bits first.
+#[expect(clippy::cast_possible_truncation, reason = "16 bits each")]
+fn id_code(number: u64) -> [u16; 3] {
+    let id = number.wrapping_add(1);
+    [(id >> 32) as u16, (id >> 16) as u16, id as u16]
 }
 
 /// Row `y` of a band whose hits stand tile after tile.
@@ -288,6 +297,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             rgba: vec![0; width * height * 4],
             depth: self.canvas.depth_range_mm.map(|_| vec![0; width * height]),
             normals: self.canvas.normals.then(|| vec![0; width * height * 3]),
+            ids: self.canvas.ids.then(|| vec![0; width * height * 3]),
         };
         let tiles_across = width.div_ceil(TILE);
         let tile_rows = (BAND_PIXELS / (tiles_across * TILE_PIXELS)).clamp(1, height.div_ceil(TILE));
@@ -437,6 +447,13 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
                 for (pixel, out) in row_of(seen, width, y).zip(row) {
                     *out = if pixel.is_hit() { depth_code(range, pixel.depth()) } else { 0 };
+                }
+            });
+        }
+        if let Some(ids) = &mut image.ids {
+            ids.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
+                for (pixel, out) in row_of(seen, width, y).zip(row.as_chunks_mut::<3>().0) {
+                    *out = if pixel.is_hit() { id_code(pixel.box_number()) } else { [0; 3] };
                 }
             });
         }

@@ -58,6 +58,11 @@ impl Seen {
         !self.depth.is_nan()
     }
 
+    /// Breadth-first number of the box.
+    pub(super) fn box_number(self) -> u64 {
+        self.box_number
+    }
+
     /// Depth in mm; NaN for background.
     pub(super) fn depth(self) -> f32 {
         self.depth

@@ -203,8 +203,12 @@ impl<'a, V: NodeView> Body<'a, V> {
             from = Some((*hit, *side));
         }
         let most = limits[0] + STAIR * self.least_mm / dot(line.1, line.1).sqrt();
+        let mut passed = None;
         loop {
-            let hit = self.hit(line, span.enter, from.as_ref().map(|(hit, _)| hit))?;
+            let Some(hit) = self.hit(line, span.enter, from.as_ref().map(|(hit, _)| hit)) else {
+                // A line within comes out somewhere: where nothing follows, what was passed last was no step.
+                return passed.map(Met::Surface);
+            };
             if hit.t > span.leave {
                 return None;
             }
@@ -212,6 +216,7 @@ impl<'a, V: NodeView> Body<'a, V> {
                 Some((last, side))
                     if hit.t <= most && last.cell != hit.cell && !self.comes_by(line, hit, side) =>
                 {
+                    passed = (side == Side::Inside).then_some(hit);
                     from = Some((hit, side));
                 }
                 _ => return Some(Met::Surface(hit)),

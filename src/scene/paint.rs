@@ -113,6 +113,7 @@ impl<V: NodeView> Painter<'_, V> {
             rgba: vec![0; width * height * 4],
             depth: self.look.depth_range_mm.map(|_| vec![0; width * height]),
             normals: self.look.normals.then(|| vec![0; width * height * 3]),
+            ids: None,
         };
         let mut strips: Vec<Strip<'_>> =
             image.rgba.chunks_mut(width * TILE * 4).map(|rgba| Strip { rgba, ..Strip::default() }).collect();

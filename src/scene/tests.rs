@@ -105,7 +105,7 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
                         };
                         let out = add_scaled(own, exit.t, way);
                         let apart = (dot(out, out).sqrt() - 24.0).abs();
-                        assert!(apart < 1.5, "{surface:?}: {apart}");
+                        assert!(apart < 2.0, "{surface:?}: {apart}");
                     }
                 }
             }

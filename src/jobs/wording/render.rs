@@ -30,6 +30,7 @@ impl fmt::Display for RenderError {
                 let name = match layer {
                     Layer::Depth => "depth",
                     Layer::Normals => "normals",
+                    Layer::Ids => "numbers of boxes",
                 };
                 write!(f, "the picture was made without {name}; ask for it")
             }
