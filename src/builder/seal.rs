@@ -53,7 +53,10 @@ pub(super) fn seal(
     }
     let table = table_bytes(&entries);
     let header = Header {
-        minor: surface.minor(),
+        minor: entries.iter().fold(surface.minor(), |minor, entry| match entry.kind {
+            Some(SectionKind::Voxels(channel)) => minor.max(channel.minor()),
+            _ => minor,
+        }),
         encoding: Encoding::Mapped,
         surface,
         #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each kind")]
