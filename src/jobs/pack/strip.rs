@@ -15,7 +15,7 @@ use super::{PackReport, convert_with, decode};
 use crate::error::{Error, StripFault, UsageError};
 use crate::format::{
     Channel, Channels, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind,
-    SurfaceKind, align_up, rank,
+    SurfaceKind, align_up, least_minor, rank,
 };
 use crate::geom::{Dims, Level};
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
@@ -190,6 +190,7 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
         end = entry.end();
     }
     left.header.file_bytes = end;
+    left.header.minor = least_minor(left.surface(), &left.sections);
     Ok(left)
 }
 
