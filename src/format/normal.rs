@@ -78,7 +78,7 @@ pub fn encode_fine(direction: [f32; 3], code: u16) -> u8 {
         let held = if low < 15.0 { low } else { 15.0 };
         low_byte(held.floor())
     };
-    (part(u, lo) | part(v, hi) << 4) as u8
+    (part(u, lo) | part(v, hi) << 4).to_le_bytes()[0]
 }
 
 /// A direction scaled to L1 length 1, and where it lies in the map, within [`SCALE`].
