@@ -95,11 +95,11 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
                         assert!(met.is_none(), "{surface:?} {hit:?} {met:?}");
                         continue;
                     }
-                    // Through the ball, in its own millimetres.
+                    // Through the ball, in its own millimetres, more than a voxel below its surface.
                     let way = inverse.apply_vector(direction);
                     let length = dot(way, way).sqrt();
                     let chord = -2.0 * dot(own, way) / length;
-                    if chord > 8.0 {
+                    if chord > 16.0 {
                         let Some(Met::Surface(exit)) = met else {
                             panic!("{surface:?} {hit:?} {direction:?}")
                         };
