@@ -1,0 +1,268 @@
+//! Normals of a group, each predicted from the voxels around it that are coded already (SPEC 5.10).
+
+use super::CodingError;
+use super::blocks::{
+    Blocks, CORNERS, Cell, EDGES, FACES, Known as Place, Neighbour, SELF, VoxelCoder, Window,
+};
+use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
+use super::group::{Group, GroupCoder};
+use super::tables::{SymbolCoder, Tables};
+use crate::format::normal::{SCALE, decode_l1};
+
+// What the grid knows of a voxel: x, y, z of its L1-127 vector, 1 for being there, the errors of both coordinates in
+// quarters, and how far off the prediction was. Weighted sums of each stay in 16 bits: the weights add up to 58.
+const COUNT: usize = 3;
+const ERRORS: [usize; 2] = [4, 5];
+const OFF: usize = 6;
+/// Largest error that is remembered, in quarters.
+const MOST_ERROR: i32 = 350;
+/// Largest residual that counts.
+const MOST_OFF: u32 = 120;
+
+const BIASES: usize = 2048;
+
+/// A running mean of errors in one context, in 1/256.
+type Bias = [i32; BIASES];
+
+/// Tables of one coordinate.
+#[derive(Debug)]
+struct Component {
+    off: Tables<256, 5, 7>,
+    bent: Tables<256, 5, 7>,
+    bias: Box<Bias>,
+}
+
+/// Codes the normals of groups.
+#[derive(Debug, Default)]
+pub struct DirectionCoder {
+    blocks: Blocks,
+    known: Learnt,
+}
+
+#[derive(Debug)]
+struct Learnt {
+    components: [Component; 2],
+    twins: [Tables<2, 5, 7>; 2],
+}
+
+impl Default for Learnt {
+    fn default() -> Self {
+        let component = || Component { off: Tables::new(), bent: Tables::new(), bias: Box::new([0; BIASES]) };
+        Self { components: [component(), component()], twins: [Tables::new(), Tables::new()] }
+    }
+}
+
+/// The two octahedral coordinates of an L1-127 vector, `s(0) = +1` (SPEC 4.6).
+#[inline(always)]
+fn chart(v: [i32; 3]) -> [i32; 2] {
+    let s = |c: i32| if c < 0 { -1 } else { 1 };
+    if v[2] >= 0 { [v[0], v[1]] } else { [s(v[0]) * (SCALE - v[1].abs()), s(v[1]) * (SCALE - v[0].abs())] }
+}
+
+/// Mirrors a vector when the prediction looks down, so that the chart's fold lies opposite to it.
+#[inline(always)]
+fn mirrored(v: [i32; 3], mirror: bool) -> [i32; 3] {
+    if mirror { [v[0], v[1], v[2].wrapping_neg()] } else { v }
+}
+
+#[inline(always)]
+fn code_of(c: [i32; 2]) -> u16 {
+    u16::from(c[0] as u8) | u16::from(c[1] as u8) << 8
+}
+
+/// A class with a sign, 0 to 15.
+#[inline(always)]
+fn signed(class: usize, value: i32) -> usize {
+    class + if value < 0 { 8 } else { 0 }
+}
+
+static OFF_CLASSES: Classes = Classes::new(&[1, 3, 5, 7, 10, 14, 19, 26, 36, 52, 76, 110, 160, 230]);
+static COUNT_CLASSES: Classes = Classes::new(&[10, 20, 34]);
+static ERROR_CLASSES: Classes = Classes::new(&[1, 3, 6, 12, 24, 60]);
+static BENT_CLASSES: Classes = Classes::new(&[4, 12, 24, 48, 100, 240]);
+static OTHER_CLASSES: Classes = Classes::new(&[1, 3, 8]);
+
+impl GroupCoder for DirectionCoder {
+    #[inline(always)]
+    fn code<C: SymbolCoder>(&mut self, coder: &mut C, group: &mut Group) -> Result<(), CodingError> {
+        for component in &mut self.known.components {
+            component.off.restart();
+            component.bent.restart();
+            component.bias.fill(0);
+        }
+        self.known.twins.iter_mut().for_each(Tables::restart);
+        let mut codes = std::mem::take(&mut group.normals);
+        codes.resize(group.voxels, 0);
+        let mut voxels = Directions { known: &mut self.known, codes: &mut codes, last: [0, 0, SCALE] };
+        let result = self.blocks.code(coder, group, &mut voxels);
+        group.normals = codes;
+        result
+    }
+}
+
+/// The normals of a group while they are coded.
+struct Directions<'a> {
+    known: &'a mut Learnt,
+    codes: &'a mut [u16],
+    last: [i32; 3],
+}
+
+impl VoxelCoder for Directions<'_> {
+    #[inline(always)]
+    fn begin_subtree(&mut self) {
+        self.last = [0, 0, SCALE];
+    }
+
+    #[inline(always)]
+    fn code_voxel<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        window: &mut Window,
+        number: usize,
+    ) -> Result<(), CodingError> {
+        let Some(code) = self.codes.get_mut(number) else { return Err(CodingError::SubtreeTooDeep) };
+        *code = code_one(self.known, coder, window, self.last, *code)?;
+        self.last = decode_l1(*code);
+        Ok(())
+    }
+}
+
+/// What is known of a coordinate before it is coded.
+struct Known {
+    due: i32,
+    /// In 1/16, as the next three.
+    guess: i32,
+    turn: i32,
+    error: i32,
+    off: usize,
+    first: usize,
+}
+
+/// A coordinate once it is coded.
+struct Coded {
+    value: i32,
+    residual: i32,
+    error: i32,
+}
+
+impl Component {
+    #[inline(always)]
+    fn code<C: SymbolCoder>(&mut self, coder: &mut C, known: &Known, other: usize) -> Coded {
+        let (bend, err) = (BENT_CLASSES.of(known.turn), ERROR_CLASSES.of(known.error));
+        let context = ((known.off >> 1) * 16 + signed(bend, known.turn)) * 16 + signed(err, known.error);
+        let bias = &mut self.bias[context % BIASES];
+        let expected = (known.guess.wrapping_add(*bias >> 4).wrapping_add(8) >> 4).clamp(-SCALE, SCALE);
+        let residual = known.due.wrapping_sub(expected);
+        let magnitude = residual.unsigned_abs();
+        let token = coder.code(
+            (&mut self.off, known.first * 4 + other),
+            (&mut self.bent, (bend * 8 + err) * 4 + other),
+            token_of(magnitude),
+        );
+        let residual = difference_of(token, coder.even(TOKENS[token].1, low_bits(token, residual)));
+        let value = expected.wrapping_add(residual);
+        let wrong = (value << 4).wrapping_sub(known.guess);
+        *bias = bias.wrapping_add((wrong << 4).wrapping_sub(*bias) >> 5);
+        Coded { value, residual, error: (wrong >> 2).clamp(-MOST_ERROR, MOST_ERROR) }
+    }
+}
+
+#[inline(always)]
+fn code_one<C: SymbolCoder>(
+    known: &mut Learnt,
+    coder: &mut C,
+    window: &mut Window,
+    last: [i32; 3],
+    code: u16,
+) -> Result<u16, CodingError> {
+    let Learnt { components: [u, v], twins } = known;
+    let mut sum = Cell::default();
+    for (near, weight) in
+        [(sum_of(window, &FACES), 8), (sum_of(window, &EDGES), 3), (sum_of(window, &CORNERS), 1)]
+    {
+        for i in 0..8 {
+            sum[i] = sum[i].wrapping_add(near[i].wrapping_mul(weight));
+        }
+    }
+    // Carried on from two voxels in a row.
+    let mut ahead = Cell::default();
+    for face in &FACES {
+        let (near, far) = (window[face.at].0, window[2 * face.at - SELF].0);
+        let both = (near[COUNT] & far[COUNT]).wrapping_neg();
+        for i in 0..8 {
+            ahead[i] = ahead[i].wrapping_add(near[i].wrapping_add(near[i]).wrapping_sub(far[i]) & both);
+        }
+    }
+    let weight = i32::from(sum[COUNT]);
+    let share = SHARES[weight as usize % 128];
+    let mut s = [0, 1, 2].map(|i| i32::from(sum[i]));
+    if weight == 0 {
+        s = last;
+    }
+    let mut l1 = s[0].wrapping_abs().wrapping_add(s[1].wrapping_abs()).wrapping_add(s[2].wrapping_abs());
+    if l1 == 0 {
+        (s, l1) = ([0, 0, SCALE], SCALE);
+    }
+    let mirror = s[2] < 0;
+    let part = (1 << 20) / l1 as u32;
+    // In 1/16: sign and magnitude.
+    let guess = [0, 1].map(|i: usize| {
+        let magnitude = (s[i].unsigned_abs().wrapping_mul(part).wrapping_mul(16 * SCALE as u32) >> 20) as i32;
+        if s[i] < 0 { magnitude.wrapping_neg() } else { magnitude }
+    });
+    let two = i32::from(ahead[COUNT]);
+    let ahead_share = SHARES[two as usize % 128];
+    let off = (4 * i32::from(sum[OFF])).wrapping_mul(share) >> 16;
+    let off_class = if weight == 0 { 15 } else { OFF_CLASSES.of(off) };
+    let first = off_class * 4 + COUNT_CLASSES.of(weight);
+    let due = if C::READS { [0; 2] } else { chart(mirrored(decode_l1(code), mirror)) };
+    let of = |i: usize| {
+        let turn = if two == 0 {
+            0
+        } else {
+            (i32::from(ahead[i]).wrapping_mul(16).wrapping_mul(ahead_share) >> 16).wrapping_sub(guess[i])
+        };
+        let error = i32::from(sum[ERRORS[i]]).wrapping_mul(share) >> 16;
+        Known { due: due[i], guess: guess[i], turn, error, off: off_class, first }
+    };
+    let u = u.code(coder, &of(0), 0);
+    let v = v.code(coder, &of(1), OTHER_CLASSES.of(u.residual));
+    let got = [u.value, v.value];
+    let errors = [u.error, v.error];
+    let magnitudes = u.residual.unsigned_abs().min(MOST_OFF) + v.residual.unsigned_abs().min(MOST_OFF);
+    if got[0].wrapping_abs() > SCALE || got[1].wrapping_abs() > SCALE {
+        return Err(CodingError::NormalRange);
+    }
+    let vector = mirrored(decode_l1(code_of(got)), mirror);
+    let mut plain = chart(vector);
+    // On the square's rim two codes share a direction: one symbol says which.
+    if vector[2] < 0 && (vector[0] == 0 || vector[1] == 0) {
+        let [u, v] = code.to_le_bytes().map(u8::cast_signed);
+        for (axis, (zero, negative)) in
+            [(vector[0] == 0, u < 0), (vector[1] == 0, v < 0)].into_iter().enumerate()
+        {
+            if zero {
+                let [first, second] = &mut *twins;
+                if coder.code((first, axis), (second, axis), usize::from(negative)) & 1 == 1 {
+                    plain[axis] = -plain[axis];
+                }
+            }
+        }
+    }
+    let lanes = [vector[0], vector[1], vector[2], 1, errors[0], errors[1], magnitudes.cast_signed(), 0];
+    // All are far below 32768.
+    window[SELF] = Place(lanes.map(|lane| lane as i16));
+    Ok(code_of(plain))
+}
+
+/// The sum of what is known of some neighbours.
+#[inline(always)]
+fn sum_of(window: &Window, neighbours: &[Neighbour]) -> Cell {
+    let mut sum = Cell::default();
+    for near in neighbours {
+        for (lane, more) in sum.iter_mut().zip(&window[near.at].0) {
+            *lane = lane.wrapping_add(*more);
+        }
+    }
+    sum
+}
