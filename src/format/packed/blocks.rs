@@ -27,6 +27,18 @@ pub(super) type Window = [Known; WINDOW];
 #[repr(align(16))]
 pub(super) struct Known(pub(super) Cell);
 
+impl Known {
+    /// Numbers that fit 16 bits.
+    #[inline(always)]
+    pub(super) fn of(lanes: [i32; 8]) -> Self {
+        let mut cell = Cell::default();
+        for (short, lane) in cell.iter_mut().zip(lanes) {
+            *short = lane as i16;
+        }
+        Self(cell)
+    }
+}
+
 /// A neighbour that Morton order can have before a voxel: its place in the window and the step to it. (Three faces,
 /// three edges and a corner always come after it.)
 #[derive(Clone, Copy, Debug)]
@@ -106,13 +118,14 @@ impl Blocks {
             voxels.begin_subtree();
             let mut block = [0; 3];
             for (place, mask) in places.iter().zip(masks) {
-                let node = coordinates(*place);
-                if node.map(|c| c >> (BLOCK_BITS - 1)) != block {
-                    block = node.map(|c| c >> (BLOCK_BITS - 1));
+                let [x, y, z] = coordinates(*place);
+                let of = [x >> (BLOCK_BITS - 1), y >> (BLOCK_BITS - 1), z >> (BLOCK_BITS - 1)];
+                if of != block {
+                    block = of;
                     clear(&mut self.grid, &mut self.written);
                 }
-                let [x, y, z] = node.map(|c| 2 * c % (1 << BLOCK_BITS));
-                let first = FIRST + z * SLICE + y * ROW + x;
+                let within = |c: usize| 2 * c % (1 << BLOCK_BITS);
+                let first = FIRST + within(z) * SLICE + within(y) * ROW + within(x);
                 let mut octants = *mask;
                 while octants != 0 {
                     let octant = octants.trailing_zeros() as usize;

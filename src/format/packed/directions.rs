@@ -127,6 +127,36 @@ impl VoxelCoder for Directions<'_> {
     }
 }
 
+/// Coordinate of the direction of a sum in 1/16, from 2^20 over the sum's L1 length.
+#[inline(always)]
+fn sixteenths(sum: i32, part: u32) -> i32 {
+    let magnitude = sum.unsigned_abs().wrapping_mul(part).wrapping_mul(16 * SCALE.unsigned_abs()) >> 20;
+    if sum < 0 { magnitude.cast_signed().wrapping_neg() } else { magnitude.cast_signed() }
+}
+
+/// What the neighbours say of both coordinates.
+struct Around {
+    sum: Cell,
+    /// Of the weights in the sum.
+    share: i32,
+    ahead: Cell,
+    /// In 1/16.
+    guess: [i32; 2],
+    off: usize,
+    first: usize,
+}
+
+impl Around {
+    #[inline(always)]
+    fn known(&self, i: usize, due: i32) -> Known {
+        let two = i32::from(self.ahead[COUNT]);
+        let ahead = i32::from(self.ahead[i]).wrapping_mul(16).wrapping_mul(SHARES[two as usize % 64]) >> 16;
+        let turn = if two == 0 { 0 } else { ahead.wrapping_sub(self.guess[i]) };
+        let error = i32::from(self.sum[ERRORS[i]]).wrapping_mul(self.share) >> 16;
+        Known { due, guess: self.guess[i], turn, error, off: self.off, first: self.first }
+    }
+}
+
 /// What is known of a coordinate before it is coded.
 struct Known {
     due: i32,
@@ -194,8 +224,8 @@ fn code_one<C: SymbolCoder>(
         }
     }
     let weight = i32::from(sum[COUNT]);
-    let share = SHARES[weight as usize % 128];
-    let mut s = [0, 1, 2].map(|i| i32::from(sum[i]));
+    let share = SHARES[weight as usize % 64];
+    let mut s = [i32::from(sum[0]), i32::from(sum[1]), i32::from(sum[2])];
     if weight == 0 {
         s = last;
     }
@@ -206,27 +236,13 @@ fn code_one<C: SymbolCoder>(
     let mirror = s[2] < 0;
     let part = (1 << 20) / l1 as u32;
     // In 1/16: sign and magnitude.
-    let guess = [0, 1].map(|i: usize| {
-        let magnitude = (s[i].unsigned_abs().wrapping_mul(part).wrapping_mul(16 * SCALE as u32) >> 20) as i32;
-        if s[i] < 0 { magnitude.wrapping_neg() } else { magnitude }
-    });
-    let two = i32::from(ahead[COUNT]);
-    let ahead_share = SHARES[two as usize % 128];
+    let guess = [sixteenths(s[0], part), sixteenths(s[1], part)];
     let off = (4 * i32::from(sum[OFF])).wrapping_mul(share) >> 16;
-    let off_class = if weight == 0 { 15 } else { OFF_CLASSES.of(off) };
-    let first = off_class * 4 + COUNT_CLASSES.of(weight);
+    let off = if weight == 0 { 15 } else { OFF_CLASSES.of(off) };
+    let around = Around { sum, share, ahead, guess, off, first: off * 4 + COUNT_CLASSES.of(weight) };
     let due = if C::READS { [0; 2] } else { chart(mirrored(decode_l1(code), mirror)) };
-    let of = |i: usize| {
-        let turn = if two == 0 {
-            0
-        } else {
-            (i32::from(ahead[i]).wrapping_mul(16).wrapping_mul(ahead_share) >> 16).wrapping_sub(guess[i])
-        };
-        let error = i32::from(sum[ERRORS[i]]).wrapping_mul(share) >> 16;
-        Known { due: due[i], guess: guess[i], turn, error, off: off_class, first }
-    };
-    let u = u.code(coder, &of(0), 0);
-    let v = v.code(coder, &of(1), OTHER_CLASSES.of(u.residual));
+    let u = u.code(coder, &around.known(0, due[0]), 0);
+    let v = v.code(coder, &around.known(1, due[1]), OTHER_CLASSES.of(u.residual));
     let got = [u.value, v.value];
     let errors = [u.error, v.error];
     let magnitudes = u.residual.unsigned_abs().min(MOST_OFF) + v.residual.unsigned_abs().min(MOST_OFF);
@@ -237,21 +253,18 @@ fn code_one<C: SymbolCoder>(
     let mut plain = chart(vector);
     // On the square's rim two codes share a direction: one symbol says which.
     if vector[2] < 0 && (vector[0] == 0 || vector[1] == 0) {
-        let [u, v] = code.to_le_bytes().map(u8::cast_signed);
-        for (axis, (zero, negative)) in
-            [(vector[0] == 0, u < 0), (vector[1] == 0, v < 0)].into_iter().enumerate()
-        {
-            if zero {
-                let [first, second] = &mut *twins;
-                if coder.code((first, axis), (second, axis), usize::from(negative)) & 1 == 1 {
-                    plain[axis] = -plain[axis];
-                }
+        let [u, v] = code.to_le_bytes();
+        let [first, second] = twins;
+        let axes = [(vector[0] == 0, u.cast_signed() < 0), (vector[1] == 0, v.cast_signed() < 0)];
+        for (axis, (zero, negative)) in axes.into_iter().enumerate() {
+            if zero && coder.code((first, axis), (second, axis), usize::from(negative)) & 1 == 1 {
+                plain[axis] = -plain[axis];
             }
         }
     }
     let lanes = [vector[0], vector[1], vector[2], 1, errors[0], errors[1], magnitudes.cast_signed(), 0];
     // All are far below 32768.
-    window[SELF] = Place(lanes.map(|lane| lane as i16));
+    window[SELF] = Place::of(lanes);
     Ok(code_of(plain))
 }
 

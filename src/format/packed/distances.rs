@@ -113,19 +113,20 @@ impl Said {
         own: [i32; 3],
     ) {
         for (i, near) in neighbours.iter().enumerate() {
-            let known = window[near.at].0.map(i32::from);
-            let (mut says, mut apart) = (known[OFFSET], 0);
+            let lanes = &window[near.at].0;
+            let known = |lane: usize| i32::from(lanes[lane]);
+            let (mut says, mut apart) = (known(OFFSET), 0);
             for a in 0..3 {
-                says = says.wrapping_add(own[a].wrapping_add(known[a]).wrapping_mul(near.away[a]));
-                apart += own[a].abs_diff(known[a]);
+                says = says.wrapping_add(own[a].wrapping_add(known(a)).wrapping_mul(near.away[a]));
+                apart += own[a].abs_diff(known(a));
             }
             // A place without a plane has no weight.
-            let weight = weights[apart as usize % 256] & known[PLANE].wrapping_neg();
+            let weight = weights[apart as usize % 256] & known(PLANE).wrapping_neg();
             self.says[(from + i) % NEAR] = says;
             self.weights[(from + i) % NEAR] = weight;
-            self.planes = self.planes.wrapping_add(known[PLANE]);
-            self.cornered = self.cornered.wrapping_add(known[CORNERED]);
-            self.off = self.off.wrapping_add(known[OFF]);
+            self.planes = self.planes.wrapping_add(known(PLANE));
+            self.cornered = self.cornered.wrapping_add(known(CORNERED));
+            self.off = self.off.wrapping_add(known(OFF));
         }
     }
 
@@ -190,7 +191,7 @@ impl VoxelCoder for Distances<'_> {
             [own[0], own[1], own[2], 1, offset.into(), residual.abs().min(MOST_OFF), 0, 0]
         };
         // All are far below 32768.
-        window[SELF] = Known(lanes.map(|lane| lane as i16));
+        window[SELF] = Known::of(lanes);
         Ok(())
     }
 }

@@ -16,7 +16,7 @@ pub(super) fn child_place(place: Place, octant: u32) -> Place {
 /// The three coordinates of a place.
 #[inline(always)]
 pub(super) fn coordinates(place: Place) -> [usize; 3] {
-    [place & 31, place >> 5 & 31, place >> 10 & 31].map(usize::from)
+    [(place & 31) as usize, (place >> 5 & 31) as usize, (place >> 10 & 31) as usize]
 }
 
 /// What a group holds: its subtrees one after the other, and of their voxels what a codec has to do with.

@@ -54,7 +54,7 @@ mod x86 {
     #[inline(always)]
     pub(in super::super) fn sink(row: &mut Row, turn: &Row, end: &Row, shift: u8) {
         for half in 0..2 {
-            let [lanes, turn, end] = [row.0[half], turn.0[half], end.0[half]].map(vector);
+            let (lanes, turn, end) = (vector(row.0[half]), vector(turn.0[half]), vector(end.0[half]));
             // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
             let moved = unsafe {
                 let seen = _mm_xor_si128(lanes, turn);
@@ -70,7 +70,8 @@ mod x86 {
     pub(in super::super) fn mean_of_four(a: &Row, b: &Row, c: &Row, d: &Row) -> Row {
         let mut means = [[0; 8]; 2];
         for (half, mean) in means.iter_mut().enumerate() {
-            let [a, b, c, d] = [a.0[half], b.0[half], c.0[half], d.0[half]].map(vector);
+            let (a, b) = (vector(a.0[half]), vector(b.0[half]));
+            let (c, d) = (vector(c.0[half]), vector(d.0[half]));
             // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
             let all = unsafe { _mm_srli_epi16::<1>(_mm_avg_epu16(_mm_avg_epu16(a, b), _mm_avg_epu16(c, d))) };
             *mean = bytemuck::cast(all);
@@ -81,7 +82,7 @@ mod x86 {
     /// [`super::portable::above`]
     #[inline(always)]
     pub(in super::super) fn above(row: &Row, value: u16) -> u32 {
-        let [low, high] = row.0.map(vector);
+        let (low, high) = (vector(row.0[0]), vector(row.0[1]));
         // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
         let bits = unsafe {
             let value = _mm_set1_epi16(value.cast_signed());

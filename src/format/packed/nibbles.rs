@@ -104,17 +104,21 @@ impl NodeCoder {
                 else {
                     return Err(CodingError::SubtreeTooDeep);
                 };
-                let pair = |row: usize| (rows[row] >> (2 * x) & 3) as usize;
-                let left = |row: usize| (rows[row] << 1 >> (2 * x) & 1) as usize;
                 let rest = (beside as usize) << 8 | usize::from(is_last) << 11;
-                let around =
-                    pair(1) | pair(2) << 2 | pair(SIDE) << 4 | left(SIDE + 1) << 6 | left(SIDE + 2) << 7;
+                let around = pair(rows, 1, x)
+                    | pair(rows, 2, x) << 2
+                    | pair(rows, SIDE, x) << 4
+                    | left(rows, SIDE + 1, x) << 6
+                    | left(rows, SIDE + 2, x) << 7;
                 let low = coder.code(
                     (&mut self.low, around | rest),
                     (&mut self.low_of_cells, around | usize::from(is_last) << 8),
                     usize::from(*mask & 15),
                 );
-                let around = low | pair(2 * SIDE) << 4 | left(2 * SIDE + 1) << 6 | left(2 * SIDE + 2) << 7;
+                let around = low
+                    | pair(rows, 2 * SIDE, x) << 4
+                    | left(rows, 2 * SIDE + 1, x) << 6
+                    | left(rows, 2 * SIDE + 2, x) << 7;
                 let high = coder.code(
                     (&mut self.high, around | rest),
                     (&mut self.high_of_cells, around | usize::from(is_last) << 8),
@@ -149,4 +153,16 @@ impl NodeCoder {
         }
         Ok(voxels)
     }
+}
+
+/// The two boxes of a row beside the node at x.
+#[inline(always)]
+fn pair(rows: &[u64; WINDOW], row: usize, x: usize) -> usize {
+    (rows[row] >> (2 * x) & 3) as usize
+}
+
+/// The box of a row before the node at x.
+#[inline(always)]
+fn left(rows: &[u64; WINDOW], row: usize, x: usize) -> usize {
+    (rows[row] << 1 >> (2 * x) & 1) as usize
 }
