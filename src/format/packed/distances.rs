@@ -65,6 +65,8 @@ impl Default for DistanceCoder {
 }
 
 impl GroupCoder for DistanceCoder {
+    const VOXELS: usize = 1 << 17;
+
     #[inline(always)]
     fn code<C: SymbolCoder>(&mut self, coder: &mut C, group: &mut Group) -> Result<(), CodingError> {
         self.spread.restart();

@@ -1,7 +1,7 @@
 //! The subtrees of a group, one after the other (SPEC 5.3).
 
 use super::tables::SymbolCoder;
-use super::{CodingError, GROUP_VOXELS, SUBTREE_DEPTH};
+use super::{CodingError, SUBTREE_DEPTH};
 
 /// Where a node lies in its subtree: five bits for each of x, y, z.
 pub(super) type Place = u16;
@@ -43,15 +43,13 @@ impl Group {
         self.normals.clear();
         self.offsets.clear();
     }
-
-    /// Is the group closed?
-    pub fn is_full(&self) -> bool {
-        self.voxels as u64 >= GROUP_VOXELS
-    }
 }
 
 /// A codec of groups. What it learns is forgotten at each.
 pub trait GroupCoder: Default + Send {
+    /// A group is full once it holds this many voxels: enough for the tables to learn.
+    const VOXELS: usize;
+
     /// Codes a group: an encoder all of it, a decoder fills in what the codec holds.
     ///
     /// # Errors

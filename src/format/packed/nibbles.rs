@@ -41,6 +41,8 @@ impl Default for NodeCoder {
 }
 
 impl GroupCoder for NodeCoder {
+    const VOXELS: usize = 1 << 18;
+
     /// A decoder takes the number of subtrees from the group and appends to its levels; either counts the voxels.
     #[inline(always)]
     fn code<C: SymbolCoder>(&mut self, coder: &mut C, group: &mut Group) -> Result<(), CodingError> {
@@ -52,7 +54,7 @@ impl GroupCoder for NodeCoder {
         group.voxels = 0;
         for _ in 0..group.subtrees {
             // A group that goes on after it is full could be longer than memory.
-            if group.is_full() {
+            if group.voxels >= Self::VOXELS {
                 return Err(CodingError::GroupSubtrees { subtrees: group.subtrees });
             }
             group.voxels += self.code_subtree(coder, &mut group.levels, &mut begins)?;

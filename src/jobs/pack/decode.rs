@@ -236,11 +236,10 @@ fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
     out: &File,
     kind: SectionKind,
     mut read: impl FnMut(&mut Group) -> Result<(), Stop>,
-    content: impl Fn(&Group, &mut Vec<u8>),
+    mut content: impl FnMut(&Group, &mut Writer) -> io::Result<()>,
 ) -> Result<(), Stop> {
     let mut subtrees = Subtrees::new(out, mapped);
     let (mut left, mut due) = (roots(mapped), mapped.header.voxels);
-    let mut bytes = Vec::new();
     each_group::<G>(
         Direction::Decode,
         |worker| {
@@ -248,7 +247,7 @@ fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
                 return Ok(false);
             }
             let stated = next_group(stored, &mut left, worker)?;
-            subtrees.fill(&mut worker.group)?;
+            subtrees.fill(&mut worker.group, G::VOXELS)?;
             if worker.group.subtrees != stated {
                 return Err(CodingError::GroupSubtrees { subtrees: stated }.into());
             }
@@ -257,11 +256,7 @@ fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
             read(&mut worker.group)?;
             Ok(true)
         },
-        |worker| {
-            bytes.clear();
-            content(&worker.group, &mut bytes);
-            writer.write(&bytes).map_err(Stop::Output)
-        },
+        |worker| content(&worker.group, writer).map_err(Stop::Output),
     )?;
     if !writer.is_full() {
         return Err(FormatError::SurplusItems { kind, room: writer.room() }.into());
@@ -276,6 +271,7 @@ fn directions<R: ReadAt + ?Sized>(
     out: &File,
 ) -> Result<(), Stop> {
     let kind = SectionKind::Voxels(Channel::Normal);
+    let mut bytes = Vec::new();
     voxels::<DirectionCoder, R>(
         stored,
         mapped,
@@ -283,8 +279,13 @@ fn directions<R: ReadAt + ?Sized>(
         out,
         kind,
         |_| Ok(()),
-        |group, bytes| {
-            bytes.extend(group.normals.iter().flat_map(|code| code.to_le_bytes()));
+        |group, writer| {
+            // In parts, so that they do not stand in memory twice.
+            group.normals.chunks(1 << 12).try_for_each(|part| {
+                bytes.clear();
+                bytes.extend(part.iter().flat_map(|code| code.to_le_bytes()));
+                writer.write(&bytes)
+            })
         },
     )
 }
@@ -298,8 +299,8 @@ fn distances<R: ReadAt + ?Sized>(
     let kind = SectionKind::Voxels(Channel::Offset);
     let mut normals = Normals::new(out, mapped)?;
     let read = |group: &mut Group| Ok(normals.next(group.voxels, &mut group.normals)?);
-    voxels::<DistanceCoder, R>(stored, mapped, writer, out, kind, read, |group, bytes| {
-        bytes.extend_from_slice(&group.offsets);
+    voxels::<DistanceCoder, R>(stored, mapped, writer, out, kind, read, |group, writer| {
+        group.offsets.chunks(1 << 14).try_for_each(|part| writer.write(part))
     })
 }
 

@@ -125,7 +125,7 @@ fn groups<G: GroupCoder, R: ReadAt + ?Sized>(
     each_group::<G>(
         Direction::Encode,
         |worker| {
-            subtrees.fill(&mut worker.group)?;
+            subtrees.fill(&mut worker.group, G::VOXELS)?;
             read(&mut worker.group)?;
             Ok(worker.group.subtrees > 0)
         },

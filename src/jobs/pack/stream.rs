@@ -133,10 +133,10 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         Ok(Some(count))
     }
 
-    /// Fills a group with the next subtrees (SPEC 5.3): so many that it is full, or all that are left.
-    pub(super) fn fill(&mut self, group: &mut Group) -> Result<(), Fault> {
+    /// Fills a group with the next subtrees (SPEC 5.3): so many that it has `full` voxels, or all that are left.
+    pub(super) fn fill(&mut self, group: &mut Group, full: usize) -> Result<(), Fault> {
         group.clear(self.cursors.len());
-        while !group.is_full() {
+        while group.voxels < full {
             let Some(voxels) = self.append(&mut group.levels)? else { break };
             group.subtrees += 1;
             group.voxels += usize::try_from(voxels).unwrap_or(usize::MAX);
