@@ -282,3 +282,28 @@ fn sum_of(window: &Window, neighbours: &[Neighbour]) -> Cell {
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::group::tests::slab;
+    use super::super::tables::{Decoder, Encoder};
+    use super::*;
+
+    #[test]
+    fn every_legal_code_comes_back_after_any_prediction() {
+        let legal: Vec<u16> = (0..=u16::MAX).filter(|c| !c.to_le_bytes().contains(&0x80)).collect();
+        assert_eq!(legal.len(), 255 * 255);
+        let order: Vec<u16> =
+            (0..legal.len()).map(|i| legal[i * 7919 % legal.len()]).chain(legal.clone()).collect();
+        let mut group = slab(order.len() / 4096);
+        group.normals = order[..group.voxels].to_vec();
+        let mut encoder = Encoder::default();
+        DirectionCoder::default().code(&mut encoder, &mut group).unwrap();
+        let payload = encoder.finish();
+        let normals = std::mem::take(&mut group.normals);
+        let mut decoder = Decoder::new(&payload).unwrap();
+        DirectionCoder::default().code(&mut decoder, &mut group).unwrap();
+        decoder.finish().unwrap();
+        assert!(group.normals == normals);
+    }
+}

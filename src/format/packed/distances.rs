@@ -197,3 +197,31 @@ impl VoxelCoder for Distances<'_> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::group::tests::slab;
+    use super::super::tables::{Decoder, Encoder};
+    use super::*;
+    use crate::format::normal;
+
+    #[test]
+    fn offsets_come_back_and_those_of_a_plane_cost_little() {
+        let mut group = slab(4);
+        let tilted = normal::encode([0.02, 0.03, 1.0]);
+        group.normals = vec![tilted; group.voxels];
+        let all: Vec<u8> = (0..group.voxels).map(|i| (i * 37 % 256).to_le_bytes()[0]).collect();
+        for (offsets, most_bits) in [(vec![9; group.voxels], 3), (all, 16)] {
+            group.offsets = offsets.clone();
+            let mut encoder = Encoder::default();
+            DistanceCoder::default().code(&mut encoder, &mut group).unwrap();
+            let payload = encoder.finish();
+            assert!(payload.len() * 8 < most_bits * group.voxels, "{}", payload.len());
+            group.offsets.clear();
+            let mut decoder = Decoder::new(&payload).unwrap();
+            DistanceCoder::default().code(&mut decoder, &mut group).unwrap();
+            decoder.finish().unwrap();
+            assert!(group.offsets == offsets);
+        }
+    }
+}

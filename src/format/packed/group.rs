@@ -111,3 +111,28 @@ pub(super) fn wrong_count(found: usize, due: usize) -> CodingError {
     let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     CodingError::SubtreeNodes { found: count(found), due: count(due) }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Subtrees of a slab each: all 64 x 64 cells at the bottom.
+    pub(in super::super) fn slab(subtrees: usize) -> Group {
+        let levels = (0..6).map(|depth| vec![0b1111; subtrees << (2 * depth)]).collect();
+        let count = u32::try_from(subtrees).unwrap();
+        Group { levels, subtrees: count, voxels: subtrees * 4096, ..Group::default() }
+    }
+
+    #[test]
+    fn a_walk_visits_the_nodes_above_the_voxels_and_refuses_levels_that_end_early() {
+        let group = slab(2);
+        let mut walk = Walk::default();
+        for _ in 0..2 {
+            let (places, masks) = walk.next_subtree(&group.levels).unwrap();
+            assert_eq!((places.len(), masks), (1024, &[15; 1024][..]));
+            assert_eq!(coordinates(places[1023]), [31, 31, 0]);
+            assert_eq!(coordinates(places[5]), [3, 0, 0]);
+        }
+        assert_eq!(walk.next_subtree(&group.levels).unwrap_err(), wrong_count(0, 1));
+    }
+}

@@ -339,3 +339,62 @@ impl SymbolCoder for Decoder<'_> {
         if self.at > self.words.len() { Err(CodingError::GroupCut) } else { Ok(()) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Both = [Tables<4, 4, 7>; 2];
+
+    /// Symbols of any skew, and even bits among them.
+    fn code(coder: &mut impl SymbolCoder, skew: u32, count: u32) -> Vec<u32> {
+        let [mut first, mut second]: Both = [Tables::new(), Tables::new()];
+        (0..count)
+            .map(|i| {
+                let noise = i.wrapping_mul(2_654_435_761) >> 12;
+                let symbol = if noise % 1000 < skew { 3 } else { noise / 1000 % 16 };
+                let (a, b) = (i as usize % 4, i as usize / 4 % 4);
+                let got = coder.code((&mut first, a), (&mut second, b), symbol as usize);
+                let low = coder.even(i % 16, noise & ((1 << (i % 16)) - 1));
+                coder.end_item();
+                got as u32 | low << 4
+            })
+            .collect()
+    }
+
+    #[test]
+    fn symbols_of_any_skew_come_back_over_many_blocks() {
+        for (skew, count) in [(0, 1), (0, 50_000), (500, 16_384), (990, 32_768), (1000, 40_000)] {
+            let mut encoder = Encoder::default();
+            let given = code(&mut encoder, skew, count);
+            let payload = encoder.finish();
+            let mut decoder = Decoder::new(&payload).unwrap();
+            assert_eq!(code(&mut decoder, skew, count), given);
+            decoder.finish().unwrap();
+            // 7.5 even bits a symbol, and what the skew leaves.
+            let bits = payload.len() as f64 * 8.0 / f64::from(count) - 7.5;
+            assert!(count == 1 || bits < [4.05, 0.25][usize::from(skew >= 990)], "{skew}: {bits} bits");
+        }
+    }
+
+    #[test]
+    fn a_payload_cut_or_changed_is_an_error_or_other_symbols_and_never_a_panic() {
+        let mut encoder = Encoder::default();
+        let given = code(&mut encoder, 700, 600);
+        let payload = encoder.finish();
+        for len in 0..payload.len() {
+            let all = Decoder::new(&payload[..len]).and_then(|mut decoder| {
+                code(&mut decoder, 0, 600);
+                decoder.finish()
+            });
+            assert!(all.is_err(), "{len}");
+        }
+        for at in 0..payload.len() {
+            let mut bad = payload.clone();
+            bad[at] ^= 0x41;
+            let mut decoder = Decoder::new(&bad).unwrap();
+            let got = code(&mut decoder, 0, 600);
+            assert!(got != given && decoder.finish().is_err(), "{at}");
+        }
+    }
+}
