@@ -1,4 +1,5 @@
 //! Normals of a group, each predicted from the voxels around it that are coded already (SPEC 5.10).
+#![expect(clippy::cast_possible_truncation, reason = "components were held to a byte")]
 
 use super::CodingError;
 use super::blocks::{

@@ -118,9 +118,9 @@ impl Said {
             let lanes = &window[near.at].0;
             let known = |lane: usize| i32::from(lanes[lane]);
             let (mut says, mut apart) = (known(OFFSET), 0);
-            for a in 0..3 {
-                says = says.wrapping_add(own[a].wrapping_add(known(a)).wrapping_mul(near.away[a]));
-                apart += own[a].abs_diff(known(a));
+            for (a, own) in own.iter().enumerate() {
+                says = says.wrapping_add(own.wrapping_add(known(a)).wrapping_mul(near.away[a]));
+                apart += own.abs_diff(known(a));
             }
             // A place without a plane has no weight.
             let weight = weights[apart as usize % 256] & known(PLANE).wrapping_neg();
