@@ -193,7 +193,8 @@ impl Component {
             (&mut self.bent, (bend * 8 + err) * 4 + other),
             token_of(magnitude),
         );
-        let residual = difference_of(token, coder.even(TOKENS[token].1, low_bits(token, residual)));
+        let bits = TOKENS[token].1;
+        let residual = difference_of(token, coder.even(bits, low_bits(token, bits, residual)));
         let value = expected.wrapping_add(residual);
         let wrong = (value << 4).wrapping_sub(known.guess);
         *bias = bias.wrapping_add((wrong << 4).wrapping_sub(*bias) >> 5);
