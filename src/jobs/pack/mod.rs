@@ -17,6 +17,7 @@ use std::time::Instant;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, UsageError};
+use crate::format::least_minor;
 use crate::format::packed::GROUPS_MINOR;
 use crate::load::{Frame, LoadError, ReadAt, open_regular};
 use strip::StripStop;
@@ -37,7 +38,7 @@ pub struct PackReport {
 /// Minor version of the mapped file that a packed one holds: the lowest that suffices (SPEC 1).
 fn mapped_minor(packed: &Frame) -> u16 {
     match packed.header.minor {
-        GROUPS_MINOR => packed.surface().minor(),
+        GROUPS_MINOR => least_minor(packed.surface(), &packed.sections),
         other => other,
     }
 }
