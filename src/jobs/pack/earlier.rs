@@ -1,4 +1,4 @@
-//! The groups of files up to version 1.2, coded bit by bit: read, not written any more.
+//! The groups of files up to version 1.1, coded bit by bit: read, not written any more.
 
 use std::fs::File;
 
