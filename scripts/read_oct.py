@@ -12,6 +12,7 @@ import json
 import struct
 import sys
 
+sys.dont_write_bytecode = True
 import read_oct_packed
 
 SCALARS = ["u8", "i8", "u16", "i16", "u32", "i32", "f32", "f64"]

@@ -4,7 +4,7 @@ src/format/SPEC.md: infobytes, normals, and offsets of cells. Used by read_oct.p
 import struct
 
 SCALE = 127
-NORM_TOKENS = [(0, 0), (1, 1), (2, 1), (3, 1), (4, 1), (5, 1), (6, 2), (8, 3), (12, 3), (16, 4), (24, 4), (32, 5),
+TOKENS = [(0, 0), (1, 1), (2, 1), (3, 1), (4, 1), (5, 1), (6, 2), (8, 3), (12, 3), (16, 4), (24, 4), (32, 5),
                (48, 5), (64, 6), (96, 6), (128, 8)]
 OFF_LIMITS = [1, 3, 5, 7, 10, 14, 19, 26, 36, 52, 76, 110, 160, 230]
 
@@ -83,8 +83,9 @@ class Coder:
         self.step(value << (15 - bits), 1 << (15 - bits))
         return value
 
-    def difference(self, symbol):
-        least, bits = NORM_TOKENS[symbol]
+    def difference(self, symbol, bits=None):
+        least = TOKENS[symbol][0]
+        bits = bits or TOKENS[symbol][1]
         low = self.even(bits)
         size = least + (low >> 1)
         return -size if low & 1 else size
@@ -340,7 +341,7 @@ def offsets(stored, subtrees, norm):
                     known[cell] = own, None, 0
                     done.append(128)
                 else:
-                    residual = coder.difference(symbol)
+                    residual = coder.difference(symbol, 9 if symbol == 14 else None)
                     offset = expected + residual
                     if abs(offset) > SCALE:
                         raise Broken("an offset is out of range")

@@ -1,5 +1,6 @@
 //! The voxels of a group's subtrees in Morton order, each with a window on those around it that are coded already
 //! (SPEC 5.10).
+#![expect(clippy::cast_possible_truncation, reason = "places of the grid fit 16 bits, steps 32")]
 
 use super::CodingError;
 use super::group::{Group, Walk, coordinates};

@@ -1,4 +1,5 @@
 //! Small differences between what was expected and what is, as symbols and classes (SPEC 5.10).
+#![expect(clippy::cast_possible_truncation, reason = "classes and shares are small")]
 
 /// Least magnitude and further bits, the sign's among them, of each symbol of a magnitude below 256.
 pub(super) const TOKENS: [(u32, u32); 16] = [
@@ -39,10 +40,10 @@ pub(super) fn token_of(magnitude: u32) -> usize {
     usize::from(TOKEN_OF[magnitude as usize % 256])
 }
 
-/// Further bits of a difference: how far its magnitude is above the least, then the sign; of 0 none.
+/// So many further bits of a difference: how far its magnitude is above the least, then the sign; of 0 none.
 #[inline(always)]
-pub(super) fn low_bits(token: usize, difference: i32) -> u32 {
-    let (least, bits) = TOKENS[token % 16];
+pub(super) fn low_bits(token: usize, bits: u32, difference: i32) -> u32 {
+    let least = TOKENS[token % 16].0;
     let low = difference.unsigned_abs().wrapping_sub(least) << 1 | u32::from(difference < 0);
     low & ((1 << bits) - 1)
 }

@@ -1,4 +1,5 @@
 //! Normals of a group, each predicted from the voxels around it that are coded already (SPEC 5.10).
+#![expect(clippy::cast_possible_truncation, reason = "components were held to a byte")]
 
 use super::CodingError;
 use super::blocks::{
@@ -202,7 +203,8 @@ impl Component {
             (&mut self.bent, (bend * 8 + err) * 4 + other),
             token_of(magnitude),
         );
-        let residual = difference_of(token, coder.even(TOKENS[token].1, low_bits(token, residual)));
+        let bits = TOKENS[token].1;
+        let residual = difference_of(token, coder.even(bits, low_bits(token, bits, residual)));
         let value = expected.wrapping_add(residual);
         let value = if known.coarse { coarse_component(value) } else { value };
         let wrong = (value << 4).wrapping_sub(known.guess);

@@ -19,8 +19,10 @@ const OFFSET: usize = 4;
 const OFF: usize = 5;
 const CORNERED: usize = 6;
 
-/// The symbol that says that a cell has corners: no difference is so large.
+/// The symbol that says that a cell has corners. The one before it stands for all differences of 96 and more.
 const CORNERS_TOKEN: usize = 15;
+/// Further bits of the symbol before: 0 to 158, and the sign.
+const FAR_BITS: u32 = 9;
 /// Farthest that a neighbour's prediction counts as being from the mean.
 const FAR: i32 = 80;
 /// Largest residual that counts.
@@ -118,9 +120,9 @@ impl Said {
             let lanes = &window[near.at].0;
             let known = |lane: usize| i32::from(lanes[lane]);
             let (mut says, mut apart) = (known(OFFSET), 0);
-            for a in 0..3 {
-                says = says.wrapping_add(own[a].wrapping_add(known(a)).wrapping_mul(near.away[a]));
-                apart += own[a].abs_diff(known(a));
+            for (a, own) in own.iter().enumerate() {
+                says = says.wrapping_add(own.wrapping_add(known(a)).wrapping_mul(near.away[a]));
+                apart += own.abs_diff(known(a));
             }
             // A place without a plane has no weight.
             let weight = weights[apart as usize % 256] & known(PLANE).wrapping_neg();
@@ -180,13 +182,15 @@ impl VoxelCoder for Distances<'_> {
             if said.planes == 0 { 15 } else { OFF_CLASSES.of(off) } * 4 + said.cornered.min(3) as usize;
         let given = slot.cast_signed();
         let residual = i32::from(given) - expected;
-        let token = if given == HAS_CORNERS { CORNERS_TOKEN } else { token_of(residual.unsigned_abs()) };
+        let token = token_of(residual.unsigned_abs()).min(CORNERS_TOKEN - 1);
+        let token = if given == HAS_CORNERS { CORNERS_TOKEN } else { token };
         let token = coder.code((self.spread, first), (self.off, second), token);
         let lanes = if token == CORNERS_TOKEN {
             *slot = HAS_CORNERS.cast_unsigned();
             [own[0], own[1], own[2], 0, 0, 0, 1, 0]
         } else {
-            let residual = difference_of(token, coder.even(TOKENS[token].1, low_bits(token, residual)));
+            let bits = if token + 1 == CORNERS_TOKEN { FAR_BITS } else { TOKENS[token].1 };
+            let residual = difference_of(token, coder.even(bits, low_bits(token, bits, residual)));
             let offset = i8::try_from(expected + residual).ok().filter(|o| *o != HAS_CORNERS);
             let offset = offset.ok_or(CodingError::OffsetRange)?;
             *slot = offset.cast_unsigned();

@@ -1,4 +1,5 @@
 //! The subtrees of a group, one after the other (SPEC 5.3).
+#![expect(clippy::cast_possible_truncation, reason = "octants are below 8")]
 
 use super::tables::SymbolCoder;
 use super::{CodingError, SUBTREE_DEPTH};

@@ -13,6 +13,19 @@
 //!
 //! Encoder and decoder of each codec are one function over a [`tables::SymbolCoder`], so that they cannot
 //! disagree about a context.
+//!
+//! What was tried, in bits a voxel: infobytes, normals, offsets.
+//!
+//! | | phantom, skin | phantom, cells | head, skin | head, cells | iguana, cells | brain, cells |
+//! |---|---|---|---|---|---|---|
+//! | voxels | 8,310,591 | 15,891,466 | 181,254 | 266,109 | 313,354 | 361,222 |
+//! | codecs 3, 4, 5 | 1.34, 4.62 | | 1.17, 7.89 | 0.95, 6.14, 3.48 | 1.11, 9.50, 4.43 | 0.92, 12.77, 5.08 |
+//! | codecs 6, 7, 8 in groups of 2^18 | 1.12, 4.36 | 0.80, 4.36, 3.27 | 0.91, 7.40 | 0.76, 5.87, 3.51 | 0.98, 9.31, 4.46 | 0.79, 12.77, 5.11 |
+//! | in groups of 2^17 | 1.15, 4.39 | 0.82, 4.38, 3.28 | | 0.78, 5.89, 3.51 | | |
+//!
+//! Infobytes with shifts 4 and 7, and every step of a young table half of the one before: 0.05 to 0.06 bits more. A second table
+//! with the diagonal nodes instead of none: 0.02 less to 0.04 more. Normals with shifts 4 and 7, or 6 and 8: as many, or 0.04 more.
+//! Loops left to the compiler: 1.4 times the time, for it takes rows of lanes apart.
 
 mod around;
 mod blocks;

@@ -1,4 +1,5 @@
 //! Infobytes of a subtree as two nibbles, each in the contexts of the boxes around that are known (SPEC 5.9).
+#![expect(clippy::cast_possible_truncation, reason = "two boxes and nibbles are wanted")]
 
 use super::group::{Group, GroupCoder, Place, child_place, coordinates, wrong_count};
 use super::tables::{SymbolCoder, Tables};

@@ -9,7 +9,7 @@ use crate::format::packed::group::{Group, GroupCoder};
 use crate::format::packed::nibbles::NodeCoder;
 use crate::format::packed::{
     CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NIBBLES, CODEC_NONE, CODEC_NORMALS,
-    CODEC_OFFSETS, CODEC_PLANES, CODEC_STRUCTURE, CodingError, GROUP_BYTES_LIMIT, GROUP_VOXELS, planes,
+    CODEC_OFFSETS, CODEC_PLANES, CODEC_STRUCTURE, CodingError, GROUP_VOXELS, planes,
 };
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
@@ -17,11 +17,12 @@ use crate::format::{
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
 
+use super::earlier;
 use super::encode::finish_frame;
 use super::groups::{Direction, Worker, each_group};
 use super::stop::Stop;
+use super::stored::{LevelWriters, Stored, mapped_minor};
 use super::stream::{Normals, Subtrees, Writer, codec_of, roots, subtree_shape};
-use super::{earlier, mapped_minor};
 
 /// Most voxels of a block of a payload (SPEC 5.1).
 const BLOCK_VOXELS: u64 = 1 << 17;
@@ -147,50 +148,6 @@ fn decode_section<R: ReadAt + ?Sized>(
     }
 }
 
-/// Stored bytes of one section, read from front to back.
-pub(super) struct Stored<'a, R: ReadAt + ?Sized>(Cursor<'a, R>);
-
-impl<R: ReadAt + ?Sized> Stored<'_, R> {
-    fn number(&mut self) -> Result<u32, Stop> {
-        let bytes = self.0.take::<4>()?.ok_or(CodingError::SectionCut)?;
-        Ok(u32::from_le_bytes(bytes))
-    }
-
-    /// The next `len` bytes; a length beyond the section or the limit is refused before allocating.
-    fn bytes(&mut self, len: u32, limit: u32) -> Result<Vec<u8>, Stop> {
-        if len > limit || u64::from(len) > self.0.left() {
-            return Err(CodingError::BlockTooLong { bytes: len }.into());
-        }
-        let mut bytes = Vec::with_capacity(len as usize);
-        while bytes.len() < len as usize {
-            let left = len as usize - bytes.len();
-            let part = self.0.next_part_up_to(left)?;
-            bytes.extend_from_slice(part);
-        }
-        Ok(bytes)
-    }
-
-    /// SPEC 5.5: blocks until the writer is full.
-    fn planes(&mut self, item: u8, writer: &mut Writer) -> Result<(), Stop> {
-        while !writer.is_full() {
-            let len = usize::try_from(writer.room()).unwrap_or(usize::MAX).min(planes::block_bytes(item));
-            let stored_len = self.number()?;
-            let stored = self.bytes(stored_len, planes::STORED_LIMIT)?;
-            writer.write(&planes::decode(&stored, item, len)?).map_err(Stop::Output)?;
-        }
-        writer.flush().map_err(Stop::Output)
-    }
-
-    /// SPEC 5.3: the number of subtrees of a group, and its payload.
-    pub(super) fn group(&mut self, left: u64) -> Result<(u32, Vec<u8>), Stop> {
-        let (len, subtrees) = (self.number()?, self.number()?);
-        if subtrees == 0 || u64::from(subtrees) > left {
-            return Err(CodingError::GroupSubtrees { subtrees }.into());
-        }
-        Ok((subtrees, self.bytes(len, GROUP_BYTES_LIMIT)?))
-    }
-}
-
 /// A group's header into a group for so many levels, and its payload.
 fn next_group<R: ReadAt + ?Sized, G: GroupCoder>(
     stored: &mut Stored<'_, R>,
@@ -307,60 +264,6 @@ fn distances<R: ReadAt + ?Sized>(
 /// Levels of nodes in a subtree.
 fn levels_of(frame: &Frame) -> usize {
     subtree_shape(frame).1 as usize
-}
-
-/// The depths of the subtrees in the output, each filled from front to back.
-pub(super) struct LevelWriters<'a> {
-    root_depth: u32,
-    writers: Vec<Writer<'a>>,
-}
-
-impl<'a> LevelWriters<'a> {
-    /// Writes the infobytes above the subtrees, and stands at the first subtree; `None` without any nodes.
-    pub(super) fn new<R: ReadAt + ?Sized>(
-        stored: &mut Stored<'_, R>,
-        frame: &Frame,
-        target: &SectionEntry,
-        out: &'a File,
-    ) -> Result<Option<Self>, Stop> {
-        let (root_depth, depth) = subtree_shape(frame);
-        if depth == 0 {
-            return Ok(None);
-        }
-        let top = frame.level(Level::new(root_depth)).start;
-        stored.planes(1, &mut Writer::new(out, target.offset, target.offset + top))?;
-        let writers = (root_depth..root_depth + depth)
-            .map(|d| {
-                let level = frame.level(Level::new(d));
-                Writer::new(out, target.offset + level.start, target.offset + level.end)
-            })
-            .collect();
-        Ok(Some(Self { root_depth, writers }))
-    }
-
-    /// Appends to each depth.
-    pub(super) fn write(&mut self, levels: &[Vec<u8>]) -> Result<(), Stop> {
-        for (depth, (writer, level)) in (self.root_depth..).zip(self.writers.iter_mut().zip(levels)) {
-            let (room, brought) = (writer.room(), level.len() as u64);
-            if brought > room {
-                return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought }.into());
-            }
-            writer.write(level).map_err(Stop::Output)?;
-        }
-        Ok(())
-    }
-
-    /// Checks that every depth is full.
-    pub(super) fn finish(mut self) -> Result<(), Stop> {
-        for (depth, writer) in (self.root_depth..).zip(&mut self.writers) {
-            if !writer.is_full() {
-                let room = writer.room();
-                return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought: 0 }.into());
-            }
-            writer.flush().map_err(Stop::Output)?;
-        }
-        Ok(())
-    }
 }
 
 /// Writes the rank directory of the nodes that are in `out`, and returns its CRC.

@@ -9,8 +9,8 @@ use crate::format::packed::structure::{Cell, StructureCoder, cells_of};
 use crate::format::{Channel, FormatError, SectionEntry, SectionKind};
 use crate::load::{Frame, ReadAt};
 
-use super::decode::{LevelWriters, Stored};
 use super::stop::Stop;
+use super::stored::{LevelWriters, Stored};
 use super::stream::{Normals, Subtrees, Writer, roots, subtree_shape};
 
 /// SPEC 5.3

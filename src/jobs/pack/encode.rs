@@ -18,8 +18,8 @@ use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify};
 
 use super::groups::{Direction, each_group};
-use super::mapped_minor;
 use super::stop::Stop;
+use super::stored::mapped_minor;
 use super::stream::{Normals, Subtrees, Writer, codec_of, subtree_shape};
 
 /// Packs into an empty file and returns the frame of what was written.

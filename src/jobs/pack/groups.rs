@@ -10,7 +10,8 @@ use crate::render::picture::pool as pool_of;
 
 use super::stop::Stop;
 
-/// Most workers: each has a group, its grid and its tables, below 2 MiB.
+/// Most workers that decode: each has a group, its grid and its tables, 1.4 MiB. An encoder also keeps the symbols of a
+/// block, and has to do with one, so that either stays within 8 MiB for a process.
 const MOST_WORKERS: usize = 2;
 
 /// What to do with a group.
@@ -83,7 +84,10 @@ pub(super) fn each_group<G: GroupCoder>(
     mut fill: impl FnMut(&mut Worker<G>) -> Result<bool, Stop>,
     mut drain: impl FnMut(&mut Worker<G>) -> Result<(), Stop>,
 ) -> Result<(), Stop> {
-    let most = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_WORKERS);
+    let most = match direction {
+        Direction::Encode => 1,
+        Direction::Decode => std::thread::available_parallelism().map_or(1, usize::from).min(MOST_WORKERS),
+    };
     let mut workers: Vec<Worker<G>> = Vec::new();
     let mut pool = None;
     loop {

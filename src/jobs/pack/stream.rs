@@ -12,6 +12,8 @@ use crate::load::{Cursor, Fault, Frame, ReadAt};
 
 /// Bytes of a writer's or a cursor's buffer.
 const BUFFER_BYTES: usize = 64 << 10;
+/// Bytes of the buffer of a cursor over one depth.
+const LEVEL_BUFFER_BYTES: usize = 16 << 10;
 
 /// Sequential writer to one place of a file; [`Writer::flush`] must be called at the end.
 #[derive(Debug)]
@@ -92,7 +94,7 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         let cursors = (root_depth..root_depth + levels)
             .map(|d| {
                 let level = frame.level(Level::new(d));
-                Cursor::new(source, nodes + level.start, nodes + level.end, BUFFER_BYTES)
+                Cursor::new(source, nodes + level.start, nodes + level.end, LEVEL_BUFFER_BYTES)
             })
             .collect();
         Self { cursors, root_depth, left: roots(frame) }
