@@ -120,6 +120,7 @@ impl fmt::Display for Fault {
                 "is a mesh by its name, and is not read as a volume; STL, PLY, OBJ and OFF are built by themselves, with --grid N or --voxel MM",
             ),
             Self::MeshFile(fault) => fault.fmt(f),
+            Self::Csg(fault) => fault.fmt(f),
             Self::Raw(fault) => raw(fault, RawKeys::Flags, f),
             Self::Header(fault) => fault.fmt(f),
             Self::Stored(fault) => fault.fmt(f),
