@@ -1,7 +1,8 @@
 //! Normals of skin voxels: of the leaf whose surface makes the voxel skin.
 //!
 //! A leaf is a candidate if a voxel is inside it and an exposed neighbour is not, or the other way round, and the
-//! tree turns to outside when that leaf alone does. Of several the one counts whose surface is nearest to the voxel's
+//! tree turns to outside when that leaf alone does; if there is none, the tree beside turns to inside when that leaf
+//! alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose surface is nearest to the voxel's
 //! middle, then the first in the tree. Its normal points out of it where the voxel is inside it, and into it
 //! where it was taken away. Voxels that only the wall of the grid makes skin face that wall.
 
@@ -9,7 +10,7 @@ use super::leaf::Leaf;
 use super::program::{self, Step};
 use super::solid::{CsgSolid, Left};
 use super::walked::Walker;
-use crate::builder::{Exposed, SkinSlice};
+use crate::builder::{Cover, Exposed, SkinSlice, VoxelBox};
 use crate::facts::SourceError;
 use crate::format::{Channel, normal};
 
@@ -24,6 +25,8 @@ const AT_ONCE: usize = 63;
 /// Buffers of the descriptions, and what they gave.
 pub(super) struct Description {
     codes: Vec<u8>,
+    /// What is left of the program around the voxels.
+    near: Vec<Step>,
     /// Leaves that are inside at the voxel, and at its neighbour, by their place among those of the program.
     here: Vec<bool>,
     leaves: Vec<u32>,
@@ -48,19 +51,19 @@ enum Surface {
     Walked(u32, bool),
 }
 
-/// Leaves that a program with few steps may have; longer ones grow the buffers.
-const USUAL: usize = 1024;
-
 impl Description {
-    /// Memory of one, about.
-    pub(super) const BYTES: u64 = (SkinSlice::MOST * 6 + USUAL * 9) as u64;
+    /// Memory of one, for programs of so many steps.
+    pub(super) const fn bytes(steps: usize) -> u64 {
+        (SkinSlice::MOST * 6 + steps * 13) as u64
+    }
 
-    pub(super) fn new() -> Self {
+    pub(super) fn new(steps: usize) -> Self {
         Self {
             codes: Vec::with_capacity(2 * SkinSlice::MOST),
-            here: Vec::with_capacity(USUAL),
-            leaves: Vec::with_capacity(USUAL),
-            turned: Vec::with_capacity(USUAL),
+            near: Vec::with_capacity(steps),
+            here: Vec::with_capacity(steps),
+            leaves: Vec::with_capacity(steps),
+            turned: Vec::with_capacity(steps),
             walked: vec![0; SkinSlice::MOST],
         }
     }
@@ -77,10 +80,28 @@ impl Description {
         walkers: &mut [Walker<'_>],
     ) -> Result<(), SourceError> {
         self.codes.clear();
-        let steps = match left {
-            Left::Steps(steps) => steps,
-            Left::Uniform(_) => &[],
-        };
+        // What matters around these voxels alone is often one leaf.
+        let mut near = std::mem::take(&mut self.near);
+        near.clear();
+        if let Left::Steps(steps) = left {
+            let around = around(skin.corner(), solid.place.dims.to_array());
+            let told = program::prune(steps, |leaf| solid.leaves[leaf as usize].cover(&around), &mut near);
+            if told != Cover::Mixed {
+                near.clear();
+            }
+        }
+        let done = self.describe_near(skin, solid, &near, walkers);
+        self.near = near;
+        done
+    }
+
+    fn describe_near(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        solid: &CsgSolid<'_>,
+        steps: &[Step],
+        walkers: &mut [Walker<'_>],
+    ) -> Result<(), SourceError> {
         self.leaves.clear();
         self.leaves.extend(steps.iter().filter_map(|step| program::leaf_of(*step)).map(|(leaf, _)| leaf));
         let [x0, y0, z] = skin.corner().map(|c| i32::try_from(c).unwrap_or(i32::MAX));
@@ -136,7 +157,7 @@ impl Description {
             seen = true;
             let beside = [voxel[0] + way[0], voxel[1] + way[1], voxel[2] + way[2]];
             if exists(beside) {
-                self.offer(&mut best, voxel, beside, solid, steps, walkers, &mut known);
+                self.offer(&mut best, voxel, beside, solid, steps, walkers, &mut known, true);
             }
         }
         if !seen {
@@ -144,7 +165,7 @@ impl Description {
             for at in (0..27).filter(|at| *at != 13) {
                 let beside = [voxel[0] + at % 3 - 1, voxel[1] + at / 3 % 3 - 1, voxel[2] + at / 9 - 1];
                 if exists(beside) {
-                    self.offer(&mut best, voxel, beside, solid, steps, walkers, &mut known);
+                    self.offer(&mut best, voxel, beside, solid, steps, walkers, &mut known, false);
                 }
             }
         }
@@ -162,15 +183,17 @@ impl Description {
         steps: &[Step],
         walkers: &[Walker<'_>],
         known: &mut bool,
+        is_exposed: bool,
     ) {
         let contains = |leaf: u32, p: [i32; 3]| match &solid.leaves[leaf as usize] {
             Leaf::Walked(at) => walkers[*at as usize].contains(p),
             leaf => leaf.contains(p),
         };
         if let [leaf] = self.leaves[..] {
-            // It alone decides here: if the neighbour is outside, it has turned.
+            // It alone decides here: where the neighbour is outside, it has turned.
             let inside = program::leaf_of(steps[0]).is_some_and(|(_, negated)| !negated);
-            if contains(leaf, beside) != inside {
+            let known = best.is_some() && solid.leaves[leaf as usize].has_one_face();
+            if !known && (is_exposed || contains(leaf, beside) != inside) {
                 take(best, leaf, voxel, beside, inside, solid);
             }
             return;
@@ -186,34 +209,40 @@ impl Description {
                 self.turned.push(at);
             }
         }
-        let before = best.map(|best| best.leaf);
-        let mut any = false;
-        for group in self.turned.chunks(AT_ONCE) {
-            // Bit i is the tree with leaf i of the group turned.
-            let (mut at, mut next) = (0_usize, 0_usize);
-            let value = program::value(steps, |_| {
-                let own = if self.here[at] { u64::MAX } else { 0 };
-                let turns = group.get(next).is_some_and(|turned| *turned as usize == at);
-                let bit = if turns { 1 << next } else { 0 };
-                next += usize::from(turns);
-                at += 1;
-                own ^ bit
-            });
-            for (bit, at) in group.iter().enumerate() {
-                if value >> bit & 1 == 0 {
-                    any = true;
-                    let at = *at as usize;
-                    take(best, self.leaves[at], voxel, beside, self.here[at], solid);
+        // Which leaves turn the tree alone: from what they are at the voxel, or, if none does, from what they are
+        // beside it.
+        for from_beside in [false, true] {
+            let mut any = false;
+            for group in self.turned.chunks(AT_ONCE) {
+                let value = self.turned_alone(steps, group, from_beside);
+                for (bit, at) in group.iter().enumerate() {
+                    if (value >> bit & 1 == 1) == from_beside {
+                        any = true;
+                        let at = *at as usize;
+                        take(best, self.leaves[at], voxel, beside, self.here[at], solid);
+                    }
                 }
             }
-        }
-        // Several that turn only together.
-        if !any && before.is_none() && program_is_outside(steps, &self.leaves, &contains, beside) {
-            for at in &self.turned {
-                let at = *at as usize;
-                take(best, self.leaves[at], voxel, beside, self.here[at], solid);
+            if any {
+                break;
             }
         }
+    }
+
+    /// The tree's value, bit by bit, with one leaf of a group turned alone; all others are as at the voxel, or as
+    /// beside it.
+    fn turned_alone(&self, steps: &[Step], group: &[u32], from_beside: bool) -> u64 {
+        let (mut at, mut next, mut beside) = (0_usize, 0_usize, 0_usize);
+        program::value(steps, |_| {
+            let turns = self.turned.get(beside).is_some_and(|turned| *turned as usize == at);
+            beside += usize::from(turns);
+            let own = self.here[at] != (turns && from_beside);
+            let is_one = group.get(next).is_some_and(|turned| *turned as usize == at);
+            let bit = if is_one { 1 << next } else { 0 };
+            next += usize::from(is_one);
+            at += 1;
+            bit ^ if own { u64::MAX } else { 0 }
+        })
     }
 
     /// Has walked leaves describe the voxels that are theirs.
@@ -259,15 +288,6 @@ impl Description {
     }
 }
 
-fn program_is_outside(
-    steps: &[Step],
-    _: &[u32],
-    contains: &impl Fn(u32, [i32; 3]) -> bool,
-    voxel: [i32; 3],
-) -> bool {
-    program::value(steps, |leaf| if contains(leaf, voxel) { u64::MAX } else { 0 }) == 0
-}
-
 /// The normal that a walked leaf gave, as it is stored.
 fn stored(code: u16, turn: bool, is_physical: bool, solid: &CsgSolid<'_>) -> u16 {
     let [a, b, c] = solid.place.spacing_mm;
@@ -306,14 +326,18 @@ fn take(
 
 /// A gradient in lattice coordinates as a direction in mm along the axes of the grid.
 fn physical(gradient: [f64; 3], solid: &CsgSolid<'_>) -> [f32; 3] {
-    let scaled: [f64; 3] = std::array::from_fn(|k| gradient[k] / solid.place.spacing_mm[k]);
-    let largest = scaled.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
-    if !(largest > 0.0) {
-        return [0.0, 0.0, 1.0];
-    }
+    let [a, b, c] = solid.place.spacing_mm;
+    let scaled =
+        if a == b && b == c { gradient } else { [gradient[0] / a, gradient[1] / b, gradient[2] / c] };
     #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
-    let direction = scaled.map(|c| (c / largest) as f32);
-    direction
+    let direction = scaled.map(|c| c as f32);
+    if direction == [0.0; 3] { [0.0, 0.0, 1.0] } else { direction }
+}
+
+/// The box of a brick's slice with one voxel around it.
+fn around(corner: [u32; 3], dims: [u32; 3]) -> VoxelBox {
+    let side = |k: usize, length: u32| corner[k].saturating_sub(1)..(corner[k] + length + 1).min(dims[k]);
+    VoxelBox { x: side(0, 32), y: side(1, 32), z: side(2, 1) }
 }
 
 /// The mean direction of the faces of a voxel that look outside.

@@ -60,7 +60,8 @@ fn circle(radius: f64, z: f64, count: usize) -> Vec<[f64; 3]> {
 
 /// A box.
 pub(super) fn cuboid(low: [f64; 3], high: [f64; 3]) -> Faces {
-    let ring = |z: f64| vec![[low[0], low[1], z], [high[0], low[1], z], [high[0], high[1], z], [low[0], high[1], z]];
+    let ring =
+        |z: f64| vec![[low[0], low[1], z], [high[0], low[1], z], [high[0], high[1], z], [low[0], high[1], z]];
     stacked(&[ring(low[2]), ring(high[2])])
 }
 

@@ -27,7 +27,10 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     /// A leaf, or all but it.
-    Leaf { leaf: u32, negated: bool },
+    Leaf {
+        leaf: u32,
+        negated: bool,
+    },
     Join(u32),
 }
 
@@ -67,12 +70,8 @@ impl<'a> Flat<'a> {
     /// # Errors
     /// Too many leaves, or affines that are not numbers.
     pub(super) fn new(tree: &'a Tree, root: NodeId, first: Affine) -> Result<Self, CsgFault> {
-        let mut flat = Self {
-            leaves: Vec::new(),
-            affines: vec![(first, 0)],
-            joins: vec![Kind::Or],
-            parts: Vec::new(),
-        };
+        let mut flat =
+            Self { leaves: Vec::new(), affines: vec![(first, 0)], joins: vec![Kind::Or], parts: Vec::new() };
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
         let too_many = CsgFault::TooMany { most: MOST_LEAVES as u64 };
         while let Some(Visit { node, affine, negated, above }) = open.pop() {

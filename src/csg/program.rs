@@ -47,7 +47,8 @@ pub(super) fn compile(flat: &Flat<'_>) -> Vec<Step> {
             Part::Leaf { .. } => 1,
             Part::Join(below) => needs[*below as usize],
         };
-        let deepest = (0..own.len()).fold(0, |best, at| if need(&own[at]) > need(&own[best]) { at } else { best });
+        let deepest =
+            (0..own.len()).fold(0, |best, at| if need(&own[at]) > need(&own[best]) { at } else { best });
         own.get_mut(..=deepest).into_iter().for_each(|first| first.rotate_right(1));
         let others = own.iter().skip(1).map(|part| 1 + need(part)).max().unwrap_or(0);
         needs[join] = own.first().map_or(1, need).max(others);

@@ -53,7 +53,8 @@ impl CsgSolid<'_> {
     /// Memory that is held beside that of workers.
     pub(super) fn bytes(&self) -> u64 {
         let own: u64 = self.leaves.iter().map(Leaf::bytes).sum();
-        own + (self.leaves.capacity() * size_of::<Leaf>() + self.program.capacity() * size_of::<Step>()) as u64
+        own + (self.leaves.capacity() * size_of::<Leaf>() + self.program.capacity() * size_of::<Step>())
+            as u64
     }
 }
 
@@ -98,11 +99,11 @@ impl Solid for CsgSolid<'_> {
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
         let boxes = tile.columns.div_ceil(BOX) as usize;
-        let programs = 2 * self.store(tile) + (LEVELS + 1) * self.program.len();
+        let programs = 2 * self.store(tile) + (LEVELS + 3) * self.program.len();
         let own = programs * size_of::<Step>() + 2 * boxes * size_of::<Kept>() + STACK * ROWS * 8;
         let walked: u64 =
             self.walked.iter().map(|leaf| leaf.solid.worker_bytes(tile) + Walker::bytes(tile)).sum();
-        own as u64 + Crossings::bytes(1, ROWS) + Description::BYTES + walked
+        own as u64 + Crossings::bytes(1, ROWS) + Description::bytes(self.program.len()) + walked
     }
 
     fn input_bytes(&self) -> u64 {
@@ -123,9 +124,10 @@ impl Solid for CsgSolid<'_> {
             spare: Vec::with_capacity(self.program.len()),
             slabs: [slab(), slab()],
             stack: vec![0; STACK * ROWS],
+            slice: Vec::with_capacity(self.program.len()),
             crossings: Crossings::new(1, ROWS),
             walkers: self.walked.iter().map(|leaf| Walker::new(leaf, self.place.dims, tile)).collect(),
-            description: Description::new(),
+            description: Description::new(self.program.len()),
             solid: self,
         }
     }
@@ -169,6 +171,8 @@ pub(super) struct CsgWorker<'a> {
     spare: Vec<Step>,
     slabs: [Slab; 2],
     stack: Vec<u64>,
+    /// The program of a slice of a box.
+    slice: Vec<Step>,
     crossings: Crossings,
     walkers: Vec<Walker<'a>>,
     description: Description,
@@ -200,9 +204,7 @@ fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Left<
     let kept = slab.kept.get(at).filter(|_| slab.number == z / SLAB).copied();
     match kept {
         Some(Kept::Uniform(inside)) => Left::Uniform(inside),
-        Some(Kept::Steps { first, count }) => {
-            Left::Steps(&slab.steps[first as usize..][..count as usize])
-        }
+        Some(Kept::Steps { first, count }) => Left::Steps(&slab.steps[first as usize..][..count as usize]),
         Some(Kept::Unknown) | None => Left::Steps(whole),
     }
 }
@@ -258,17 +260,11 @@ impl SolidWorker for CsgWorker<'_> {
             self.spare = level.steps;
         }
         let [nx, ny, nz] = self.solid.place.dims.to_array();
-        let around = VoxelBox {
-            x: grown(&column.x, 1, nx),
-            y: grown(&column.y, 1, ny),
-            z: grown(&column.z, 2, nz),
-        };
+        let around =
+            VoxelBox { x: grown(&column.x, 1, nx), y: grown(&column.y, 1, ny), z: grown(&column.z, 2, nz) };
         let leaves = &self.solid.leaves;
-        let told = program::prune(
-            &self.solid.program,
-            |leaf| leaves[leaf as usize].cover(&around),
-            &mut self.whole,
-        );
+        let told =
+            program::prune(&self.solid.program, |leaf| leaves[leaf as usize].cover(&around), &mut self.whole);
         if told != Cover::Mixed {
             // A program of one leaf that is everywhere in or out; it is told by boxes, and seldom needed.
             self.whole.clone_from(&self.solid.program);
@@ -318,7 +314,7 @@ impl SolidWorker for CsgWorker<'_> {
         if !self.walkers.is_empty() {
             self.reach(z)?;
         }
-        let Self { solid, column, slabs, whole, stack, crossings, walkers, .. } = self;
+        let Self { solid, column, slabs, whole, stack, slice, crossings, walkers, .. } = self;
         let count = y.len();
         let width = rows.row_mut(y.start).len();
         let from = rows.origin();
@@ -336,8 +332,21 @@ impl SolidWorker for CsgWorker<'_> {
                     y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
                 }
                 Left::Steps(steps) => {
-                    let place = Rows { x: i32::try_from(first).unwrap_or(0), y: as_i32(y.start), z: as_i32(z) };
-                    program::rows_of(steps, stack, count, |leaf, out| match &solid.leaves[leaf as usize] {
+                    // In a slice of the box less matters than in all of it.
+                    let columns = i64::from(x.start).max(first)..i64::from(x.end).min(first + 64);
+                    let column = |at: i64| u32::try_from(at).unwrap_or(0);
+                    let region =
+                        VoxelBox { x: column(columns.start)..column(columns.end), y: y.clone(), z: z..z + 1 };
+                    let told =
+                        program::prune(steps, |leaf| solid.leaves[leaf as usize].cover(&region), slice);
+                    if told != Cover::Mixed {
+                        let bits = if told == Cover::Inside { u64::MAX } else { 0 };
+                        y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
+                        continue;
+                    }
+                    let place =
+                        Rows { x: i32::try_from(first).unwrap_or(0), y: as_i32(y.start), z: as_i32(z) };
+                    program::rows_of(slice, stack, count, |leaf, out| match &solid.leaves[leaf as usize] {
                         Leaf::Walked(at) => {
                             let walker = &walkers[*at as usize];
                             for (word, y) in out.iter_mut().zip(i64::from(y.start)..) {

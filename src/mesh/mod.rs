@@ -39,9 +39,9 @@ mod read;
 mod resident;
 mod solid;
 
-pub use lattice::{Grid, GridChoice};
 pub(crate) use census::{Census, Closed};
 pub(crate) use lattice::{Bounds, MOST_VOXELS, STEPS, Triangle, span, turned};
+pub use lattice::{Grid, GridChoice};
 pub(crate) use nearest::{Facet, Nearest};
 pub(crate) use raster::{Crossings, Rule, cross_slice};
 

@@ -8,7 +8,9 @@ use crate::csg::place::{centre, cross, dot, point};
 use crate::csg::tree::Faces;
 use crate::facts::CsgFault;
 use crate::geom::Affine;
-use crate::mesh::{Census, Closed, Crossings, Facet, Nearest, Rule, STEPS, Triangle, cross_slice, span, turned};
+use crate::mesh::{
+    Census, Closed, Crossings, Facet, MOST_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice, span, turned,
+};
 
 /// How far from a voxel its nearest triangle is sought, squared: two voxels.
 const NEAR: f64 = 4.0 * (STEPS as f64) * (STEPS as f64) + 1.0;
@@ -38,17 +40,29 @@ impl Body {
     /// # Errors
     /// It is open, or reaches beyond the lattice.
     pub(in crate::csg) fn new(faces: &Faces, to_lattice: &Affine, line: u64) -> Result<Self, CsgFault> {
-        let mut placed = Vec::with_capacity(faces.points.len());
-        let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
+        let mut points = Vec::with_capacity(faces.points.len());
         for p in &faces.points {
-            let [x, y, z] = point(to_lattice.apply(*p), line)?;
-            #[expect(clippy::cast_possible_truncation, reason = "below 2^29")]
-            let p = [x as i32, y as i32, z as i32];
+            points.push(point(to_lattice.apply(*p), line)?);
+        }
+        Self::of_points(&points, faces, line)
+    }
+
+    /// The triangles of faces whose corners have been placed.
+    ///
+    /// # Errors
+    /// As [`Body::new`].
+    pub(super) fn of_points(points: &[[i64; 3]], faces: &Faces, line: u64) -> Result<Self, CsgFault> {
+        let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
+        let mut placed = Vec::with_capacity(points.len());
+        for p in points {
+            let mut narrow = [0; 3];
             for k in 0..3 {
-                low[k] = low[k].min(p[k]);
-                high[k] = high[k].max(p[k]);
+                let far = |_| CsgFault::TooFar { line, most_voxels: MOST_VOXELS };
+                narrow[k] = i32::try_from(p[k]).ok().filter(|c| c.abs() < 1 << 29).ok_or(()).map_err(far)?;
+                low[k] = low[k].min(narrow[k]);
+                high[k] = high[k].max(narrow[k]);
             }
-            placed.push(p);
+            placed.push(narrow);
         }
         let mut census = Census::default();
         let mut triangles = Vec::with_capacity(faces.triangles.len());
@@ -145,8 +159,7 @@ fn may_meet(t: &Triangle, region: &[(i64, i64); 3]) -> bool {
     }
     let f = t.map(f64::from);
     let a = [f[0], f[1], f[2]];
-    let normal =
-        cross([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
+    let normal = cross([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
     let middle = [0, 1, 2].map(|k| (region[k].0 + region[k].1) as f64 / 2.0 - a[k]);
     let half = [0, 1, 2].map(|k| (region[k].1 - region[k].0) as f64 / 2.0 + 2.0);
     let away = dot(normal, middle).abs();

@@ -38,7 +38,7 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
                 return Ok(Leaf::Nothing);
             }
             if !along_axes(&columns) {
-                return body(&facets::cuboid(*low, *high), m, line);
+                return slanted(*low, *high, m, line);
             }
             let (a, b) = (point(m.apply(*low), line)?, point(m.apply(*high), line)?);
             let low = [0, 1, 2].map(|k| a[k].min(b[k]));
@@ -92,8 +92,8 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
             // Normals go by the cofactors, whose sign is that of the volume.
             let of = |k: usize| cross(columns[(k + 1) % 3], columns[(k + 2) % 3]);
             let cofactors = [of(0), of(1), of(2)];
-            let placed: [f64; 3] = [0, 1, 2]
-                .map(|k| (0..3).map(|j| cofactors[j][k] * unit[j]).sum::<f64>() * volume.signum());
+            let placed: [f64; 3] =
+                [0, 1, 2].map(|k| (0..3).map(|j| cofactors[j][k] * unit[j]).sum::<f64>() * volume.signum());
             let largest = placed.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
             if !largest.is_normal() {
                 return Err(CsgFault::Singular { line });
@@ -118,6 +118,24 @@ fn curved(middle: [i64; 3], axes: [[i64; 3]; 3], round: Round) -> Leaf {
 
 fn body(faces: &super::super::tree::Faces, m: &Affine, line: u64) -> Result<Leaf, CsgFault> {
     Ok(Leaf::Body(Box::new(Body::new(faces, m, line)?)))
+}
+
+/// A box at an angle: one corner and three edges are rounded, so that opposite faces stay parallel and plane.
+fn slanted(low: [f64; 3], high: [f64; 3], m: &Affine, line: u64) -> Result<Leaf, CsgFault> {
+    let first = point(m.apply(low), line)?;
+    let mut edges = [[0; 3]; 3];
+    for (k, edge) in edges.iter_mut().enumerate() {
+        let mut corner = low;
+        corner[k] = high[k];
+        let end = point(m.apply(corner), line)?;
+        *edge = [0, 1, 2].map(|j| end[j] - first[j]);
+    }
+    let unit = facets::cuboid([0.0; 3], [1.0; 3]);
+    let placed = |p: &[f64; 3]| {
+        [0, 1, 2].map(|j| first[j] + (0..3).filter(|k| p[*k] > 0.5).map(|k| edges[k][j]).sum::<i64>())
+    };
+    let points: Vec<[i64; 3]> = unit.points.iter().map(placed).collect();
+    Ok(Leaf::Body(Box::new(Body::of_points(&points, &unit, line)?)))
 }
 
 /// Does every axis run along one of the lattice?

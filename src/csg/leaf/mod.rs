@@ -121,6 +121,11 @@ impl Leaf {
         }
     }
 
+    /// Is its surface beside a voxel the same for all neighbours?
+    pub(super) fn has_one_face(&self) -> bool {
+        matches!(self, Self::Ball(_) | Self::Half(_) | Self::Walked(_))
+    }
+
     /// Memory that it holds beside itself.
     pub(super) fn bytes(&self) -> u64 {
         let bytes = match self {

@@ -132,7 +132,9 @@ impl<'a> Lexer<'a> {
         match word.as_str() {
             "-inf" => Ok(Token::Number(f64::NEG_INFINITY)),
             _ => match word.parse() {
-                Ok(number) if word.ends_with(|c: char| c.is_ascii_digit() || c == '.') => Ok(Token::Number(number)),
+                Ok(number) if word.ends_with(|c: char| c.is_ascii_digit() || c == '.') => {
+                    Ok(Token::Number(number))
+                }
                 _ => Err(self.expected(CsgToken::Value)),
             },
         }

@@ -86,9 +86,9 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {
                 _ => Shape::Ellipsoid { radii: [radius; 3] },
             }
         }
-        "ellipsoid" => Shape::Ellipsoid {
-            radii: of.numbers::<3>("radii", Some(0))?.ok_or_else(|| of.wrong("radii"))?,
-        },
+        "ellipsoid" => {
+            Shape::Ellipsoid { radii: of.numbers::<3>("radii", Some(0))?.ok_or_else(|| of.wrong("radii"))? }
+        }
         "cylinder" => {
             let height = of.number("h", Some(0))?.unwrap_or(1.0);
             let both = radius(of, "r", "d", None)?;

@@ -92,7 +92,8 @@ impl Parser<'_> {
     /// Reads a module or the end of a block; `false` at the end of the text.
     fn step(&mut self) -> Result<bool, Stop> {
         let token = self.lexer.next()?;
-        let expected = |parser: &Self, what| Stop::from(CsgFault::Expected { line: parser.lexer.line(), what });
+        let expected =
+            |parser: &Self, what| Stop::from(CsgFault::Expected { line: parser.lexer.line(), what });
         match token {
             Token::Sign(b';') => {}
             Token::Sign(b'}') if self.open.len() > 1 => self.close(),

@@ -53,7 +53,11 @@ impl List {
         if self.mixed || self.depth > 2 {
             return None;
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared with the number")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "compared with the number"
+        )]
         let index = |n: &f64| (*n >= 0.0 && *n < 4e9 && n.fract() == 0.0).then_some(*n as u32);
         self.rows().map(|row| row.iter().map(index).collect()).collect()
     }

@@ -170,7 +170,7 @@ impl fmt::Display for Misuse {
                 "there is no volume {wanted} among the {found} that were found; oct scan lists them"
             ),
             Self::NoGrid => f.write_str(
-                "is a mesh; say how fine its grid is with --grid N (voxels along its longest side) or --voxel MM",
+                "is a mesh or a tree of solids; say how fine its grid is with --grid N (voxels along its longest side) or --voxel MM",
             ),
             Self::NoneFound => f.write_str("no volume was found"),
             Self::Synthetic(fault) => fault.fmt(f),
