@@ -110,7 +110,8 @@ def main():
     rescale, (kind, lo, hi), connectivity = m.take("2d"), m.take("Bdd"), m.take("B")
     gradient, _value_scale = m.string(), m.take("2d")
     need(m.at == len(sections["META"]) and dims == (nx, ny, nz), "metadata (I6)")
-    names = {"NORM": "normal", "VALU": "value", "OFFS": "offset", "COLR": "color", "MATL": "material"}
+    names = {"NORM": "normal", "VALU": "value", "OFFS": "offset", "COLR": "color", "MATL": "material",
+             "NFIN": "fine"}
     print(json.dumps({
         "input": sys.argv[1], "format_version": f"{major}.{minor}", "encoding": "mapped", "dims": dims,
         "spacing_mm": spacing, "affine": [affine[0:4], affine[4:8], affine[8:12]], "grid": 1 << depth,

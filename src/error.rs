@@ -111,6 +111,8 @@ pub enum StripFault {
         /// The channel.
         channel: Channel,
     },
+    /// Fine parts of normals without the normals.
+    FineAlone,
     /// The model does not have this channel.
     NoChannel {
         /// The channel.

@@ -45,6 +45,7 @@ fn options(threshold: Threshold, memory: MemoryCap) -> BuildOptions {
         connectivity: Connectivity::Thin26,
         channels: Channels::from([Channel::Normal, Channel::Value]),
         gradient: Default::default(),
+        normal_bits: Default::default(),
         visible_from: Vec::new(),
         lod: true,
         memory,

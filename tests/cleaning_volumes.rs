@@ -194,6 +194,7 @@ fn build_options(threshold: Threshold, threads: usize) -> BuildOptions {
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),
         gradient: Default::default(),
+        normal_bits: Default::default(),
         visible_from: Vec::new(),
         lod: true,
         memory: MemoryCap::Share(8 << 20),

@@ -36,7 +36,8 @@ use infobyte::budget::MemoryCap;
 use infobyte::builder::{
     BuildError, BuildOptions, BuildReport, Connectivity, Gradient, Silent, Threshold, build_volume as build,
 };
-use infobyte::format::{Channels, normal};
+use infobyte::format::normal::{self, NormalBits};
+use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, BoxIndex, Octant, morton};
 use infobyte::load::{Model, NodeView};
 use infobyte::volume::ScalarType;
@@ -79,6 +80,7 @@ fn stored_codes(
         connectivity: Connectivity::Thin26,
         channels: Channels::default(),
         gradient: ESTIMATOR.get(),
+        normal_bits: NormalBits::default(),
         visible_from: Vec::new(),
         lod: false,
         memory,
@@ -423,6 +425,59 @@ fn codes_do_not_depend_on_threads_or_memory() {
     let (small, narrow) = (1..2048_u64).find_map(|step| codes(1, MemoryCap::Share(step << 17)).ok()).unwrap();
     assert!(narrow.tile < wide.tile, "the budget was meant to narrow the columns: {}", narrow.tile);
     assert!(small == expected, "a smaller budget gives other normals");
+}
+
+#[test]
+fn normals_have_the_errors_of_their_bits_and_24_begin_with_the_16() {
+    let (centre, radius) = ([24.3, 23.8, 24.1], 20.0);
+    let volume = volume_of([48; 3], [1.0; 3], ScalarType::F32, |at| {
+        let d: [f64; 3] = std::array::from_fn(|a| f64::from(at[a]) - centre[a]);
+        radius - length(d)
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let built = |bits: NormalBits, surface| {
+        let path = folder.path().join(format!("{}.oct", bits.number()));
+        let options = BuildOptions {
+            threshold: Threshold::Iso(0.0),
+            normal_bits: bits,
+            surface,
+            threads: 1,
+            memory: MemoryCap::Process(1 << 30),
+            ..BuildOptions::default()
+        };
+        build(&volume, &options, &path, &Silent).map(|_| path)
+    };
+    let [twelve, sixteen, more] =
+        NormalBits::ALL.map(|bits| Model::open(built(bits, SurfaceKind::Skin).unwrap()).unwrap());
+    let codes = |model: &Model| model.items(Channel::Normal).unwrap().bytes().to_vec();
+    assert_eq!(codes(&sixteen), codes(&more));
+    assert!(sixteen.items(Channel::Fine).is_none() && more.items(Channel::Fine).is_some());
+    assert!(
+        codes(&twelve).iter().all(|part| part % 4 == 0) && codes(&sixteen).iter().any(|part| part % 4 > 0)
+    );
+    assert!(twelve.metadata().gradient.ends_with("12 bits"), "{}", twelve.metadata().gradient);
+    // The estimator is right to a few hundredths of a degree here; what is left is rounding.
+    let (exact, _) = stored_codes(&volume, 0.0, 1, MemoryCap::Process(1 << 30)).unwrap();
+    let errors = |model: &Model, name: &str| {
+        let angles = (0_u64..).zip(&exact).map(|(i, (at, _))| {
+            let truth = std::array::from_fn(|a| f64::from(at[a]) - centre[a]);
+            let stored = model.view().voxel_direction(infobyte::geom::VoxelIndex::new(i)).unwrap();
+            angle_degrees(stored.map(f64::from), truth)
+        });
+        row(name, angles.collect(), "")
+    };
+    let [twelve, sixteen, more] = [
+        errors(&twelve, "ball R=20, 12 bits"),
+        errors(&sixteen, "ball R=20, 16 bits"),
+        errors(&more, "ball R=20, 24 bits"),
+    ];
+    assert!(twelve.mean < 1.3 && twelve.worst < 2.6, "{twelve:?}");
+    assert!(sixteen.mean < 0.33 && sixteen.worst < 0.65, "{sixteen:?}");
+    assert!(more.mean < 0.045 && more.worst < 0.13, "{more:?}");
+    for bits in [NormalBits::Twelve, NormalBits::TwentyFour] {
+        let refused = built(bits, SurfaceKind::Cells).unwrap_err();
+        assert!(matches!(refused, BuildError::NormalBits { .. }), "{refused}");
+    }
 }
 
 /// Marschner and Lobb's test signal (1994; f_M = 6, alpha = 0.25) and minus its gradient, on -1..1.

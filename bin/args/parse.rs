@@ -6,6 +6,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use infobyte::builder::{Connectivity, Gradient, ViewedFrom};
 use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
 use infobyte::export::ExportForm;
+use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::render::picture::Traversal;
@@ -73,6 +74,13 @@ pub(super) fn gradient(text: &str) -> Result<Gradient, String> {
         let names = Gradient::ALL.map(Gradient::name).join(", ");
         format!("'{text}' is not an estimator of normals; choose one of {names}")
     })
+}
+
+pub(super) fn normal_bits(text: &str) -> Result<NormalBits, String> {
+    NormalBits::ALL
+        .into_iter()
+        .find(|bits| bits.number().to_string() == text)
+        .ok_or_else(|| format!("normals have 12, 16 or 24 bits, not '{text}'"))
 }
 
 pub(super) fn surface(text: &str) -> Result<SurfaceKind, String> {

@@ -8,6 +8,7 @@ use infobyte::builder::{Connectivity, Gradient, Threshold, ViewedFrom};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::csg::CsgOptions;
 use infobyte::facts::Fill;
+use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::mesh::{GridChoice, MeshOptions};
@@ -222,6 +223,10 @@ pub(crate) struct SkinArgs {
     /// two values), or auto, which takes the best of them where it is, at three times the time of normals
     #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
     pub(crate) gradient: Gradient,
+    /// Bits of a stored normal: 16 (off by 0.3 degrees), 24 (0.04, a byte more a voxel), or 12 (1.3, smaller when
+    /// packed)
+    #[arg(long, value_name = "12|16|24", default_value = "16", value_parser = parse::normal_bits)]
+    pub(crate) normal_bits: NormalBits,
     /// Connectivity of the skin: 26 (thin) or 6 (thick)
     #[arg(long, default_value = "26", value_parser = parse::connectivity)]
     pub(crate) connectivity: Connectivity,

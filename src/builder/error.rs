@@ -53,6 +53,11 @@ pub enum BuildError {
         /// The channel.
         channel: Channel,
     },
+    /// Normals of 12 or 24 bits were asked for where there are only those of 16.
+    NormalBits {
+        /// The input.
+        name: String,
+    },
     /// Cells are one more than voxels along each axis, and the volume has as many as can be.
     NoRoomForCells {
         /// The input.
@@ -134,6 +139,7 @@ impl Error for BuildError {
             | Self::NothingInside { .. }
             | Self::NothingVisible { .. }
             | Self::NoChannel { .. }
+            | Self::NormalBits { .. }
             | Self::NoRoomForCells { .. }
             | Self::NoNumbers { .. }
             | Self::EmptyRange { .. } => None,
@@ -163,6 +169,7 @@ impl BuildError {
             Self::EmptyRange { .. }
             | Self::NothingVisible { .. }
             | Self::NoChannel { .. }
+            | Self::NormalBits { .. }
             | Self::NoRoomForCells { .. } => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,

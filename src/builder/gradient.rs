@@ -10,7 +10,7 @@ use super::estimator::{Estimate, Gradient, Taps};
 use super::lanes::{LANES, Lanes, RingSample, fast_proof};
 use super::simd::{Isa, Kernel, dispatch, five_rows};
 use super::skin::Exposed;
-use crate::format::normal;
+use crate::format::normal::{self, NormalBits};
 
 /// Reach of the kernel.
 pub(super) const REACH: u32 = 2;
@@ -311,7 +311,7 @@ impl NormalRule {
         window: &SliceWindow<'_, R>,
         exposed: &[Exposed; 32],
         g: &mut Gradients,
-        codes: &mut [u16; SLICE_VOXELS],
+        codes: &mut Codes,
         repair: impl Fn(usize, u32) -> [f32; 3],
     ) {
         let mut at = 0;
@@ -448,9 +448,33 @@ impl Exposed {
     }
 }
 
+/// Normals of a brick slice's skin voxels as they are stored.
+pub(super) struct Codes {
+    bits: NormalBits,
+    code: [u16; SLICE_VOXELS],
+    /// Of normals of 24 bits.
+    fine: [u8; SLICE_VOXELS],
+}
+
+impl Codes {
+    pub(super) fn new(bits: NormalBits) -> Box<Self> {
+        Box::new(Self { bits, code: [0; SLICE_VOXELS], fine: [0; SLICE_VOXELS] })
+    }
+
+    /// Items of `NORM` of the first `count`.
+    pub(super) fn codes(&self, count: usize) -> &[u8] {
+        bytemuck::cast_slice(&self.code[..count])
+    }
+
+    /// Items of `NFIN` of the first `count`.
+    pub(super) fn fine(&self, count: usize) -> &[u8] {
+        &self.fine[..count]
+    }
+}
+
 struct EncodeKernel<'a> {
     g: &'a Gradients,
-    codes: &'a mut [u16; SLICE_VOXELS],
+    codes: &'a mut Codes,
     len: usize,
 }
 
@@ -462,8 +486,20 @@ impl Kernel for EncodeKernel<'_> {
         // Whole groups of 8 vectorise; slots past the end hold old gradients and are not used.
         let len = self.len.next_multiple_of(8).min(SLICE_VOXELS);
         let [x, y, z] = self.g.axes.each_ref().map(|axis| &axis[..len]);
-        for (i, code) in self.codes[..len].iter_mut().enumerate() {
+        let Codes { bits, code, fine } = self.codes;
+        if *bits == NormalBits::Twelve {
+            for (i, code) in code[..len].iter_mut().enumerate() {
+                *code = normal::encode_coarse([x[i], y[i], z[i]]);
+            }
+            return;
+        }
+        for (i, code) in code[..len].iter_mut().enumerate() {
             *code = normal::encode([x[i], y[i], z[i]]);
+        }
+        if *bits == NormalBits::TwentyFour {
+            for (i, (fine, code)) in fine[..len].iter_mut().zip(&code[..len]).enumerate() {
+                *fine = normal::encode_fine([x[i], y[i], z[i]], *code);
+            }
         }
     }
 }

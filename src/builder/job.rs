@@ -38,6 +38,7 @@ pub fn build_solid<S: Solid>(
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
     let options = &options.for_surface(solid.surface());
+    options.check_bits(false, || solid.name())?;
     let job = Job { options, output, progress };
     // What can be refused at once is refused before a file is made.
     drop(job.plan_solid(solid)?);

@@ -214,6 +214,7 @@ impl<'a> Front<'a> {
         let name = &info.description.name;
         let surface = self.job.options.surface;
         self.dims()?;
+        self.job.options.check_bits(true, || name.clone())?;
         channel_forms(self.job.options, name, |c, found| form_on(surface, info.scalar, c, found))?;
         self.job.plan(name, &kindest_request(self.source, self.job.options)).map(drop)
     }
@@ -243,7 +244,7 @@ impl<'a> Front<'a> {
         selection: Selection,
         histogram_s: f64,
     ) -> Result<BuildReport, BuildError> {
-        let solid = VolumeSolid::new(self.source, form, selection, self.job.options.gradient, self.chooser());
+        let solid = VolumeSolid::new(self.source, form, selection, self.job.options, self.chooser());
         let mut report = match self.job.options.surface {
             SurfaceKind::Skin => self.job.run(files, &solid)?,
             SurfaceKind::Cells => self.job.run(files, &CellSolid::new(solid, self.dims()?))?,

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Connectivity, Gradient, ViewedFrom};
+use super::{BuildError, Connectivity, Gradient, ViewedFrom};
 use crate::budget::MemoryCap;
+use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, Selection, SurfaceKind};
 
 /// How to choose what is inside; values are physical (after rescale).
@@ -33,6 +34,8 @@ pub struct BuildOptions {
     pub channels: Channels,
     /// How normals are estimated, of volumes.
     pub gradient: Gradient,
+    /// In how many bits they are stored, of skin voxels of volumes.
+    pub normal_bits: NormalBits,
     /// From where the model will be looked at: what cannot be seen from there is not kept. Everything is, if nothing
     /// is said.
     pub visible_from: Vec<ViewedFrom>,
@@ -56,6 +59,7 @@ impl Default for BuildOptions {
             connectivity: Connectivity::Thin26,
             channels: Channels::default(),
             gradient: Gradient::default(),
+            normal_bits: NormalBits::default(),
             visible_from: Vec::new(),
             lod: true,
             memory: MemoryCap::Share(64 << 20),
@@ -74,12 +78,33 @@ impl BuildOptions {
     /// The same for a solid with this surface: cells need normals, offsets and corners.
     pub(super) fn for_surface(&self, surface: SurfaceKind) -> Self {
         let channels = match surface {
+            SurfaceKind::Skin if self.has_fine_normals() => self.channels.with(Channel::Fine),
             SurfaceKind::Skin => self.channels,
             SurfaceKind::Cells => {
                 self.channels.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners)
             }
         };
         Self { surface, channels, ..self.clone() }
+    }
+
+    /// Are there normals, and in 24 bits?
+    fn has_fine_normals(&self) -> bool {
+        self.channels.contains(Channel::Normal) && self.normal_bits == NormalBits::TwentyFour
+    }
+
+    /// Are normals of this surface stored in as many bits?
+    ///
+    /// # Errors
+    /// [`BuildError::NormalBits`]
+    pub(super) fn check_bits(
+        &self,
+        of_volume: bool,
+        name: impl FnOnce() -> String,
+    ) -> Result<(), BuildError> {
+        if self.normal_bits == NormalBits::Sixteen || (of_volume && self.surface == SurfaceKind::Skin) {
+            return Ok(());
+        }
+        Err(BuildError::NormalBits { name: name() })
     }
 
     /// The folder of scratch files for a model: as given, or the model's own.

@@ -7,7 +7,9 @@ use super::layout::Census;
 use super::merge::{RUN_BYTES, Run, Target};
 use crate::format::cell::CornerRankBuilder;
 use crate::format::rank::{RankBuilder, directory_bytes};
-use crate::format::{Channel, Encoding, HEADER_BYTES, Header, SectionKind, SurfaceKind, table_bytes};
+use crate::format::{
+    Channel, Encoding, HEADER_BYTES, Header, SectionKind, SurfaceKind, least_minor, table_bytes,
+};
 use crate::geom::Dims;
 
 /// Bytes read at a time.
@@ -53,7 +55,7 @@ pub(super) fn seal(
     }
     let table = table_bytes(&entries);
     let header = Header {
-        minor: surface.minor(),
+        minor: least_minor(surface, &entries),
         encoding: Encoding::Mapped,
         surface,
         #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each kind")]

@@ -81,7 +81,7 @@ impl RingShape {
         let values = if tile.channels.contains(Channel::Value) { self.value_bytes } else { 0 };
         let bytes = (self.reach.ring() * self.plane_samples(tile) + OVERREAD) * self.ring_bytes
             + self.staging_slices(tile) * self.block_samples(tile) * self.file_bytes
-            + SLICE_VOXELS * (14 + values);
+            + SLICE_VOXELS * (15 + values);
         bytes as u64
     }
 

@@ -12,12 +12,14 @@
 use super::choose::Chooser;
 use super::error::{BuildError, Sought};
 use super::estimator::Gradient;
-use super::gradient::{Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths};
+use super::gradient::{Codes, Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths};
 use super::item::{ItemForm, push_swapped, value_bytes, value_form, value_scale};
+use super::options::BuildOptions;
 use super::ring::{RingForm, border_unit};
 use super::skin::Exposed;
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{BRICK, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+use crate::format::normal::NormalBits;
 use crate::format::{Channel, Metadata, Selection, SourceMeta};
 use crate::geom::Dims;
 use crate::volume::{ScalarType, SourceError, VolumeInfo, VolumeSource};
@@ -32,6 +34,7 @@ pub(super) const AROUND: Reach = Reach { low: REACH, high: REACH };
 pub(super) fn volume_form(scalar: ScalarType, channel: Channel, found: &Found) -> Option<ItemForm> {
     match channel {
         Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
+        Channel::Fine => Some(ItemForm::AsIs { bytes: 1 }),
         Channel::Value => Some(value_form(scalar, found.extent)),
         _ => None,
     }
@@ -43,6 +46,7 @@ pub(super) struct VolumeSolid<'a, F> {
     pub(super) form: F,
     pub(super) selection: Selection,
     pub(super) gradient: Gradient,
+    pub(super) bits: NormalBits,
     pub(super) rule: NormalRule,
     /// Says which values there are, if none lies in the range.
     pub(super) chooser: Chooser<'a>,
@@ -54,11 +58,12 @@ impl<'a, F: RingForm> VolumeSolid<'a, F> {
         source: &'a dyn VolumeSource,
         form: F,
         selection: Selection,
-        gradient: Gradient,
+        options: &BuildOptions,
         chooser: Chooser<'a>,
     ) -> Self {
+        let (gradient, bits) = (options.gradient, options.normal_bits);
         let rule = NormalRule::new(source.info().spacing_mm, gradient);
-        Self { source, form, selection, gradient, rule, chooser }
+        Self { source, form, selection, gradient, bits, rule, chooser }
     }
 
     /// Where the range begins, in samples of the file, if that is its only end.
@@ -96,7 +101,10 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
             rescale: [rescale.slope, rescale.intercept],
             selection: self.selection,
             connectivity: 0,
-            gradient: self.gradient.name().into(),
+            gradient: match self.bits {
+                NormalBits::Twelve => format!("{}, 12 bits", self.gradient.name()),
+                _ => self.gradient.name().into(),
+            },
             value_scale: value_scale(*scalar, found.extent, *rescale),
         }
     }
@@ -137,7 +145,7 @@ pub(super) struct VolumeWorker<'a, F: RingForm> {
     normals: bool,
     values: bool,
     gradients: Box<Gradients>,
-    codes: Box<[u16; SLICE_VOXELS]>,
+    codes: Box<Codes>,
     /// Voxels described last.
     count: usize,
     swapped_values: Vec<u8>,
@@ -154,7 +162,7 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
             normals: tile.channels.contains(Channel::Normal),
             values,
             gradients: Gradients::new(&solid.rule),
-            codes: Box::new([0; SLICE_VOXELS]),
+            codes: Codes::new(solid.bits),
             count: 0,
             swapped_values: Vec::with_capacity(if values { SLICE_VOXELS * value_bytes } else { 0 }),
             extent: Found::default().extent,
@@ -257,7 +265,8 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
 
     fn items(&self, channel: Channel) -> &[u8] {
         match channel {
-            Channel::Normal => bytemuck::cast_slice(&self.codes[..self.count]),
+            Channel::Normal => self.codes.codes(self.count),
+            Channel::Fine => self.codes.fine(self.count),
             Channel::Value => &self.swapped_values,
             _ => &[],
         }

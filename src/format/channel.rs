@@ -110,6 +110,18 @@ static TABLE: &[ChannelRow] = &[
         is_sparse: false,
     },
     ChannelRow {
+        channel: Channel::Fine,
+        name: "fine",
+        items_name: "fine parts of normals",
+        tag: *b"NFIN",
+        item_bytes: &[1],
+        means: None,
+        codec: CODEC_PLANES,
+        is_stated: None,
+        illegal: None,
+        is_sparse: false,
+    },
+    ChannelRow {
         channel: Channel::Corners,
         name: "corners",
         items_name: "corners",

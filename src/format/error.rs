@@ -105,6 +105,8 @@ pub enum FormatError {
     MissingSection(SectionKind),
     /// I4: a packed file has a rank directory.
     RankInPackedFile,
+    /// Fine parts of normals without the normals, or of cells.
+    LoneFine,
     /// I4: coarse means without the voxels' own values.
     LoneMeans {
         /// The section of means.

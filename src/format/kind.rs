@@ -49,11 +49,23 @@ pub enum Channel {
     Color,
     /// Material number.
     Material,
+    /// What normals of 24 bits have beside the first 16 (SPEC 4.6).
+    Fine,
     /// The eight samples of cells that no plane can separate (SPEC 4.8).
     Corners,
     /// A row for the test below.
     #[cfg(test)]
     Dummy,
+}
+
+impl Channel {
+    /// Lowest minor version of the format that has it, on skin voxels.
+    pub const fn minor(self) -> u16 {
+        match self {
+            Self::Fine => 2,
+            _ => 0,
+        }
+    }
 }
 
 /// Kind of a section, in the order in which sections stand in a file.

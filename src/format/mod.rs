@@ -22,5 +22,5 @@ pub use header::{Encoding, HEADER_BYTES, Header, MAGIC, VERSION_MAJOR, VERSION_M
 pub use kind::{Channel, SectionKind, SurfaceKind};
 pub use metadata::{METADATA_LIMIT, Metadata, Selection, SelectionKind, SourceMeta};
 pub use section::{
-    ENTRY_BYTES, MAX_SECTIONS, SECTION_ALIGN, SectionEntry, align_up, parse_table, table_bytes,
+    ENTRY_BYTES, MAX_SECTIONS, SECTION_ALIGN, SectionEntry, align_up, least_minor, parse_table, table_bytes,
 };

@@ -2,8 +2,7 @@
 
 use super::error::FormatError;
 use super::header::{HEADER_BYTES, Header};
-use super::kind::Channel;
-use super::kind::SectionKind;
+use super::kind::{Channel, SectionKind, SurfaceKind};
 use super::packed::{CODEC_DERIVED, CODEC_NONE, CODEC_PLANES, CODEC_STRUCTURE};
 
 /// Sections start at multiples of this: a cache line.
@@ -163,6 +162,14 @@ impl SectionEntry {
             content_crc: u32_at(44),
         })
     }
+}
+
+/// The lowest minor version of the format that has this surface and these sections.
+pub fn least_minor(surface: SurfaceKind, sections: &[SectionEntry]) -> u16 {
+    sections.iter().fold(surface.minor(), |minor, entry| match entry.kind {
+        Some(SectionKind::Voxels(channel)) => minor.max(channel.minor()),
+        _ => minor,
+    })
 }
 
 /// The table's bytes, without padding.

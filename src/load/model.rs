@@ -216,6 +216,7 @@ impl<D: AsRef<[u8]>> Model<D> {
                 )
             }),
             node_normals: codes(&self.node_normals),
+            fine: self.section_bytes(SectionKind::Voxels(Channel::Fine)),
         }
     }
 }
@@ -256,6 +257,7 @@ pub struct ModelView<'a> {
     normals: Option<&'a [[u8; 2]]>,
     node_normals: Option<&'a [[u8; 2]]>,
     cells: Option<CellItems<'a>>,
+    fine: Option<&'a [u8]>,
 }
 
 #[inline]
@@ -308,6 +310,11 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline]
+    fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8> {
+        self.fine?.get(voxel.index()?).copied()
+    }
+
+    #[inline]
     fn cells(&self) -> Option<CellItems<'_>> {
         self.cells
     }
@@ -349,6 +356,11 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     #[inline]
     fn node_normal(&self, node: NodeIndex) -> Option<u16> {
         self.view().node_normal(node)
+    }
+
+    #[inline]
+    fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8> {
+        self.view().voxel_fine(voxel)
     }
 
     #[inline]

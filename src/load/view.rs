@@ -1,6 +1,7 @@
 //! The node view: all that a traversal may know of an octree.
 
 use super::CellItems;
+use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
 
 /// Read-only octree in breadth-first numbers (SPEC 2). A [`BoxIndex`] below `node_count()` is a node, any
@@ -41,6 +42,20 @@ pub trait NodeView: Sync {
 
     /// Normal code of a voxel (SPEC 4.6), if the model has normals.
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16>;
+
+    /// Fine part of a voxel's normal (SPEC 4.6), if the model has normals of 24 bits.
+    #[inline]
+    fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8> {
+        let _ = voxel;
+        None
+    }
+
+    /// The vector of a voxel's normal as well as the model knows it, of L1 length [`normal::FINE_SCALE`].
+    #[inline]
+    fn voxel_direction(&self, voxel: VoxelIndex) -> Option<[i32; 3]> {
+        let code = self.voxel_normal(voxel)?;
+        Some(normal::decode_fine(code, self.voxel_fine(voxel).unwrap_or(normal::FINE_NONE)))
+    }
 
     /// Mean normal code of a node with an edge of 4 cells or more, if the model has them.
     fn node_normal(&self, node: NodeIndex) -> Option<u16>;

@@ -5,7 +5,6 @@
 //! or on the other side of a thin wall, there is another surface. Cost: eight walks from the root, some microseconds a
 //! pixel; that is why it is a choice.
 
-use crate::format::normal;
 use crate::geom::{NodeIndex, Octant, VoxelIndex};
 use crate::load::NodeView;
 
@@ -65,8 +64,8 @@ pub(crate) fn blended<V: NodeView>(view: &V, at: [f64; 3], own: [f64; 3]) -> [f6
         if weight <= 0.0 {
             continue;
         }
-        let Some(code) = find(view, place).and_then(|voxel| view.voxel_normal(voxel)) else { continue };
-        let normal = unit(normal::decode_l1(code));
+        let Some(stored) = find(view, place).and_then(|voxel| view.voxel_direction(voxel)) else { continue };
+        let normal = unit(stored);
         if dot(normal, own) >= LEAST_COSINE {
             sum = std::array::from_fn(|a| sum[a] + weight * normal[a]);
         }

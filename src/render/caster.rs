@@ -6,7 +6,6 @@ use super::picture::cell_coordinates;
 use super::single;
 use super::surface::Skin;
 use super::{GridSpace, RenderError};
-use crate::format::normal;
 use crate::geom::VoxelIndex;
 use crate::load::{Model, ModelView, NodeView};
 
@@ -81,8 +80,8 @@ impl<'a> RayCaster<'a> {
                 Some(self.space.index_normal_to_world(cells.normal(cell, u)))
             }
             _ => voxel
-                .and_then(|voxel| self.view.voxel_normal(VoxelIndex::new(voxel)))
-                .map(|code| self.space.normal_to_world(normal::decode(code).map(f64::from))),
+                .and_then(|voxel| self.view.voxel_direction(VoxelIndex::new(voxel)))
+                .map(|stored| self.space.normal_to_world(stored.map(f64::from))),
         };
         Ok(Some(SurfacePoint { position_mm, t: hit.t, voxel: hit.cell, normal }))
     }

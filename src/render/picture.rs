@@ -680,16 +680,16 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     }
 
     /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
-    /// the box, its parts' sizes adding up to 127.
+    /// the box, its parts' sizes adding up to [`normal::FINE_SCALE`].
     #[inline]
     fn stored(&self, seen: Seen, distance: i64) -> Option<[i32; 3]> {
         let number = seen.box_number.wrapping_add_signed(distance);
-        let code = match seen.kind {
-            SeenKind::Voxel => self.view.voxel_normal(BoxIndex::new(number).voxel(self.view.node_count())),
-            SeenKind::Node => self.view.node_normal(NodeIndex::new(number)),
-            SeenKind::Own => Some(seen.code),
-        };
-        code.map(normal::decode_l1)
+        let coarse = |code| normal::decode_fine(code, normal::FINE_NONE);
+        match seen.kind {
+            SeenKind::Voxel => self.view.voxel_direction(BoxIndex::new(number).voxel(self.view.node_count())),
+            SeenKind::Node => self.view.node_normal(NodeIndex::new(number)).map(coarse),
+            SeenKind::Own => Some(coarse(seen.code)),
+        }
     }
 
     /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
@@ -716,7 +716,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         };
         let cubes = spacing[0] == spacing[1] && spacing[1] == spacing[2];
         let company = facing::company(|distance| match self.stored(seen, distance) {
-            Some(other) if cubes => facing::alike_whole(stored, other, normal::SCALE),
+            Some(other) if cubes => facing::alike_whole(stored, other, normal::FINE_SCALE),
             Some(other) => facing::alike(in_voxels, scale(other)),
             None => true,
         });

@@ -15,7 +15,7 @@ use super::{PackReport, convert_with, decode};
 use crate::error::{Error, StripFault, UsageError};
 use crate::format::{
     Channel, Channels, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind,
-    SurfaceKind, align_up, rank,
+    SurfaceKind, align_up, least_minor, rank,
 };
 use crate::geom::{Dims, Level};
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
@@ -120,6 +120,9 @@ fn kept_channels(frame: &Frame, request: &StripRequest) -> Result<Channels, Stri
     if let Some(channel) = kept.iter().find(|c| !there.contains(*c)) {
         return Err(StripFault::NoChannel { channel });
     }
+    if kept.contains(Channel::Fine) && !kept.contains(Channel::Normal) {
+        return Err(StripFault::FineAlone);
+    }
     if frame.surface() == SurfaceKind::Cells && (kept != there || request.levels > 0) {
         return Err(StripFault::Cells);
     }
@@ -187,6 +190,7 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
         end = entry.end();
     }
     left.header.file_bytes = end;
+    left.header.minor = least_minor(left.surface(), &left.sections);
     Ok(left)
 }
 

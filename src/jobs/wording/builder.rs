@@ -36,6 +36,10 @@ impl fmt::Display for BuildError {
             Self::NoChannel { name, channel } => {
                 write!(f, "{name}: does not have the channel '{channel}'; leave it out")
             }
+            Self::NormalBits { name } => write!(
+                f,
+                "{name}: only skin voxels of volumes have normals of 12 or 24 bits; leave out --normal-bits, or use --surface skin"
+            ),
             Self::NoRoomForCells { name } => write!(
                 f,
                 "{name}: a side of 65536 voxels is too long for cells; use --surface skin, or a part of the volume with --roi"

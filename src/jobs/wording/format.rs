@@ -59,6 +59,7 @@ impl fmt::Display for Damage<'_> {
                 "the rank section is missing, or present in a packed file (SPEC I4)"
             }
             E::MissingSection(kind) => return write!(f, "the {} section is missing (SPEC I4)", kind.name()),
+            E::LoneFine => "fine parts of normals are there without normals of skin voxels (SPEC I4)",
             E::LoneMeans { .. } => "coarse means are there without the voxels' own (SPEC I4)",
             E::NotOfSkin { kind } => {
                 return write!(f, "a model of skin voxels has the {} section (SPEC I4)", kind.name());

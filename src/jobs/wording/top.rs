@@ -70,6 +70,9 @@ impl fmt::Display for UsageError {
                         f,
                         "coarse boxes have no mean of the channel '{channel}'; leave it out with --channels"
                     ),
+                    StripFault::FineAlone => {
+                        f.write_str("the channel 'fine' refines 'normal'; keep both, or leave out both")
+                    }
                     StripFault::NoChannel { channel } => {
                         write!(f, "does not have the channel '{channel}'; oct info names those that it has")
                     }
