@@ -70,9 +70,9 @@ fn samples<'a, T: Ordered + lanes::RingSample>(
     let chooser = Chooser { source, memory: options.memory, threads: options.threads, progress };
     let (selection, range) = chooser.choose::<T>(Threshold::Iso(iso))?;
     if range.is_open_above() {
-        Ok(Box::new(VolumeSolid::new(source, Samples(range), selection, options.gradient, chooser)))
+        Ok(Box::new(VolumeSolid::new(source, Samples(range), selection, options, chooser)))
     } else {
-        Ok(Box::new(VolumeSolid::new(source, Depths(range), selection, options.gradient, chooser)))
+        Ok(Box::new(VolumeSolid::new(source, Depths(range), selection, options, chooser)))
     }
 }
 
@@ -84,5 +84,5 @@ fn depths<'a, T: Ordered>(
 ) -> Result<Box<dyn AnySolid + 'a>, BuildError> {
     let chooser = Chooser { source, memory: options.memory, threads: options.threads, progress };
     let (selection, range) = chooser.choose::<T>(Threshold::Iso(iso))?;
-    Ok(Box::new(VolumeSolid::new(source, Depths(range), selection, options.gradient, chooser)))
+    Ok(Box::new(VolumeSolid::new(source, Depths(range), selection, options, chooser)))
 }
