@@ -2,6 +2,7 @@
 //! is inside a leaf if its middle is, and the tree joins that. Every primitive under any affine, and random trees, are
 //! compared here with a slow count that shares no code with the program. If this fails, parts have stray voxels or
 //! inner walls, cost what they should not, or differ from machine to machine.
+#![expect(clippy::cast_possible_truncation, reason = "coordinates of small grids")]
 
 #[path = "support/random.rs"]
 mod random;
@@ -204,7 +205,7 @@ fn skin(inside: impl Fn([f64; 3]) -> bool, dims: [u32; 3]) -> BTreeSet<[u32; 3]>
         exists && bits[(p[0] + nx as i64 * (p[1] + ny as i64 * p[2])) as usize]
     };
     let mut all = BTreeSet::new();
-    for at in 0..bits.len() {
+    for (at, bit) in bits.iter().enumerate() {
         let voxel = [at % nx, at / nx % ny, at / nx / ny].map(|c| c as i64);
         let open = (0..3).any(|k| {
             [-1, 1].into_iter().any(|way| {
@@ -213,7 +214,7 @@ fn skin(inside: impl Fn([f64; 3]) -> bool, dims: [u32; 3]) -> BTreeSet<[u32; 3]>
                 !value(beside)
             })
         });
-        if bits[at] && open {
+        if *bit && open {
             all.insert(voxel.map(|c| c as u32));
         }
     }

@@ -39,6 +39,9 @@ fn check_links(tree: &Tree, text: &Path, follow: bool) -> Result<(), SourceError
     }
 }
 
+/// A volume, and the name by which leaves know it.
+type Named = (PathBuf, Box<dyn VolumeSource>);
+
 /// Opens the volumes that leaves name, each once, ready to be read.
 fn open_volumes(
     tree: &Tree,
@@ -46,8 +49,8 @@ fn open_volumes(
     options: &BuildOptions,
     output: &Path,
     progress: &dyn Progress,
-) -> Result<Vec<(PathBuf, Box<dyn VolumeSource>)>, Error> {
-    let mut open: Vec<(PathBuf, Box<dyn VolumeSource>)> = Vec::new();
+) -> Result<Vec<Named>, Error> {
+    let mut open: Vec<Named> = Vec::new();
     for shape in tree.files() {
         let Shape::Volume { path, .. } = shape else { continue };
         if open.iter().any(|(known, _)| known == path) {

@@ -14,12 +14,7 @@ pub(in crate::csg) struct Ball {
 
 /// The root of a whole number below 2^62, rounded down.
 #[inline]
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_precision_loss,
-    clippy::cast_sign_loss,
-    reason = "corrected below"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "corrected below")]
 fn root(of: i64) -> i64 {
     let near = (of as f64).sqrt() as i64;
     if near * near > of {

@@ -206,10 +206,12 @@ fn flat(of: &Arguments, z: [f64; 2]) -> Result<Shape, CsgFault> {
                     paths.iter().map(path).collect::<Option<_>>().ok_or_else(|| of.wrong("paths"))?
                 }
             };
-            if !(z[0] < z[1]) {
-                return Ok(Shape::Cuboid { low: [0.0; 3], high: [1.0, 1.0, z[1] - z[0]] });
+            if z[0] < z[1] {
+                Shape::Faces(facets::prism(&paths, z))
+            } else {
+                // Nothing, or refused where it is placed.
+                Shape::Cuboid { low: [0.0; 3], high: [1.0, 1.0, z[1] - z[0]] }
             }
-            Shape::Faces(facets::prism(&paths, z))
         }
     })
 }
