@@ -127,6 +127,26 @@ pub fn parse_tree(text: &[u8], folder: &Path) -> Result<(Tree, NodeId), CsgFault
     })
 }
 
+/// Refuses files of a tree that do not stay in the folder of its text: a text that came from elsewhere must not make
+/// the program read whatever file a link leads to.
+pub(crate) fn check_links(
+    tree: &Tree,
+    text: &Path,
+    stays: impl Fn(&Path, &Path) -> bool,
+) -> Result<(), SourceError> {
+    let named = tree.files().filter_map(|shape| match shape {
+        Shape::Mesh { path } | Shape::Volume { path, .. } => Some(path),
+        _ => None,
+    });
+    match named.into_iter().find(|path| !stays(text, path)) {
+        None => Ok(()),
+        Some(path) => {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            Err(unusable(text, CsgFault::Linked { name }))
+        }
+    }
+}
+
 fn unusable(path: &Path, fault: CsgFault) -> SourceError {
     SourceError::Unusable { path: path.to_path_buf(), fault: Fault::Csg(fault) }
 }

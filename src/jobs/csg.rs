@@ -10,9 +10,8 @@ use crate::budget::{Budget, costs};
 use crate::builder::{BuildOptions, Progress};
 use crate::catalogue;
 use crate::clean::CleanOptions;
-use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, read_tree};
+use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, read_tree};
 use crate::error::Error;
-use crate::facts::{CsgFault, Fault, SourceError};
 use crate::resident::give_back;
 use crate::source::{OpenOptions, stays};
 use crate::volume::VolumeSource;
@@ -21,22 +20,6 @@ use crate::volume::VolumeSource;
 pub fn is_csg(inputs: &[PathBuf]) -> bool {
     let named = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csg"));
     matches!(inputs, [only] if named(only) && !only.is_dir())
-}
-
-/// A text that came from elsewhere must not make the program read whatever file a link in its folder leads to.
-fn check_links(tree: &Tree, text: &Path, follow: bool) -> Result<(), SourceError> {
-    let named = tree.files().filter_map(|shape| match shape {
-        Shape::Mesh { path } | Shape::Volume { path, .. } => Some(path),
-        _ => None,
-    });
-    match named.filter(|_| !follow).find(|path| !stays(text, path)) {
-        None => Ok(()),
-        Some(path) => {
-            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            let fault = Fault::Csg(CsgFault::Linked { name });
-            Err(SourceError::Unusable { path: text.to_path_buf(), fault })
-        }
-    }
 }
 
 /// A volume, and the name by which leaves know it.
@@ -83,7 +66,9 @@ pub fn convert(
     refuse_own_input(inputs, output)?;
     let path = inputs.first().cloned().unwrap_or_default();
     let (tree, root) = read_tree(&path, options.memory)?;
-    check_links(&tree, &path, follow_links)?;
+    if !follow_links {
+        check_links(&tree, &path, stays)?;
+    }
     let volumes = open_volumes(&tree, follow_links, options, output, progress)?;
     give_back();
     let volumes = volumes.iter().map(|(path, source)| (path.clone(), &**source)).collect();

@@ -2,7 +2,7 @@
 
 use std::io::{self, BufRead};
 
-use super::parser::Stop;
+use super::stop::Stop;
 use crate::facts::{CsgFault, CsgToken};
 
 /// Longest name or number.

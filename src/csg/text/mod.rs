@@ -13,6 +13,8 @@
 mod lexer;
 mod modules;
 mod parser;
+mod stop;
 mod values;
 
-pub(super) use parser::{Stop, parse};
+pub(super) use parser::parse;
+pub(super) use stop::Stop;

@@ -1,7 +1,7 @@
 //! The arguments of a module: numbers, words, texts and lists.
 
 use super::lexer::{Lexer, Token};
-use super::parser::Stop;
+use super::stop::Stop;
 use crate::facts::{CsgFault, CsgToken};
 use crate::geom::Affine;
 
