@@ -53,7 +53,10 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ),
     ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "volume"]),
     ("mesh", &["budget", "builder", "facts", "format", "geom", "scratch", "stamp"]),
-    ("csg", &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "stamp", "volume"]),
+    (
+        "csg",
+        &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "resident", "stamp", "volume"],
+    ),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark"]),
     ("enclosed", &["format", "geom", "load"]),

@@ -50,6 +50,7 @@ use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, build_soli
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
 use crate::geom::Affine;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
+use crate::resident::give_back;
 use crate::stamp::stamp;
 use crate::volume::VolumeSource;
 use flat::Flat;
@@ -178,6 +179,8 @@ pub fn build_csg(
     let front = Front { name: &name, csg, options, scratch: options.scratch_folder(output), progress };
     let (solid, facts) = front.solid(&tree, root, &volumes)?;
     drop(tree);
+    // What reading and placing took is not left beside what the build takes.
+    give_back();
     let placing_s = started.elapsed().as_secs_f64();
     // In a share nobody else counts what the solid holds.
     let memory = match options.memory {
