@@ -31,6 +31,13 @@ wrong = [f"{k}: {info.get(k)} and {read.get(k)}" for k in keys if info.get(k) !=
 print("\n".join(wrong) or f"both readers agree in {', '.join(keys)}")
 sys.exit(bool(wrong))
 COMPARE
+    # Of packed models it decodes infobytes, normals and offsets, and holds them to their checksums.
+    local surface
+    for surface in skin cells; do
+        "$oct" build synthetic:head@60 --surface "$surface" -o "$folder/$surface.oct" --quiet
+        "$oct" pack "$folder/$surface.oct" -o "$folder/packed.oct" > "$folder/text"
+        python3 scripts/read_oct.py "$folder/packed.oct" > "$folder/read.json"
+    done
     rm -r "$folder"
 }
 

@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
-"""Reads a mapped .oct with the standard library alone, from src/format/SPEC.md, and prints JSON.
+"""Reads an .oct with the standard library alone, from src/format/SPEC.md, and prints JSON.
 
 Second opinion on the format: checks header, table and every CRC, walks the octree from the root by
-ranks of its own, recounts nodes per depth and voxels, and reads the metadata. Exit 1 and a sentence
-when something is wrong. For small and middling files: it walks about 300,000 boxes a second.
+ranks of its own, recounts nodes per depth and voxels, and reads the metadata. Of a packed file it decodes
+infobytes, normals and offsets of cells (read_oct_packed.py) and holds them to the CRC of their content.
+Exit 1 and a sentence when something is wrong. For small and middling files: it walks about 300,000 boxes a second.
 
 usage: read_oct.py MODEL.oct
 """
 import json
 import struct
 import sys
+
+import read_oct_packed
 
 SCALARS = ["u8", "i8", "u16", "i16", "u32", "i32", "f32", "f64"]
 TABLE = []
@@ -49,6 +52,24 @@ class Fields:
         return self.data[self.at - length:self.at].decode("utf-8")
 
 
+def unpack(sections, due, levels, depth):
+    """Replaces the stored bytes of NODE, NORM and OFFS by their content, if they are in groups (SPEC 5.9 to 5.11)."""
+    codecs = {tag: codec for tag, (codec, _, _) in due.items()}
+    need(codecs["NODE"] == 6 and codecs.get("NORM", 7) == 7, "packed by an earlier version: unpack it first")
+    try:
+        sections["NODE"], subtrees = read_oct_packed.nodes(sections["NODE"], levels, depth)
+        if "NORM" in sections:
+            sections["NORM"] = read_oct_packed.normals(sections["NORM"], subtrees)
+        if codecs.get("OFFS") == 8:
+            sections["OFFS"] = read_oct_packed.offsets(sections["OFFS"], subtrees, sections["NORM"])
+    except read_oct_packed.Broken as rule:
+        need(False, rule)
+    for tag, (codec, length, crc) in due.items():
+        if codec >= 6:
+            content = sections[tag]
+            need(len(content) == length and crc32c(content) == crc, f"bad content of {tag} (I8)")
+
+
 def main():
     data = open(sys.argv[1], "rb").read()
     need(data[:8] == b"\x89OCT\r\n\x1a\n", "not an infobyte .oct (I1)")
@@ -57,24 +78,30 @@ def main():
      header_crc) = struct.unpack_from("<HHBBHQQQIIIIII", data, 8)
     need(header_crc == crc32c(data[:60]) and major == 1 and zero == 0, "bad header (I1)")
     need(length == len(data), "wrong length (I2)")
-    need(encoding & 1 == 0, "packed: unpack it first")
-    need(encoding == 0, "holds cells, which this script does not read")
+    packed, cells = encoding & 1, encoding >> 1
+    need(encoding < 4, "unknown encoding (I1)")
     need(depth == (max(nx, ny, nz) - 1).bit_length(), "depth does not fit the dims (I5)")
     table = data[64:64 + 48 * count]
     need(len(table) == 48 * count and crc32c(table) == table_crc, "bad table (I3)")
-    sections, end, fingerprint = {}, 64 + 48 * count, b""
+    sections, due, end, fingerprint = {}, {}, 64 + 48 * count, b""
     for at in range(0, len(table), 48):
         tag, codec, item, zero, offset, stored, content, items, crc, content_crc = struct.unpack_from(
             "<4sBBHQQQQII", table, at)
         need(offset == (end + 63) // 64 * 64 and not any(data[end:offset]), "gap between sections (I3, I9)")
-        need(codec == 0 and zero == 0 and stored == content == item * items, "bad table entry (I3, I4)")
+        need(zero == 0 and content == item * items, "bad table entry (I3, I4)")
+        need(packed or codec == 0, "a codec in a mapped file (I4)")
+        need(codec or (stored, crc) == (content, content_crc), "bad table entry (I3)")
         end = offset + stored
-        need(end <= len(data) and crc32c(data[offset:end]) == crc == content_crc, f"bad CRC of {tag} (I8)")
+        need(end <= len(data) and crc32c(data[offset:end]) == crc, f"bad CRC of {tag} (I8)")
         sections[tag.decode()] = data[offset:end]
+        due[tag.decode()] = codec, content, content_crc
         fingerprint += b"" if tag == b"RANK" else tag + struct.pack("<I", content_crc)
     need(end == len(data), "bytes after the last section (I3)")
 
+    stored_bytes = {tag: len(stored) for tag, stored in sections.items()}
     levels = struct.unpack(f"<{depth + 1}Q", sections["LEVL"])
+    if packed:
+        unpack(sections, due, levels, depth)
     infobytes = sections["NODE"]
     need(len(infobytes) == nodes == levels[-1] and levels[0] == 0, "levels and nodes disagree (I7)")
     need(all(infobytes), "a node without children (I10)")
@@ -82,10 +109,10 @@ def main():
     for mask in infobytes:
         before.append(before[-1] + bin(mask).count("1"))
     supers = (nodes + 8191) // 8192
-    due = b"".join(struct.pack("<Q", before[8192 * k]) for k in range(supers))
-    due += b"".join(struct.pack("<H", before[32 * j] - before[32 * j // 8192 * 8192])
-                    for j in range((nodes + 31) // 32))
-    need(due == sections["RANK"], "rank directory (I13)")
+    rank = b"".join(struct.pack("<Q", before[8192 * k]) for k in range(supers))
+    rank += b"".join(struct.pack("<H", before[32 * j] - before[32 * j // 8192 * 8192])
+                     for j in range((nodes + 31) // 32))
+    need(packed or rank == sections["RANK"], "rank directory (I13)")
     seen, stack = [0] * (depth + 1), [(0, 0, 0, 0, 0)]
     while stack:
         box, d, x, y, z = stack.pop()
@@ -109,18 +136,18 @@ def main():
     dims, scalar, spacing, affine = m.take("3I"), m.take("B"), m.take("3d"), m.take("12d")
     rescale, (kind, lo, hi), connectivity = m.take("2d"), m.take("Bdd"), m.take("B")
     gradient, _value_scale = m.string(), m.take("2d")
-    need(m.at == len(sections["META"]) and dims == (nx, ny, nz), "metadata (I6)")
+    need(m.at == len(sections["META"]) and tuple(n + cells for n in dims) == (nx, ny, nz), "metadata (I6)")
     names = {"NORM": "normal", "VALU": "value", "OFFS": "offset", "COLR": "color", "MATL": "material",
              "NFIN": "fine"}
     print(json.dumps({
-        "input": sys.argv[1], "format_version": f"{major}.{minor}", "encoding": "mapped", "dims": dims,
+        "input": sys.argv[1], "format_version": f"{major}.{minor}", "encoding": "packed" if packed else "mapped", "dims": dims,
         "spacing_mm": spacing, "affine": [affine[0:4], affine[4:8], affine[8:12]], "grid": 1 << depth,
         "levels": depth, "level_nodes": seen[:-1], "dtype": SCALARS[scalar], "rescale": rescale,
         "range": {"kind": ["iso", "range", "otsu"][kind], "lo": lo if abs(lo) != float("inf") else None,
                   "hi": hi if abs(hi) != float("inf") else None},
         "connectivity": connectivity, "gradient": gradient, "program": program, "source": source,
         "nodes": nodes, "skin_voxels": voxels, "bytes": len(data),
-        "structure_bytes": sum(len(sections[t]) for t in ("LEVL", "NODE", "RANK")),
+        "structure_bytes": sum(stored_bytes[t] for t in ("LEVL", "NODE", "RANK") if t in stored_bytes),
         "channels": [n for t, n in names.items() if t in sections],
         "checksum": f"{crc32c(fingerprint):08x}"}))
 

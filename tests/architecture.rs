@@ -137,6 +137,7 @@ const UNSAFE_FILES: &[&str] = &[
     "src/builder/lanes.rs",
     "src/builder/simd.rs",
     "src/cpu.rs",
+    "src/format/packed/lanes.rs",
     "src/load/map.rs",
     "src/render/lanes_x86.rs",
     "src/resident.rs",

@@ -452,9 +452,12 @@ fn normals_have_the_errors_of_their_bits_and_24_begin_with_the_16() {
     let codes = |model: &Model| model.items(Channel::Normal).unwrap().bytes().to_vec();
     assert_eq!(codes(&sixteen), codes(&more));
     assert!(sixteen.items(Channel::Fine).is_none() && more.items(Channel::Fine).is_some());
-    assert!(
-        codes(&twelve).iter().all(|part| part % 4 == 0) && codes(&sixteen).iter().any(|part| part % 4 > 0)
-    );
+    assert!({
+        let coarse = |model: &Model| {
+            codes(model).as_chunks().0.iter().all(|c| normal::is_coarse(u16::from_le_bytes(*c)))
+        };
+        coarse(&twelve) && !coarse(&sixteen)
+    });
     assert!(twelve.metadata().gradient.ends_with("12 bits"), "{}", twelve.metadata().gradient);
     // The estimator is right to a few hundredths of a degree here; what is left is rounding.
     let (exact, _) = stored_codes(&volume, 0.0, 1, MemoryCap::Process(1 << 30)).unwrap();
@@ -471,7 +474,7 @@ fn normals_have_the_errors_of_their_bits_and_24_begin_with_the_16() {
         errors(&sixteen, "ball R=20, 16 bits"),
         errors(&more, "ball R=20, 24 bits"),
     ];
-    assert!(twelve.mean < 1.3 && twelve.worst < 2.6, "{twelve:?}");
+    assert!(twelve.mean < 1.4 && twelve.worst < 3.2, "{twelve:?}");
     assert!(sixteen.mean < 0.33 && sixteen.worst < 0.65, "{sixteen:?}");
     assert!(more.mean < 0.045 && more.worst < 0.13, "{more:?}");
     for bits in [NormalBits::Twelve, NormalBits::TwentyFour] {

@@ -84,19 +84,21 @@ fn the_header_of_the_example_reads_as_the_table_says() {
 #[test]
 fn the_script_reads_what_the_program_reads() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let file = root.join("fixtures/v1.0-mapped.oct");
-    let output =
-        match std::process::Command::new("python3").arg(root.join("scripts/read_oct.py")).arg(&file).output()
-        {
+    for name in ["v1.0-mapped.oct", "v1.2-packed.oct"] {
+        let file = root.join("fixtures").join(name);
+        let script =
+            std::process::Command::new("python3").arg(root.join("scripts/read_oct.py")).arg(&file).output();
+        let output = match script {
             Ok(output) => output,
             Err(e) => return println!("skipped: python3 cannot be run ({e})"),
         };
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let script: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let program = infobyte::jobs::info::read_info(&file).unwrap().json();
-    let keys = script.as_object().unwrap();
-    assert!(keys.len() >= 20);
-    for (key, value) in keys {
-        assert_eq!(&program[key], value, "{key}");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let script: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let program = infobyte::jobs::info::read_info(&file).unwrap().json();
+        let keys = script.as_object().unwrap();
+        assert!(keys.len() >= 20);
+        for (key, value) in keys {
+            assert_eq!(&program[key], value, "{name}: {key}");
+        }
     }
 }

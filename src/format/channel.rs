@@ -9,7 +9,7 @@ use std::fmt;
 use super::kind::Channel;
 use super::metadata::Metadata;
 use super::normal;
-use super::packed::{CODEC_NORMALS, CODEC_PLANES};
+use super::packed::{CODEC_DIRECTIONS, CODEC_PLANES};
 
 /// What there is to know of a channel.
 #[derive(Debug)]
@@ -56,7 +56,7 @@ static TABLE: &[ChannelRow] = &[
         tag: *b"NORM",
         item_bytes: &[2],
         means: Some(Means { tag: *b"NLOD", name: "normal_lod", rule: MeanRule::Direction }),
-        codec: CODEC_NORMALS,
+        codec: CODEC_DIRECTIONS,
         is_stated: Some(|m| !m.gradient.is_empty()),
         illegal: Some(|item| item.contains(&0x80)),
         is_sparse: false,

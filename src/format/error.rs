@@ -394,6 +394,11 @@ pub enum FormatError {
     AlreadyMapped,
     /// Not to be packed: a section of unknown kind stands between nodes and rank directory.
     RankApart,
+    /// Not to be packed: a minor version that unpacking could not tell.
+    MinorApart {
+        /// The version.
+        minor: u16,
+    },
     /// Not to be written: the metadata passes 1 MiB.
     MetadataTooLong {
         /// Its length.

@@ -3,7 +3,7 @@
 use super::error::FormatError;
 use super::header::{HEADER_BYTES, Header};
 use super::kind::{Channel, SectionKind, SurfaceKind};
-use super::packed::{CODEC_DERIVED, CODEC_NONE, CODEC_PLANES, CODEC_STRUCTURE};
+use super::packed::{CODEC_DERIVED, CODEC_NIBBLES, CODEC_NONE, CODEC_PLANES};
 
 /// Sections start at multiples of this: a cache line.
 pub const SECTION_ALIGN: u64 = 64;
@@ -67,7 +67,7 @@ impl SectionKind {
     pub fn codec(self) -> u8 {
         match self {
             Self::Meta | Self::Levels | Self::Rank => CODEC_NONE,
-            Self::Nodes => CODEC_STRUCTURE,
+            Self::Nodes => CODEC_NIBBLES,
             Self::Means(_) => CODEC_DERIVED,
             Self::Voxels(channel) => channel.row().codec,
             Self::CornerRank => CODEC_PLANES,

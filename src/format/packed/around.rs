@@ -37,3 +37,12 @@ pub(super) fn neighbours() -> [Neighbour; 26] {
     }
     all
 }
+
+/// Empties the places of a subtree's cells.
+pub(super) fn clear<T: Copy>(grid: &mut [T], cells: &[Cell], empty: T) {
+    for cell in cells {
+        if let Some(slot) = grid.get_mut(place(cell)) {
+            *slot = empty;
+        }
+    }
+}

@@ -49,7 +49,8 @@ pub trait BitCoder {
     fn code(&mut self, context: &mut Bit, bit: bool) -> Result<bool, CodingError>;
 }
 
-/// Writes bits.
+/// Writes bits, for tests: no file is written so any more.
+#[cfg(test)]
 #[derive(Debug)]
 pub struct Encoder {
     low: u32,
@@ -57,12 +58,14 @@ pub struct Encoder {
     out: Vec<u8>,
 }
 
+#[cfg(test)]
 impl Default for Encoder {
     fn default() -> Self {
         Self { low: 0, high: u32::MAX, out: Vec::new() }
     }
 }
 
+#[cfg(test)]
 impl Encoder {
     /// The finished payload.
     pub fn finish(mut self) -> Vec<u8> {
@@ -78,6 +81,7 @@ fn split(low: u32, high: u32, p: u32) -> u32 {
     low + (range >> 16) * p + (((range & 0xffff) * p) >> 16)
 }
 
+#[cfg(test)]
 impl BitCoder for Encoder {
     #[inline(always)]
     fn code(&mut self, context: &mut Bit, bit: bool) -> Result<bool, CodingError> {

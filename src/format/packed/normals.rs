@@ -1,7 +1,7 @@
 //! Normals of a subtree, each predicted from the voxels around it that are coded already (SPEC 5.4).
 
 use super::CodingError;
-use super::around::{Neighbour, PLACES, neighbours, place};
+use super::around::{Neighbour, PLACES, clear, neighbours, place};
 use super::coder::{Bit, BitCoder};
 use super::residual::{COUNTS, OTHERS, Residual, SPREADS, count_class, spread_class};
 use super::structure::Cell;
@@ -93,11 +93,7 @@ impl NormalCoder {
                 }
             }
         }
-        for cell in cells {
-            if let Some(slot) = self.grid.get_mut(place(cell)) {
-                *slot = NONE;
-            }
-        }
+        clear(&mut self.grid, cells, NONE);
         result
     }
 

@@ -5,7 +5,7 @@
 //! normals: with the normal of one of the two 3.76 bits a cell of a head are left, with the mean 3.55 (zstd: 6.9).
 
 use super::CodingError;
-use super::around::{Neighbour, PLACES, neighbours, place};
+use super::around::{Neighbour, PLACES, clear, neighbours, place};
 use super::coder::{Bit, BitCoder};
 use super::residual::{COUNTS, OTHERS, Residual, SPREADS, count_class, spread_class};
 use super::structure::Cell;
@@ -92,11 +92,7 @@ impl OffsetCoder {
                 }
             }
         }
-        for cell in cells {
-            if let Some(slot) = self.grid.get_mut(place(cell)) {
-                *slot = Known::default();
-            }
-        }
+        clear(&mut self.grid, cells, Known::default());
         result
     }
 

@@ -3,13 +3,13 @@
 use std::fs::File;
 use std::io;
 
-use crate::format::packed::coder::Decoder;
-use crate::format::packed::normals::NormalCoder;
-use crate::format::packed::offsets::OffsetCoder;
-use crate::format::packed::structure::{StructureCoder, cells_of};
+use crate::format::packed::directions::DirectionCoder;
+use crate::format::packed::distances::DistanceCoder;
+use crate::format::packed::group::{Group, GroupCoder};
+use crate::format::packed::nibbles::NodeCoder;
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_OFFSETS, CODEC_PLANES, CODEC_STRUCTURE, CodingError,
-    GROUP_BYTES_LIMIT, GROUP_VOXELS, planes,
+    CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NIBBLES, CODEC_NONE, CODEC_NORMALS,
+    CODEC_OFFSETS, CODEC_PLANES, CODEC_STRUCTURE, CodingError, GROUP_BYTES_LIMIT, GROUP_VOXELS, planes,
 };
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
@@ -18,8 +18,13 @@ use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
 
 use super::encode::finish_frame;
+use super::groups::{Direction, Worker, each_group};
 use super::stop::Stop;
 use super::stream::{Normals, Subtrees, Writer, codec_of, roots, subtree_shape};
+use super::{earlier, mapped_minor};
+
+/// Most voxels of a block of a payload (SPEC 5.1).
+const BLOCK_VOXELS: u64 = 1 << 17;
 
 /// Unpacks into an empty file and returns the frame of what was written; its checksums are verified.
 pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
@@ -56,6 +61,7 @@ pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<
 fn lay_out(packed: &Frame) -> Result<Frame, Stop> {
     let mut mapped = packed.clone();
     mapped.header.encoding = Encoding::Mapped;
+    mapped.header.minor = mapped_minor(packed);
     if let Some(at) = mapped.sections.iter().position(|e| e.kind == Some(SectionKind::Nodes)) {
         let (_, bytes) = rank::directory_bytes(packed.header.nodes);
         mapped.sections.insert(at + 1, SectionEntry::plain(SectionKind::Rank, 1, bytes, 0));
@@ -86,6 +92,10 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         CODEC_STRUCTURE | CODEC_NORMALS | CODEC_OFFSETS => {
             subtree_shape(frame).1 == 0 || frame.header.voxels <= blocks(12, 2 * GROUP_VOXELS)
         }
+        // A block of a payload has two states of 4 bytes, and nodes of eight voxels at most.
+        CODEC_NIBBLES | CODEC_DIRECTIONS | CODEC_DISTANCES => {
+            subtree_shape(frame).1 == 0 || frame.header.voxels <= blocks(8, BLOCK_VOXELS)
+        }
         codec => return Err(CodingError::UnknownCodec { codec }.into()),
     };
     let right_kind = match (entry.codec, entry.kind) {
@@ -93,7 +103,11 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         (_, None) => false,
         // Blocks of bytes are legal for any section that is not read when a file is opened.
         (CODEC_PLANES, _) => true,
-        (codec, Some(kind)) => codec_of(frame, kind) == codec,
+        (codec, Some(kind)) => {
+            let due = codec_of(frame, kind);
+            // Each codec of groups has an earlier one.
+            due == codec || due >= CODEC_NIBBLES && due - CODEC_NIBBLES + CODEC_STRUCTURE == codec
+        }
     };
     if ok && right_kind {
         return Ok(());
@@ -119,9 +133,12 @@ fn decode_section<R: ReadAt + ?Sized>(
             writer.flush().map_err(Stop::Output)?;
         }
         CODEC_PLANES => stored.planes(entry.item_bytes, &mut writer)?,
-        CODEC_STRUCTURE => structure(&mut stored, packed, target, out)?,
-        CODEC_NORMALS => normals(&mut stored, mapped, &mut writer, out)?,
-        CODEC_OFFSETS => offsets(&mut stored, mapped, &mut writer, out)?,
+        CODEC_NIBBLES => nodes(&mut stored, packed, target, out)?,
+        CODEC_DIRECTIONS => directions(&mut stored, mapped, &mut writer, out)?,
+        CODEC_DISTANCES => distances(&mut stored, mapped, &mut writer, out)?,
+        CODEC_STRUCTURE => earlier::structure(&mut stored, packed, target, out)?,
+        CODEC_NORMALS => earlier::normals(&mut stored, mapped, &mut writer, out)?,
+        CODEC_OFFSETS => earlier::offsets(&mut stored, mapped, &mut writer, out)?,
         _ => {}
     }
     match stored.0.left() {
@@ -131,7 +148,7 @@ fn decode_section<R: ReadAt + ?Sized>(
 }
 
 /// Stored bytes of one section, read from front to back.
-struct Stored<'a, R: ReadAt + ?Sized>(Cursor<'a, R>);
+pub(super) struct Stored<'a, R: ReadAt + ?Sized>(Cursor<'a, R>);
 
 impl<R: ReadAt + ?Sized> Stored<'_, R> {
     fn number(&mut self) -> Result<u32, Stop> {
@@ -165,7 +182,7 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
     }
 
     /// SPEC 5.3: the number of subtrees of a group, and its payload.
-    fn group(&mut self, left: u64) -> Result<(u32, Vec<u8>), Stop> {
+    pub(super) fn group(&mut self, left: u64) -> Result<(u32, Vec<u8>), Stop> {
         let (len, subtrees) = (self.number()?, self.number()?);
         if subtrees == 0 || u64::from(subtrees) > left {
             return Err(CodingError::GroupSubtrees { subtrees }.into());
@@ -174,97 +191,106 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
     }
 }
 
-fn structure<R: ReadAt + ?Sized>(
+/// A group's header into a group for so many levels, and its payload.
+fn next_group<R: ReadAt + ?Sized, G: GroupCoder>(
+    stored: &mut Stored<'_, R>,
+    left: &mut u64,
+    worker: &mut Worker<G>,
+) -> Result<u32, Stop> {
+    let (subtrees, payload) = stored.group(*left)?;
+    *left -= u64::from(subtrees);
+    worker.payload = payload;
+    Ok(subtrees)
+}
+
+/// SPEC 5.9: the infobytes of each group go to their depths.
+fn nodes<R: ReadAt + ?Sized>(
     stored: &mut Stored<'_, R>,
     frame: &Frame,
     target: &SectionEntry,
     out: &File,
 ) -> Result<(), Stop> {
-    let (root_depth, depth) = subtree_shape(frame);
-    if depth == 0 {
-        return Ok(());
-    }
-    let top = frame.level(Level::new(root_depth)).start;
-    stored.planes(1, &mut Writer::new(out, target.offset, target.offset + top))?;
-    let mut writers: Vec<Writer> = (root_depth..root_depth + depth)
-        .map(|d| {
-            let level = frame.level(Level::new(d));
-            Writer::new(out, target.offset + level.start, target.offset + level.end)
-        })
-        .collect();
-    let mut coder = StructureCoder::new(depth as usize);
-    let mut levels = vec![Vec::new(); depth as usize];
-    let mut cells = Vec::new();
+    let Some(mut levels) = LevelWriters::new(stored, frame, target, out)? else { return Ok(()) };
     let mut left = roots(frame);
-    while left > 0 {
-        let (subtrees, payload) = stored.group(left)?;
-        let mut decoder = Decoder::new(&payload)?;
-        coder.restart();
-        for _ in 0..subtrees {
-            coder.code(&mut decoder, &mut levels, true, &mut cells)?;
-            for (depth, (writer, level)) in (root_depth..).zip(writers.iter_mut().zip(&levels)) {
-                let (room, brought) = (writer.room(), level.len() as u64);
-                if brought > room {
-                    return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought }.into());
-                }
-                writer.write(level).map_err(Stop::Output)?;
+    each_group::<NodeCoder>(
+        Direction::Decode,
+        |worker| {
+            if left == 0 {
+                return Ok(false);
             }
-        }
-        decoder.finish()?;
-        left -= u64::from(subtrees);
-    }
-    for (depth, writer) in (root_depth..).zip(&mut writers) {
-        if !writer.is_full() {
-            return Err(FormatError::SubtreeNodes {
-                level: Level::new(depth),
-                room: writer.room(),
-                brought: 0,
-            }
-            .into());
-        }
-        writer.flush().map_err(Stop::Output)?;
-    }
-    Ok(())
+            worker.group.clear(levels_of(frame));
+            worker.group.subtrees = next_group(stored, &mut left, worker)?;
+            Ok(true)
+        },
+        |worker| levels.write(&worker.group.levels),
+    )?;
+    levels.finish()
 }
 
-fn normals<R: ReadAt + ?Sized>(
+/// SPEC 5.10, 5.11: what is coded of each voxel; `read` adds to a group what its decoder has to know, `content`
+/// is what comes out.
+fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
+    stored: &mut Stored<'_, R>,
+    mapped: &Frame,
+    writer: &mut Writer,
+    out: &File,
+    kind: SectionKind,
+    mut read: impl FnMut(&mut Group) -> Result<(), Stop>,
+    mut content: impl FnMut(&Group, &mut Writer) -> io::Result<()>,
+) -> Result<(), Stop> {
+    let mut subtrees = Subtrees::new(out, mapped);
+    let (mut left, mut due) = (roots(mapped), mapped.header.voxels);
+    each_group::<G>(
+        Direction::Decode,
+        |worker| {
+            if left == 0 {
+                return Ok(false);
+            }
+            let stated = next_group(stored, &mut left, worker)?;
+            subtrees.fill(&mut worker.group, G::VOXELS)?;
+            if worker.group.subtrees != stated {
+                return Err(CodingError::GroupSubtrees { subtrees: stated }.into());
+            }
+            // The infobytes may say more than the header.
+            due = due.checked_sub(worker.group.voxels as u64).ok_or(FormatError::MissingItem { kind })?;
+            read(&mut worker.group)?;
+            Ok(true)
+        },
+        |worker| content(&worker.group, writer).map_err(Stop::Output),
+    )?;
+    if !writer.is_full() {
+        return Err(FormatError::SurplusItems { kind, room: writer.room() }.into());
+    }
+    writer.flush().map_err(Stop::Output)
+}
+
+fn directions<R: ReadAt + ?Sized>(
     stored: &mut Stored<'_, R>,
     mapped: &Frame,
     writer: &mut Writer,
     out: &File,
 ) -> Result<(), Stop> {
-    let mut coder = NormalCoder::default();
-    let (mut levels, mut cells, mut codes) = (Vec::new(), Vec::new(), Vec::new());
-    let mut subtrees = Subtrees::new(out, mapped);
-    let mut left = roots(mapped);
-    while left > 0 {
-        let (count, payload) = stored.group(left)?;
-        let mut decoder = Decoder::new(&payload)?;
-        coder.restart();
-        for _ in 0..count {
-            let voxels = subtrees.next(&mut levels)?.unwrap_or(0);
-            if voxels.saturating_mul(2) > writer.room() {
-                return Err(FormatError::MissingItem { kind: SectionKind::Voxels(Channel::Normal) }.into());
-            }
-            cells_of(&levels, &mut cells)?;
-            codes.clear();
-            codes.resize(cells.len(), 0);
-            coder.code(&mut decoder, &cells, &mut codes)?;
-            for code in &codes {
-                writer.write(&code.to_le_bytes()).map_err(Stop::Output)?;
-            }
-        }
-        decoder.finish()?;
-        left -= u64::from(count);
-    }
-    if !writer.is_full() {
-        let (kind, room) = (SectionKind::Voxels(Channel::Normal), writer.room());
-        return Err(FormatError::SurplusItems { kind, room }.into());
-    }
-    writer.flush().map_err(Stop::Output)
+    let kind = SectionKind::Voxels(Channel::Normal);
+    let mut bytes = Vec::new();
+    voxels::<DirectionCoder, R>(
+        stored,
+        mapped,
+        writer,
+        out,
+        kind,
+        |_| Ok(()),
+        |group, writer| {
+            // In parts, so that they do not stand in memory twice.
+            group.normals.chunks(1 << 12).try_for_each(|part| {
+                bytes.clear();
+                bytes.extend(part.iter().flat_map(|code| code.to_le_bytes()));
+                writer.write(&bytes)
+            })
+        },
+    )
 }
 
-fn offsets<R: ReadAt + ?Sized>(
+fn distances<R: ReadAt + ?Sized>(
     stored: &mut Stored<'_, R>,
     mapped: &Frame,
     writer: &mut Writer,
@@ -272,33 +298,69 @@ fn offsets<R: ReadAt + ?Sized>(
 ) -> Result<(), Stop> {
     let kind = SectionKind::Voxels(Channel::Offset);
     let mut normals = Normals::new(out, mapped)?;
-    let mut coder = OffsetCoder::default();
-    let (mut levels, mut cells, mut codes, mut offsets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let mut subtrees = Subtrees::new(out, mapped);
-    let mut left = roots(mapped);
-    while left > 0 {
-        let (count, payload) = stored.group(left)?;
-        let mut decoder = Decoder::new(&payload)?;
-        coder.restart();
-        for _ in 0..count {
-            let voxels = subtrees.next(&mut levels)?.unwrap_or(0);
-            if voxels > writer.room() {
-                return Err(FormatError::MissingItem { kind }.into());
-            }
-            cells_of(&levels, &mut cells)?;
-            normals.next(cells.len(), &mut codes)?;
-            offsets.clear();
-            offsets.resize(cells.len(), 0);
-            coder.code(&mut decoder, &cells, &codes, &mut offsets)?;
-            writer.write(&offsets).map_err(Stop::Output)?;
+    let read = |group: &mut Group| Ok(normals.next(group.voxels, &mut group.normals)?);
+    voxels::<DistanceCoder, R>(stored, mapped, writer, out, kind, read, |group, writer| {
+        group.offsets.chunks(1 << 14).try_for_each(|part| writer.write(part))
+    })
+}
+
+/// Levels of nodes in a subtree.
+fn levels_of(frame: &Frame) -> usize {
+    subtree_shape(frame).1 as usize
+}
+
+/// The depths of the subtrees in the output, each filled from front to back.
+pub(super) struct LevelWriters<'a> {
+    root_depth: u32,
+    writers: Vec<Writer<'a>>,
+}
+
+impl<'a> LevelWriters<'a> {
+    /// Writes the infobytes above the subtrees, and stands at the first subtree; `None` without any nodes.
+    pub(super) fn new<R: ReadAt + ?Sized>(
+        stored: &mut Stored<'_, R>,
+        frame: &Frame,
+        target: &SectionEntry,
+        out: &'a File,
+    ) -> Result<Option<Self>, Stop> {
+        let (root_depth, depth) = subtree_shape(frame);
+        if depth == 0 {
+            return Ok(None);
         }
-        decoder.finish()?;
-        left -= u64::from(count);
+        let top = frame.level(Level::new(root_depth)).start;
+        stored.planes(1, &mut Writer::new(out, target.offset, target.offset + top))?;
+        let writers = (root_depth..root_depth + depth)
+            .map(|d| {
+                let level = frame.level(Level::new(d));
+                Writer::new(out, target.offset + level.start, target.offset + level.end)
+            })
+            .collect();
+        Ok(Some(Self { root_depth, writers }))
     }
-    if !writer.is_full() {
-        return Err(FormatError::SurplusItems { kind, room: writer.room() }.into());
+
+    /// Appends to each depth.
+    pub(super) fn write(&mut self, levels: &[Vec<u8>]) -> Result<(), Stop> {
+        for (depth, (writer, level)) in (self.root_depth..).zip(self.writers.iter_mut().zip(levels)) {
+            let (room, brought) = (writer.room(), level.len() as u64);
+            if brought > room {
+                return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought }.into());
+            }
+            writer.write(level).map_err(Stop::Output)?;
+        }
+        Ok(())
     }
-    writer.flush().map_err(Stop::Output)
+
+    /// Checks that every depth is full.
+    pub(super) fn finish(mut self) -> Result<(), Stop> {
+        for (depth, writer) in (self.root_depth..).zip(&mut self.writers) {
+            if !writer.is_full() {
+                let room = writer.room();
+                return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought: 0 }.into());
+            }
+            writer.flush().map_err(Stop::Output)?;
+        }
+        Ok(())
+    }
 }
 
 /// Writes the rank directory of the nodes that are in `out`, and returns its CRC.

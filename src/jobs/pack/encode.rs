@@ -3,23 +3,24 @@
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 
-use crate::format::packed::coder::Encoder;
-use crate::format::packed::normals::NormalCoder;
-use crate::format::packed::offsets::OffsetCoder;
-use crate::format::packed::structure::{StructureCoder, cells_of};
+use crate::format::packed::directions::DirectionCoder;
+use crate::format::packed::distances::DistanceCoder;
+use crate::format::packed::group::{Group, GroupCoder};
+use crate::format::packed::nibbles::NodeCoder;
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_NONE, CODEC_NORMALS, CODEC_OFFSETS, CODEC_PLANES, CODEC_STRUCTURE, CodingError,
-    GROUP_BYTES_LIMIT, planes,
+    CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NIBBLES, CODEC_NONE, CODEC_PLANES, CodingError,
+    GROUP_BYTES_LIMIT, GROUPS_MINOR, planes,
 };
 use crate::format::{
-    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up,
-    table_bytes,
+    ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, table_bytes,
 };
 use crate::geom::Level;
-use crate::load::{Cursor, Frame, ReadAt, verify};
+use crate::load::{Cursor, Fault, Frame, ReadAt, verify};
 
+use super::groups::{Direction, each_group};
+use super::mapped_minor;
 use super::stop::Stop;
-use super::stream::{Normals, Subtrees, Writer, codec_of, for_each_in_group, subtree_shape};
+use super::stream::{Normals, Subtrees, Writer, codec_of, subtree_shape};
 
 /// Packs into an empty file and returns the frame of what was written.
 pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
@@ -34,6 +35,10 @@ pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
         return Err(FormatError::RankApart.into());
     }
     let mut packed = frame.clone();
+    packed.header.minor = frame.header.minor.max(GROUPS_MINOR);
+    if mapped_minor(&packed) != frame.header.minor {
+        return Err(FormatError::MinorApart { minor: frame.header.minor }.into());
+    }
     packed.sections.retain(|e| e.kind != Some(SectionKind::Rank));
     let table_end = (HEADER_BYTES + packed.sections.len() * ENTRY_BYTES) as u64;
     let mut writer = Writer::new(out, table_end, u64::MAX);
@@ -45,9 +50,9 @@ pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
         writer.take_crc();
         entry.codec = entry.kind.map_or(CODEC_NONE, |kind| codec_of(&frame, kind));
         match entry.codec {
-            CODEC_STRUCTURE => structure(source, &frame, &content, &mut writer)?,
-            CODEC_NORMALS => normals(source, &frame, &mut writer)?,
-            CODEC_OFFSETS => offsets(source, &frame, &content, &mut writer)?,
+            CODEC_NIBBLES => nodes(source, &frame, &content, &mut writer)?,
+            CODEC_DIRECTIONS => directions(source, &frame, &mut writer)?,
+            CODEC_DISTANCES => distances(source, &frame, &content, &mut writer)?,
             CODEC_PLANES => plane_blocks(source, content.offset, &content, &mut writer)?,
             CODEC_DERIVED => {}
             _ => copy(source, &content, &mut writer)?,
@@ -109,14 +114,30 @@ fn length(len: usize) -> Result<u32, CodingError> {
         .ok_or(CodingError::GroupTooLong { bytes: len as u64 })
 }
 
-/// SPEC 5.3: one group after the other.
-fn write_group(writer: &mut Writer, subtrees: u32, payload: &[u8]) -> Result<(), Stop> {
-    writer.write(&length(payload.len())?.to_le_bytes()).map_err(Stop::Output)?;
-    writer.write(&subtrees.to_le_bytes()).map_err(Stop::Output)?;
-    writer.write(payload).map_err(Stop::Output)
+/// SPEC 5.3: one group after the other; `read` adds to its subtrees what the codec has to do with.
+fn groups<G: GroupCoder, R: ReadAt + ?Sized>(
+    source: &R,
+    frame: &Frame,
+    writer: &mut Writer,
+    mut read: impl FnMut(&mut Group) -> Result<(), Fault>,
+) -> Result<(), Stop> {
+    let mut subtrees = Subtrees::new(source, frame);
+    each_group::<G>(
+        Direction::Encode,
+        |worker| {
+            subtrees.fill(&mut worker.group, G::VOXELS)?;
+            read(&mut worker.group)?;
+            Ok(worker.group.subtrees > 0)
+        },
+        |worker| {
+            writer.write(&length(worker.payload.len())?.to_le_bytes()).map_err(Stop::Output)?;
+            writer.write(&worker.group.subtrees.to_le_bytes()).map_err(Stop::Output)?;
+            writer.write(&worker.payload).map_err(Stop::Output)
+        },
+    )
 }
 
-fn structure<R: ReadAt + ?Sized>(
+fn nodes<R: ReadAt + ?Sized>(
     source: &R,
     frame: &Frame,
     entry: &SectionEntry,
@@ -128,70 +149,28 @@ fn structure<R: ReadAt + ?Sized>(
     }
     let top = SectionEntry { stored_bytes: frame.level(Level::new(root_depth)).start, ..*entry };
     plane_blocks(source, entry.offset, &top, writer)?;
-    let mut coder = StructureCoder::new(depth as usize);
-    let (mut levels, mut cells) = (Vec::new(), Vec::new());
-    let mut subtrees = Subtrees::new(source, frame);
-    loop {
-        let mut encoder = Encoder::default();
-        coder.restart();
-        let count = for_each_in_group(&mut subtrees, &mut levels, |levels, _| {
-            coder.code(&mut encoder, levels, false, &mut cells).map_err(Stop::from)
-        })?;
-        if count == 0 {
-            return Ok(());
-        }
-        write_group(writer, count, &encoder.finish())?;
-    }
+    groups::<NodeCoder, R>(source, frame, writer, |_| Ok(()))
 }
 
-fn normals<R: ReadAt + ?Sized>(source: &R, frame: &Frame, writer: &mut Writer) -> Result<(), Stop> {
-    let mut stored = Normals::new(source, frame)?;
-    let mut coder = NormalCoder::default();
-    let (mut levels, mut cells, mut codes) = (Vec::new(), Vec::new(), Vec::new());
-    let mut subtrees = Subtrees::new(source, frame);
-    loop {
-        let mut encoder = Encoder::default();
-        coder.restart();
-        let count = for_each_in_group(&mut subtrees, &mut levels, |levels, _| -> Result<(), Stop> {
-            cells_of(levels, &mut cells)?;
-            stored.next(cells.len(), &mut codes)?;
-            Ok(coder.code(&mut encoder, &cells, &mut codes)?)
-        })?;
-        if count == 0 {
-            return Ok(());
-        }
-        write_group(writer, count, &encoder.finish())?;
-    }
+fn directions<R: ReadAt + ?Sized>(source: &R, frame: &Frame, writer: &mut Writer) -> Result<(), Stop> {
+    let mut normals = Normals::new(source, frame)?;
+    groups::<DirectionCoder, R>(source, frame, writer, |group| normals.next(group.voxels, &mut group.normals))
 }
 
-fn offsets<R: ReadAt + ?Sized>(
+fn distances<R: ReadAt + ?Sized>(
     source: &R,
     frame: &Frame,
     entry: &SectionEntry,
     writer: &mut Writer,
 ) -> Result<(), Stop> {
     let mut normals = Normals::new(source, frame)?;
-    let mut stored = Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES);
-    let mut coder = OffsetCoder::default();
-    let (mut levels, mut cells, mut codes, mut offsets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let mut subtrees = Subtrees::new(source, frame);
-    loop {
-        let mut encoder = Encoder::default();
-        coder.restart();
-        let count = for_each_in_group(&mut subtrees, &mut levels, |levels, _| -> Result<(), Stop> {
-            cells_of(levels, &mut cells)?;
-            normals.next(cells.len(), &mut codes)?;
-            offsets.clear();
-            for _ in 0..cells.len() {
-                let missing = FormatError::MissingItem { kind: SectionKind::Voxels(Channel::Offset) };
-                let [offset] = stored.take::<1>()?.ok_or(missing)?;
-                offsets.push(offset);
-            }
-            Ok(coder.code(&mut encoder, &cells, &codes, &mut offsets)?)
-        })?;
-        if count == 0 {
-            return Ok(());
+    let mut offsets = Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES);
+    groups::<DistanceCoder, R>(source, frame, writer, |group| {
+        normals.next(group.voxels, &mut group.normals)?;
+        while group.offsets.len() < group.voxels {
+            let left = group.voxels - group.offsets.len();
+            group.offsets.extend_from_slice(offsets.next_part_up_to(left)?);
         }
-        write_group(writer, count, &encoder.finish())?;
-    }
+        Ok(())
+    })
 }

@@ -1,7 +1,9 @@
 //! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5); `oct strip`: less of it.
 
 mod decode;
+mod earlier;
 mod encode;
+mod groups;
 mod stop;
 mod stream;
 mod strip;
@@ -15,6 +17,8 @@ use std::time::Instant;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, UsageError};
+use crate::format::least_minor;
+use crate::format::packed::GROUPS_MINOR;
 use crate::load::{Frame, LoadError, ReadAt, open_regular};
 use strip::StripStop;
 
@@ -29,6 +33,14 @@ pub struct PackReport {
     pub skin_voxels: u64,
     /// Seconds from start to end.
     pub wall_s: f64,
+}
+
+/// Minor version of the mapped file that a packed one holds: the lowest that suffices (SPEC 1).
+fn mapped_minor(packed: &Frame) -> u16 {
+    match packed.header.minor {
+        GROUPS_MINOR => least_minor(packed.surface(), &packed.sections),
+        other => other,
+    }
 }
 
 /// Packs a mapped file. The input is verified first, so that only sound models are archived.

@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
 
-use crate::format::packed::{CODEC_OFFSETS, GROUP_VOXELS, SUBTREE_DEPTH};
+use crate::format::packed::group::Group;
+use crate::format::packed::{CODEC_DISTANCES, SUBTREE_DEPTH};
 use crate::format::{Channel, FormatError, SectionKind, SurfaceKind};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
@@ -100,30 +101,54 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
     /// Puts the next subtree's infobytes by depth into `levels`; its number of voxels, or `None`
     /// after the last.
     pub(super) fn next(&mut self, levels: &mut Vec<Vec<u8>>) -> Result<Option<u64>, Fault> {
+        levels.resize(self.cursors.len(), Vec::new());
+        levels.iter_mut().for_each(Vec::clear);
+        self.append(levels)
+    }
+
+    /// Appends the next subtree's infobytes by depth to `levels`; its number of voxels, or `None` after the last.
+    fn append(&mut self, levels: &mut [Vec<u8>]) -> Result<Option<u64>, Fault> {
         if self.left == 0 {
             return Ok(None);
         }
         self.left -= 1;
-        levels.resize(self.cursors.len(), Vec::new());
         let mut count = 1_u64;
         for (depth, (cursor, level)) in (self.root_depth..).zip(self.cursors.iter_mut().zip(levels)) {
-            level.clear();
-            for _ in 0..count {
-                match cursor.take::<1>()? {
-                    Some([mask]) if mask != 0 => level.push(mask),
-                    _ => return Err(FormatError::SubtreeCut { level: Level::new(depth) }.into()),
-                }
+            let cut = || Fault::from(FormatError::SubtreeCut { level: Level::new(depth) });
+            if count > cursor.left() {
+                return Err(cut());
             }
-            count = level.iter().map(|m| u64::from(m.count_ones())).sum();
+            let (mut left, mut children) = (count, 0);
+            while left > 0 {
+                let part = cursor.next_part_up_to(usize::try_from(left).unwrap_or(usize::MAX))?;
+                if part.contains(&0) {
+                    return Err(cut());
+                }
+                children += part.iter().map(|m| u64::from(m.count_ones())).sum::<u64>();
+                left -= part.len() as u64;
+                level.extend_from_slice(part);
+            }
+            count = children;
         }
         Ok(Some(count))
+    }
+
+    /// Fills a group with the next subtrees (SPEC 5.3): so many that it has `full` voxels, or all that are left.
+    pub(super) fn fill(&mut self, group: &mut Group, full: usize) -> Result<(), Fault> {
+        group.clear(self.cursors.len());
+        while group.voxels < full {
+            let Some(voxels) = self.append(&mut group.levels)? else { break };
+            group.subtrees += 1;
+            group.voxels += usize::try_from(voxels).unwrap_or(usize::MAX);
+        }
+        Ok(())
     }
 }
 
 /// Codec of a section in the packed encoding (SPEC 5.1).
 pub(super) fn codec_of(frame: &Frame, kind: SectionKind) -> u8 {
     let is_of_cells = frame.header.surface == SurfaceKind::Cells;
-    if is_of_cells && kind == SectionKind::Voxels(Channel::Offset) { CODEC_OFFSETS } else { kind.codec() }
+    if is_of_cells && kind == SectionKind::Voxels(Channel::Offset) { CODEC_DISTANCES } else { kind.codec() }
 }
 
 /// Reads the normals of a mapped file from front to back.
@@ -140,9 +165,17 @@ impl<'a, R: ReadAt + ?Sized> Normals<'a, R> {
     /// The next codes, so many, in the place of what `codes` held.
     pub(super) fn next(&mut self, count: usize, codes: &mut Vec<u16>) -> Result<(), Fault> {
         codes.clear();
-        for _ in 0..count {
+        while codes.len() < count {
+            // Buffers and sections hold whole codes.
             let missing = FormatError::MissingItem { kind: Self::KIND };
-            codes.push(u16::from_le_bytes(self.0.take::<2>()?.ok_or(missing)?));
+            let (part, rest) = match self.0.left() {
+                0 | 1 => return Err(missing.into()),
+                _ => self.0.next_part_up_to(2 * (count - codes.len()))?.as_chunks::<2>(),
+            };
+            if !rest.is_empty() {
+                return Err(missing.into());
+            }
+            codes.extend(part.iter().map(|code| u16::from_le_bytes(*code)));
         }
         Ok(())
     }
@@ -156,20 +189,4 @@ pub(super) fn roots(frame: &Frame) -> u64 {
     }
     let level = frame.level(Level::new(root_depth));
     level.end - level.start
-}
-
-/// Gathers subtrees until a group is full (SPEC 5.3): calls `one` for each, returns how many.
-pub(super) fn for_each_in_group<R: ReadAt + ?Sized, E: From<Fault>>(
-    subtrees: &mut Subtrees<'_, R>,
-    levels: &mut Vec<Vec<u8>>,
-    mut one: impl FnMut(&mut Vec<Vec<u8>>, u64) -> Result<(), E>,
-) -> Result<u32, E> {
-    let (mut count, mut voxels) = (0, 0);
-    while voxels < GROUP_VOXELS {
-        let Some(more) = subtrees.next(levels)? else { break };
-        one(levels, more)?;
-        voxels += more;
-        count += 1;
-    }
-    Ok(count)
 }

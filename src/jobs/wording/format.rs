@@ -150,6 +150,9 @@ impl fmt::Display for Damage<'_> {
             }
             E::SelectionRange { .. } => "metadata has an impossible range of values (SPEC I17)",
             E::RankApart => "a section of unknown kind parts nodes and rank",
+            E::MinorApart { minor } => {
+                return write!(f, "version 1.{minor} is not the lowest that suffices (SPEC 1)");
+            }
             E::MetadataTooLong { .. } => "metadata is longer than 1 MiB",
             E::MetadataUnwritable => "metadata cannot be written",
             E::ValueTooLarge { .. } => "a value does not fit one byte",
@@ -176,14 +179,15 @@ impl fmt::Display for CodingError {
             Self::SectionCut => "a packed section ends early (SPEC 5.1)",
             Self::SectionSurplus { .. } => "a packed section has bytes left over (SPEC 5.1)",
             Self::BlockTooLong { .. } => "a packed block is longer than its section or its limit (SPEC 5.1)",
-            Self::GroupCut => "a packed group ends early (SPEC 5.2)",
-            Self::GroupSurplus => "a packed group has bytes left over (SPEC 5.2)",
+            Self::GroupCut => "a packed group ends early (SPEC 5.8)",
+            Self::GroupSurplus => "a packed group has bytes left over (SPEC 5.8)",
             Self::GroupTooLong { .. } => "a packed group passes its limit (SPEC 5.3)",
             Self::GroupSubtrees { .. } => "a packed group has an impossible number of subtrees (SPEC 5.3)",
             Self::SubtreeTooDeep => "a subtree is too deep (SPEC 5.3)",
             Self::SubtreeNodes { .. } => "a depth has too many or too few nodes (SPEC I11)",
-            Self::NormalRange => "a packed normal is out of range (SPEC 5.4)",
-            Self::OffsetRange => "a packed offset is out of range (SPEC 5.7)",
+            Self::EmptyNode => "a packed node has no children (SPEC I10)",
+            Self::NormalRange => "a packed normal is out of range (SPEC 5.10)",
+            Self::OffsetRange => "a packed offset is out of range (SPEC 5.11)",
             Self::BlockUnreadable { .. } => "a packed block cannot be decoded (SPEC 5.5)",
         })
     }

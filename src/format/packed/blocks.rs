@@ -1,0 +1,161 @@
+//! The voxels of a group's subtrees in Morton order, each with a window on those around it that are coded already
+//! (SPEC 5.10).
+
+use super::CodingError;
+use super::group::{Group, Walk, coordinates};
+use super::tables::SymbolCoder;
+
+/// Voxels along a side of a block, as a power of two: half a subtree's, so that the grid stays in a cache.
+const BLOCK_BITS: u32 = 5;
+/// Places along a side of the grid: a block and a border of two.
+const ROW: usize = (1 << BLOCK_BITS) + 4;
+const SLICE: usize = ROW * ROW;
+const PLACES: usize = ROW * SLICE;
+/// Place of a block's first voxel.
+const FIRST: usize = 2 * (SLICE + ROW + 1);
+/// Place of the voxel itself in its window, which reaches two slices back and one slice and row on.
+pub(super) const SELF: usize = 2 * SLICE;
+const WINDOW: usize = SELF + 1 + SLICE + ROW;
+
+/// A place of the grid: what a coder knows of a voxel, zeros where it knows nothing.
+pub(super) type Cell = [i16; 8];
+/// The places around a voxel, which is at [`SELF`].
+pub(super) type Window = [Known; WINDOW];
+
+/// A [`Cell`] at an address that suits vector units.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(align(16))]
+pub(super) struct Known(pub(super) Cell);
+
+impl Known {
+    /// Numbers that fit 16 bits.
+    #[inline(always)]
+    pub(super) fn of(lanes: [i32; 8]) -> Self {
+        let mut cell = Cell::default();
+        for (short, lane) in cell.iter_mut().zip(lanes) {
+            *short = lane as i16;
+        }
+        Self(cell)
+    }
+}
+
+/// A neighbour that Morton order can have before a voxel: its place in the window and the step to it. (Three faces,
+/// three edges and a corner always come after it.)
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Neighbour {
+    pub(super) at: usize,
+    pub(super) away: [i32; 3],
+}
+
+const fn neighbours<const N: usize>(axes: i32) -> [Neighbour; N] {
+    let mut all = [Neighbour { at: SELF, away: [0; 3] }; N];
+    let (mut found, mut i) = (0, 0);
+    while i < 27 {
+        let [x, y, z]: [i32; 3] = [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1];
+        if x.abs() + y.abs() + z.abs() == axes && (x < 0 || y < 0 || z < 0) {
+            let step = x + y * ROW as i32 + z * SLICE as i32;
+            all[found] = Neighbour { at: SELF.wrapping_add_signed(step as isize), away: [x, y, z] };
+            found += 1;
+        }
+        i += 1;
+    }
+    assert!(found == N);
+    all
+}
+
+/// Across a face, an edge, a corner; each by z, y, x.
+pub(super) const FACES: [Neighbour; 3] = neighbours(1);
+/// See [`FACES`].
+pub(super) const EDGES: [Neighbour; 9] = neighbours(2);
+/// See [`FACES`].
+pub(super) const CORNERS: [Neighbour; 7] = neighbours(3);
+
+/// What is coded for each voxel.
+pub(super) trait VoxelCoder {
+    /// Before the first voxel of a subtree.
+    fn begin_subtree(&mut self);
+
+    /// Codes the voxel of this number in the group, and notes in the window what its neighbours will need.
+    fn code_voxel<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        window: &mut Window,
+        number: usize,
+    ) -> Result<(), CodingError>;
+}
+
+/// A grid for one block after the other.
+#[derive(Debug)]
+pub(super) struct Blocks {
+    grid: Vec<Known>,
+    written: Vec<u16>,
+    walk: Walk,
+}
+
+impl Default for Blocks {
+    fn default() -> Self {
+        const { assert!(PLACES <= 1 << 16) };
+        Self { grid: vec![Known::default(); PLACES], written: Vec::new(), walk: Walk::default() }
+    }
+}
+
+impl Blocks {
+    /// Codes all voxels of a group.
+    ///
+    /// # Errors
+    /// Those of the coder; the group's levels do not belong together.
+    #[inline(always)]
+    pub(super) fn code<C: SymbolCoder, V: VoxelCoder>(
+        &mut self,
+        coder: &mut C,
+        group: &Group,
+        voxels: &mut V,
+    ) -> Result<(), CodingError> {
+        self.walk.restart();
+        let mut number = 0;
+        for _ in 0..group.subtrees {
+            let (places, masks) = self.walk.next_subtree(&group.levels)?;
+            voxels.begin_subtree();
+            let mut block = [0; 3];
+            for (place, mask) in places.iter().zip(masks) {
+                let [x, y, z] = coordinates(*place);
+                let of = [x >> (BLOCK_BITS - 1), y >> (BLOCK_BITS - 1), z >> (BLOCK_BITS - 1)];
+                if of != block {
+                    block = of;
+                    clear(&mut self.grid, &mut self.written);
+                }
+                let within = |c: usize| 2 * c % (1 << BLOCK_BITS);
+                let first = FIRST + within(z) * SLICE + within(y) * ROW + within(x);
+                let mut octants = *mask;
+                while octants != 0 {
+                    let octant = octants.trailing_zeros() as usize;
+                    octants &= octants - 1;
+                    let at = first + octant % 2 + octant / 2 % 2 * ROW + octant / 4 * SLICE;
+                    let Some(window) = self.grid.get_mut(at - SELF..).and_then(|g| g.first_chunk_mut())
+                    else {
+                        return Err(CodingError::SubtreeTooDeep);
+                    };
+                    self.written.push((at % PLACES) as u16);
+                    let result = voxels.code_voxel(coder, window, number);
+                    if result.is_err() {
+                        clear(&mut self.grid, &mut self.written);
+                        return result;
+                    }
+                    number += 1;
+                    coder.end_item();
+                }
+                coder.check()?;
+            }
+            clear(&mut self.grid, &mut self.written);
+        }
+        Ok(())
+    }
+}
+
+fn clear(grid: &mut [Known], written: &mut Vec<u16>) {
+    for at in written.drain(..) {
+        if let Some(slot) = grid.get_mut(usize::from(at)) {
+            *slot = Known::default();
+        }
+    }
+}

@@ -1,0 +1,355 @@
+//! Normals of a group, each predicted from the voxels around it that are coded already (SPEC 5.10).
+
+use super::CodingError;
+use super::blocks::{
+    Blocks, CORNERS, Cell, EDGES, FACES, Known as Place, Neighbour, SELF, VoxelCoder, Window,
+};
+use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
+use super::group::{Group, GroupCoder};
+use super::tables::{SymbolCoder, Tables};
+use crate::format::normal::{SCALE, coarse_component, coarse_number, decode_l1, is_coarse};
+
+// What the grid knows of a voxel: x, y, z of its L1-127 vector, 1 for being there, the errors of both coordinates in
+// quarters, and how far off the prediction was. Weighted sums of each stay in 16 bits: the weights add up to 58.
+const COUNT: usize = 3;
+const ERRORS: [usize; 2] = [4, 5];
+const OFF: usize = 6;
+/// Largest error that is remembered, in quarters.
+const MOST_ERROR: i32 = 350;
+/// Largest residual that counts.
+const MOST_OFF: u32 = 120;
+
+const BIASES: usize = 2048;
+
+/// A running mean of errors in one context, in 1/256.
+type Bias = [i32; BIASES];
+
+/// Tables of one coordinate.
+#[derive(Debug)]
+struct Component {
+    off: Tables<256, 5, 7>,
+    bent: Tables<256, 5, 7>,
+    bias: Box<Bias>,
+}
+
+/// Codes the normals of groups.
+#[derive(Debug, Default)]
+pub struct DirectionCoder {
+    blocks: Blocks,
+    known: Learnt,
+}
+
+#[derive(Debug)]
+struct Learnt {
+    components: [Component; 2],
+    twins: [Tables<2, 5, 7>; 2],
+}
+
+impl Default for Learnt {
+    fn default() -> Self {
+        let component = || Component { off: Tables::new(), bent: Tables::new(), bias: Box::new([0; BIASES]) };
+        Self { components: [component(), component()], twins: [Tables::new(), Tables::new()] }
+    }
+}
+
+/// The two octahedral coordinates of an L1-127 vector, `s(0) = +1` (SPEC 4.6).
+#[inline(always)]
+fn chart(v: [i32; 3]) -> [i32; 2] {
+    let s = |c: i32| if c < 0 { -1 } else { 1 };
+    if v[2] >= 0 { [v[0], v[1]] } else { [s(v[0]) * (SCALE - v[1].abs()), s(v[1]) * (SCALE - v[0].abs())] }
+}
+
+/// Mirrors a vector when the prediction looks down, so that the chart's fold lies opposite to it.
+#[inline(always)]
+fn mirrored(v: [i32; 3], mirror: bool) -> [i32; 3] {
+    if mirror { [v[0], v[1], v[2].wrapping_neg()] } else { v }
+}
+
+#[inline(always)]
+fn code_of(c: [i32; 2]) -> u16 {
+    u16::from(c[0] as u8) | u16::from(c[1] as u8) << 8
+}
+
+/// A class with a sign, 0 to 15.
+#[inline(always)]
+fn signed(class: usize, value: i32) -> usize {
+    class + if value < 0 { 8 } else { 0 }
+}
+
+static OFF_CLASSES: Classes = Classes::new(&[1, 3, 5, 7, 10, 14, 19, 26, 36, 52, 76, 110, 160, 230]);
+static COUNT_CLASSES: Classes = Classes::new(&[10, 20, 34]);
+static ERROR_CLASSES: Classes = Classes::new(&[1, 3, 6, 12, 24, 60]);
+static BENT_CLASSES: Classes = Classes::new(&[4, 12, 24, 48, 100, 240]);
+static OTHER_CLASSES: Classes = Classes::new(&[1, 3, 8]);
+
+impl GroupCoder for DirectionCoder {
+    /// Half of what infobytes have, for the sake of memory; it costs 0.7 % of the bytes of normals.
+    const VOXELS: usize = 1 << 17;
+
+    #[inline(always)]
+    fn code<C: SymbolCoder>(&mut self, coder: &mut C, group: &mut Group) -> Result<(), CodingError> {
+        for component in &mut self.known.components {
+            component.off.restart();
+            component.bent.restart();
+            component.bias.fill(0);
+        }
+        self.known.twins.iter_mut().for_each(Tables::restart);
+        let mut codes = std::mem::take(&mut group.normals);
+        codes.resize(group.voxels, 0);
+        let coarse = coder.even(1, u32::from(!C::READS && codes.iter().all(|code| is_coarse(*code)))) == 1;
+        let known = &mut self.known;
+        let mut voxels = Directions { known, codes: &mut codes, last: [0, 0, SCALE], coarse };
+        let result = self.blocks.code(coder, group, &mut voxels);
+        group.normals = codes;
+        result
+    }
+}
+
+/// The normals of a group while they are coded.
+struct Directions<'a> {
+    known: &'a mut Learnt,
+    codes: &'a mut [u16],
+    last: [i32; 3],
+    /// Are all of 12 bits?
+    coarse: bool,
+}
+
+impl VoxelCoder for Directions<'_> {
+    #[inline(always)]
+    fn begin_subtree(&mut self) {
+        self.last = [0, 0, SCALE];
+    }
+
+    #[inline(always)]
+    fn code_voxel<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        window: &mut Window,
+        number: usize,
+    ) -> Result<(), CodingError> {
+        let Some(code) = self.codes.get_mut(number) else { return Err(CodingError::SubtreeTooDeep) };
+        *code = code_one(self.known, coder, window, (self.last, self.coarse), *code)?;
+        self.last = decode_l1(*code);
+        Ok(())
+    }
+}
+
+/// Coordinate of the direction of a sum in 1/16, from 2^20 over the sum's L1 length.
+#[inline(always)]
+fn sixteenths(sum: i32, part: u32) -> i32 {
+    let magnitude = sum.unsigned_abs().wrapping_mul(part).wrapping_mul(16 * SCALE.unsigned_abs()) >> 20;
+    if sum < 0 { magnitude.cast_signed().wrapping_neg() } else { magnitude.cast_signed() }
+}
+
+/// What the neighbours say of both coordinates.
+struct Around {
+    sum: Cell,
+    /// Of the weights in the sum.
+    share: i32,
+    ahead: Cell,
+    /// In 1/16.
+    guess: [i32; 2],
+    off: usize,
+    first: usize,
+}
+
+impl Around {
+    #[inline(always)]
+    fn known(&self, i: usize, due: i32, coarse: bool) -> Known {
+        let two = i32::from(self.ahead[COUNT]);
+        let ahead = i32::from(self.ahead[i]).wrapping_mul(16).wrapping_mul(SHARES[two as usize % 64]) >> 16;
+        let turn = if two == 0 { 0 } else { ahead.wrapping_sub(self.guess[i]) };
+        let error = i32::from(self.sum[ERRORS[i]]).wrapping_mul(self.share) >> 16;
+        Known { due, coarse, guess: self.guess[i], turn, error, off: self.off, first: self.first }
+    }
+}
+
+/// What is known of a coordinate before it is coded.
+struct Known {
+    due: i32,
+    coarse: bool,
+    /// In 1/16, as the next three.
+    guess: i32,
+    turn: i32,
+    error: i32,
+    off: usize,
+    first: usize,
+}
+
+/// A coordinate once it is coded.
+struct Coded {
+    value: i32,
+    residual: i32,
+    error: i32,
+}
+
+impl Component {
+    #[inline(always)]
+    fn code<C: SymbolCoder>(&mut self, coder: &mut C, known: &Known, other: usize) -> Coded {
+        let (bend, err) = (BENT_CLASSES.of(known.turn), ERROR_CLASSES.of(known.error));
+        let context = ((known.off >> 1) * 16 + signed(bend, known.turn)) * 16 + signed(err, known.error);
+        let bias = &mut self.bias[context % BIASES];
+        let expected = (known.guess.wrapping_add(*bias >> 4).wrapping_add(8) >> 4).clamp(-SCALE, SCALE);
+        // Normals of 12 bits are counted by their 64 components.
+        let (expected, due) = match known.coarse {
+            true => (nearest_coarse(expected), coarse_number(known.due).unwrap_or(0)),
+            false => (expected, known.due),
+        };
+        let residual = due.wrapping_sub(expected);
+        let magnitude = residual.unsigned_abs();
+        let token = coder.code(
+            (&mut self.off, known.first * 4 + other),
+            (&mut self.bent, (bend * 8 + err) * 4 + other),
+            token_of(magnitude),
+        );
+        let residual = difference_of(token, coder.even(TOKENS[token].1, low_bits(token, residual)));
+        let value = expected.wrapping_add(residual);
+        let value = if known.coarse { coarse_component(value) } else { value };
+        let wrong = (value << 4).wrapping_sub(known.guess);
+        *bias = bias.wrapping_add((wrong << 4).wrapping_sub(*bias) >> 5);
+        let residual = if known.coarse { residual.wrapping_mul(4) } else { residual };
+        Coded { value, residual, error: (wrong >> 2).clamp(-MOST_ERROR, MOST_ERROR) }
+    }
+}
+
+#[inline(always)]
+fn code_one<C: SymbolCoder>(
+    known: &mut Learnt,
+    coder: &mut C,
+    window: &mut Window,
+    (last, coarse): ([i32; 3], bool),
+    code: u16,
+) -> Result<u16, CodingError> {
+    let Learnt { components: [u, v], twins } = known;
+    let mut sum = Cell::default();
+    for (near, weight) in
+        [(sum_of(window, &FACES), 8), (sum_of(window, &EDGES), 3), (sum_of(window, &CORNERS), 1)]
+    {
+        for i in 0..8 {
+            sum[i] = sum[i].wrapping_add(near[i].wrapping_mul(weight));
+        }
+    }
+    // Carried on from two voxels in a row.
+    let mut ahead = Cell::default();
+    for face in &FACES {
+        let (near, far) = (window[face.at].0, window[2 * face.at - SELF].0);
+        let both = (near[COUNT] & far[COUNT]).wrapping_neg();
+        for i in 0..8 {
+            ahead[i] = ahead[i].wrapping_add(near[i].wrapping_add(near[i]).wrapping_sub(far[i]) & both);
+        }
+    }
+    let weight = i32::from(sum[COUNT]);
+    let share = SHARES[weight as usize % 64];
+    let mut s = [i32::from(sum[0]), i32::from(sum[1]), i32::from(sum[2])];
+    if weight == 0 {
+        s = last;
+    }
+    let mut l1 = s[0].wrapping_abs().wrapping_add(s[1].wrapping_abs()).wrapping_add(s[2].wrapping_abs());
+    if l1 == 0 {
+        (s, l1) = ([0, 0, SCALE], SCALE);
+    }
+    let mirror = s[2] < 0;
+    let part = (1 << 20) / l1 as u32;
+    // In 1/16: sign and magnitude.
+    let guess = [sixteenths(s[0], part), sixteenths(s[1], part)];
+    let off = (4 * i32::from(sum[OFF])).wrapping_mul(share) >> 16;
+    let off = if weight == 0 { 15 } else { OFF_CLASSES.of(off) };
+    let around = Around { sum, share, ahead, guess, off, first: off * 4 + COUNT_CLASSES.of(weight) };
+    let due = if C::READS { [0; 2] } else { chart(mirrored(decode_l1(code), mirror)) };
+    let u = u.code(coder, &around.known(0, due[0], coarse), 0);
+    let v = v.code(coder, &around.known(1, due[1], coarse), OTHER_CLASSES.of(u.residual));
+    let got = [u.value, v.value];
+    let errors = [u.error, v.error];
+    let magnitudes = u.residual.unsigned_abs().min(MOST_OFF) + v.residual.unsigned_abs().min(MOST_OFF);
+    if got[0].wrapping_abs() > SCALE || got[1].wrapping_abs() > SCALE {
+        return Err(CodingError::NormalRange);
+    }
+    let vector = mirrored(decode_l1(code_of(got)), mirror);
+    let mut plain = chart(vector);
+    // On the square's rim two codes share a direction: one symbol says which.
+    if vector[2] < 0 && (vector[0] == 0 || vector[1] == 0) {
+        let [u, v] = code.to_le_bytes();
+        let [first, second] = twins;
+        let axes = [(vector[0] == 0, u.cast_signed() < 0), (vector[1] == 0, v.cast_signed() < 0)];
+        for (axis, (zero, negative)) in axes.into_iter().enumerate() {
+            if zero && coder.code((first, axis), (second, axis), usize::from(negative)) & 1 == 1 {
+                plain[axis] = -plain[axis];
+            }
+        }
+    }
+    let lanes = [vector[0], vector[1], vector[2], 1, errors[0], errors[1], magnitudes.cast_signed(), 0];
+    // All are far below 32768.
+    window[SELF] = Place::of(lanes);
+    Ok(code_of(plain))
+}
+
+/// Number of the coarse component nearest to an expected one.
+#[inline(always)]
+fn nearest_coarse(expected: i32) -> i32 {
+    let size = expected.unsigned_abs().cast_signed();
+    // 0 to 3 belong to 2, 4 to 7 to 5.
+    let at = size >> 2;
+    if expected < 0 { -1 - at } else { at }
+}
+
+/// The sum of what is known of some neighbours.
+#[inline(always)]
+fn sum_of(window: &Window, neighbours: &[Neighbour]) -> Cell {
+    let mut sum = Cell::default();
+    for near in neighbours {
+        for (lane, more) in sum.iter_mut().zip(&window[near.at].0) {
+            *lane = lane.wrapping_add(*more);
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::group::tests::slab;
+    use super::super::tables::{Decoder, Encoder};
+    use super::*;
+
+    #[test]
+    fn every_legal_code_comes_back_after_any_prediction() {
+        let legal: Vec<u16> = (0..=u16::MAX).filter(|c| !c.to_le_bytes().contains(&0x80)).collect();
+        assert_eq!(legal.len(), 255 * 255);
+        let order: Vec<u16> =
+            (0..legal.len()).map(|i| legal[i * 7919 % legal.len()]).chain(legal.clone()).collect();
+        let mut group = slab(order.len() / 4096);
+        group.normals = order[..group.voxels].to_vec();
+        let mut encoder = Encoder::default();
+        DirectionCoder::default().code(&mut encoder, &mut group).unwrap();
+        let payload = encoder.finish();
+        let normals = std::mem::take(&mut group.normals);
+        let mut decoder = Decoder::new(&payload).unwrap();
+        DirectionCoder::default().code(&mut decoder, &mut group).unwrap();
+        decoder.finish().unwrap();
+        assert!(group.normals == normals);
+    }
+
+    #[test]
+    fn normals_of_12_bits_come_back_and_take_fewer_bytes() {
+        let coarse: Vec<u16> = (0..=u16::MAX).filter(|code| is_coarse(*code)).collect();
+        assert_eq!(coarse.len(), 4096);
+        let mut group = slab(4);
+        let mut packed = |codes: &[u16]| {
+            group.normals = codes.to_vec();
+            let mut encoder = Encoder::default();
+            DirectionCoder::default().code(&mut encoder, &mut group).unwrap();
+            let payload = encoder.finish();
+            group.normals.clear();
+            let mut decoder = Decoder::new(&payload).unwrap();
+            DirectionCoder::default().code(&mut decoder, &mut group).unwrap();
+            decoder.finish().unwrap();
+            assert!(group.normals == codes);
+            payload.len()
+        };
+        let mut codes: Vec<u16> = (0..4 * 4096).map(|i| coarse[i * 7919 % 4096]).collect();
+        let few = packed(&codes);
+        // One of another kind among them.
+        codes[5000] = 0;
+        let more = packed(&codes);
+        assert!(few * 10 < more * 9, "{few} {more}");
+    }
+}

@@ -1,0 +1,227 @@
+//! Offsets of a group's cells, each predicted from the planes of the cells around it that are coded already
+//! (SPEC 5.11). The normals are known.
+//!
+//! The surface bends evenly between neighbours, so that a neighbour's plane is carried on by the mean of both
+//! normals: with the normal of one of the two 3.76 bits a cell of a head are left, with the mean 3.55 (zstd: 6.9).
+
+use super::CodingError;
+use super::blocks::{Blocks, CORNERS, EDGES, FACES, Known, Neighbour, SELF, VoxelCoder, Window};
+use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
+use super::group::{Group, GroupCoder};
+use super::tables::{SymbolCoder, Tables};
+use crate::format::cell::HAS_CORNERS;
+use crate::format::normal::decode_l1;
+
+// What the grid knows of a cell: its L1-127 vector, 1 for having a plane, its offset, how far off the prediction
+// was, 1 for having corners.
+const PLANE: usize = 3;
+const OFFSET: usize = 4;
+const OFF: usize = 5;
+const CORNERED: usize = 6;
+
+/// The symbol that says that a cell has corners: no difference is so large.
+const CORNERS_TOKEN: usize = 15;
+/// Farthest that a neighbour's prediction counts as being from the mean.
+const FAR: i32 = 80;
+/// Largest residual that counts.
+const MOST_OFF: i32 = 120;
+/// Neighbours that can be coded before a cell.
+const NEAR: usize = 19;
+
+/// Weights of neighbours across a face, an edge, a corner, by how far their normals are from the cell's own: of one
+/// across a face with the same normal 512.
+static WEIGHTS: [[i32; 256]; 3] = {
+    let mut weights = [[0; 256]; 3];
+    let base = [8, 3, 1];
+    let mut kind = 0;
+    while kind < 3 {
+        let mut apart = 0;
+        while apart < 256 {
+            let weight = 64 * 32 * base[kind] / (32 + apart * apart);
+            weights[kind][apart as usize] = if weight < 1 { 1 } else { weight };
+            apart += 1;
+        }
+        kind += 1;
+    }
+    weights
+};
+
+static OFF_CLASSES: Classes = Classes::new(&[1, 3, 5, 7, 10, 14, 19, 26, 36, 52, 76, 110, 160, 230]);
+static SPREAD_CLASSES: Classes = Classes::new(&[3, 7, 11, 15, 21, 27, 35, 47, 63, 90]);
+static COUNT_CLASSES: Classes = Classes::new(&[0, 1, 2, 4, 7]);
+
+/// Codes the offsets of groups of cells.
+#[derive(Debug)]
+pub struct DistanceCoder {
+    blocks: Blocks,
+    spread: Tables<128, 5, 7>,
+    off: Tables<64, 5, 7>,
+}
+
+impl Default for DistanceCoder {
+    fn default() -> Self {
+        Self { blocks: Blocks::default(), spread: Tables::new(), off: Tables::new() }
+    }
+}
+
+impl GroupCoder for DistanceCoder {
+    const VOXELS: usize = 1 << 17;
+
+    #[inline(always)]
+    fn code<C: SymbolCoder>(&mut self, coder: &mut C, group: &mut Group) -> Result<(), CodingError> {
+        self.spread.restart();
+        self.off.restart();
+        let mut offsets = std::mem::take(&mut group.offsets);
+        offsets.resize(group.voxels, 0);
+        let mut voxels = Distances {
+            spread: &mut self.spread,
+            off: &mut self.off,
+            normals: &group.normals,
+            offsets: &mut offsets,
+        };
+        let result = self.blocks.code(coder, group, &mut voxels);
+        group.offsets = offsets;
+        result
+    }
+}
+
+/// The offsets of a group while they are coded.
+struct Distances<'a> {
+    spread: &'a mut Tables<128, 5, 7>,
+    off: &'a mut Tables<64, 5, 7>,
+    normals: &'a [u16],
+    offsets: &'a mut [u8],
+}
+
+/// What the neighbours say of a cell's offset.
+#[derive(Default)]
+struct Said {
+    says: [i32; NEAR],
+    weights: [i32; NEAR],
+    planes: i32,
+    cornered: i32,
+    off: i32,
+}
+
+impl Said {
+    /// Hears neighbours of one kind, the first of them under number `from`.
+    #[inline(always)]
+    fn hear(
+        &mut self,
+        window: &Window,
+        neighbours: &[Neighbour],
+        from: usize,
+        weights: &[i32; 256],
+        own: [i32; 3],
+    ) {
+        for (i, near) in neighbours.iter().enumerate() {
+            let lanes = &window[near.at].0;
+            let known = |lane: usize| i32::from(lanes[lane]);
+            let (mut says, mut apart) = (known(OFFSET), 0);
+            for a in 0..3 {
+                says = says.wrapping_add(own[a].wrapping_add(known(a)).wrapping_mul(near.away[a]));
+                apart += own[a].abs_diff(known(a));
+            }
+            // A place without a plane has no weight.
+            let weight = weights[apart as usize % 256] & known(PLANE).wrapping_neg();
+            self.says[(from + i) % NEAR] = says;
+            self.weights[(from + i) % NEAR] = weight;
+            self.planes = self.planes.wrapping_add(known(PLANE));
+            self.cornered = self.cornered.wrapping_add(known(CORNERED));
+            self.off = self.off.wrapping_add(known(OFF));
+        }
+    }
+
+    /// The offset to be expected, and four times how far from it the neighbours are.
+    #[inline(always)]
+    fn expected(&self) -> (i32, i32) {
+        let (mut sum, mut weight) = (0_i32, 0_i32);
+        for (says, w) in self.says.iter().zip(&self.weights) {
+            sum = sum.wrapping_add(says.wrapping_mul(*w));
+            weight = weight.wrapping_add(*w);
+        }
+        if weight == 0 {
+            return (0, 0);
+        }
+        let expected = (2 * sum + weight).div_euclid(2 * weight).clamp(-127, 127);
+        let mut far = 0_i32;
+        for (says, w) in self.says.iter().zip(&self.weights) {
+            far = far.wrapping_add(says.wrapping_sub(expected).wrapping_abs().min(FAR).wrapping_mul(*w));
+        }
+        (expected, 4 * far / weight)
+    }
+}
+
+impl VoxelCoder for Distances<'_> {
+    #[inline(always)]
+    fn begin_subtree(&mut self) {}
+
+    #[inline(always)]
+    fn code_voxel<C: SymbolCoder>(
+        &mut self,
+        coder: &mut C,
+        window: &mut Window,
+        number: usize,
+    ) -> Result<(), CodingError> {
+        let (Some(normal), Some(slot)) = (self.normals.get(number), self.offsets.get_mut(number)) else {
+            return Err(CodingError::SubtreeTooDeep);
+        };
+        let own = decode_l1(*normal);
+        let mut said = Said::default();
+        let [faces, edges, corners] = &WEIGHTS;
+        said.hear(window, &FACES, 0, faces, own);
+        said.hear(window, &EDGES, FACES.len(), edges, own);
+        said.hear(window, &CORNERS, FACES.len() + EDGES.len(), corners, own);
+        let (expected, spread) = said.expected();
+        let first =
+            if said.planes == 0 { 15 } else { SPREAD_CLASSES.of(spread) } * 8 + COUNT_CLASSES.of(said.planes);
+        let off = (4 * said.off).wrapping_mul(SHARES[said.planes as usize % 64]) >> 16;
+        let second =
+            if said.planes == 0 { 15 } else { OFF_CLASSES.of(off) } * 4 + said.cornered.min(3) as usize;
+        let given = slot.cast_signed();
+        let residual = i32::from(given) - expected;
+        let token = if given == HAS_CORNERS { CORNERS_TOKEN } else { token_of(residual.unsigned_abs()) };
+        let token = coder.code((self.spread, first), (self.off, second), token);
+        let lanes = if token == CORNERS_TOKEN {
+            *slot = HAS_CORNERS.cast_unsigned();
+            [own[0], own[1], own[2], 0, 0, 0, 1, 0]
+        } else {
+            let residual = difference_of(token, coder.even(TOKENS[token].1, low_bits(token, residual)));
+            let offset = i8::try_from(expected + residual).ok().filter(|o| *o != HAS_CORNERS);
+            let offset = offset.ok_or(CodingError::OffsetRange)?;
+            *slot = offset.cast_unsigned();
+            [own[0], own[1], own[2], 1, offset.into(), residual.abs().min(MOST_OFF), 0, 0]
+        };
+        // All are far below 32768.
+        window[SELF] = Known::of(lanes);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::group::tests::slab;
+    use super::super::tables::{Decoder, Encoder};
+    use super::*;
+    use crate::format::normal;
+
+    #[test]
+    fn offsets_come_back_and_those_of_a_plane_cost_little() {
+        let mut group = slab(4);
+        let tilted = normal::encode([0.02, 0.03, 1.0]);
+        group.normals = vec![tilted; group.voxels];
+        let all: Vec<u8> = (0..group.voxels).map(|i| (i * 37 % 256).to_le_bytes()[0]).collect();
+        for (offsets, most_bits) in [(vec![9; group.voxels], 3), (all, 16)] {
+            group.offsets = offsets.clone();
+            let mut encoder = Encoder::default();
+            DistanceCoder::default().code(&mut encoder, &mut group).unwrap();
+            let payload = encoder.finish();
+            assert!(payload.len() * 8 < most_bits * group.voxels, "{}", payload.len());
+            group.offsets.clear();
+            let mut decoder = Decoder::new(&payload).unwrap();
+            DistanceCoder::default().code(&mut decoder, &mut group).unwrap();
+            decoder.finish().unwrap();
+            assert!(group.offsets == offsets);
+        }
+    }
+}

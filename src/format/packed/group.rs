@@ -1,0 +1,138 @@
+//! The subtrees of a group, one after the other (SPEC 5.3).
+
+use super::tables::SymbolCoder;
+use super::{CodingError, SUBTREE_DEPTH};
+
+/// Where a node lies in its subtree: five bits for each of x, y, z.
+pub(super) type Place = u16;
+
+/// The place of the child in an octant of the node at `place`, at most five levels below the root.
+#[inline(always)]
+pub(super) fn child_place(place: Place, octant: u32) -> Place {
+    let octant = octant as Place;
+    (place << 1 & 0b11110_11110_11110) | (octant & 1) | (octant & 2) << 4 | (octant & 4) << 8
+}
+
+/// The three coordinates of a place.
+#[inline(always)]
+pub(super) fn coordinates(place: Place) -> [usize; 3] {
+    [(place & 31) as usize, (place >> 5 & 31) as usize, (place >> 10 & 31) as usize]
+}
+
+/// What a group holds: its subtrees one after the other, and of their voxels what a codec has to do with.
+#[derive(Debug, Default)]
+pub struct Group {
+    /// Infobytes by depth, those of each subtree in Morton order. Without any depth, each subtree is one voxel.
+    pub levels: Vec<Vec<u8>>,
+    /// How many subtrees.
+    pub subtrees: u32,
+    /// Voxels of all of them.
+    pub voxels: usize,
+    /// Their normals.
+    pub normals: Vec<u16>,
+    /// Their offsets.
+    pub offsets: Vec<u8>,
+}
+
+impl Group {
+    /// Nothing, for subtrees of so many levels of nodes.
+    pub fn clear(&mut self, depth: usize) {
+        self.levels.resize(depth, Vec::new());
+        self.levels.iter_mut().for_each(Vec::clear);
+        (self.subtrees, self.voxels) = (0, 0);
+        self.normals.clear();
+        self.offsets.clear();
+    }
+}
+
+/// A codec of groups. What it learns is forgotten at each.
+pub trait GroupCoder: Default + Send {
+    /// A group is full once it holds this many voxels: enough for the tables to learn.
+    const VOXELS: usize;
+
+    /// Codes a group: an encoder all of it, a decoder fills in what the codec holds.
+    ///
+    /// # Errors
+    /// What a decoder reads cannot be; the parts of the group do not belong together.
+    fn code<C: SymbolCoder>(&mut self, coder: &mut C, group: &mut Group) -> Result<(), CodingError>;
+}
+
+/// Goes through a group's subtrees.
+#[derive(Debug, Default)]
+pub(super) struct Walk {
+    /// Nodes of the subtrees passed, by depth.
+    passed: [usize; SUBTREE_DEPTH as usize],
+    places: Vec<Place>,
+    next: Vec<Place>,
+}
+
+impl Walk {
+    /// To the first subtree.
+    pub(super) fn restart(&mut self) {
+        self.passed = Default::default();
+    }
+
+    /// The nodes of the next subtree whose children are voxels: places and infobytes. For a subtree that is one voxel,
+    /// a node of which it is the first child.
+    pub(super) fn next_subtree<'a>(
+        &'a mut self,
+        levels: &'a [Vec<u8>],
+    ) -> Result<(&'a [Place], &'a [u8]), CodingError> {
+        self.places.clear();
+        self.places.push(0);
+        for (depth, (level, passed)) in levels.iter().zip(&mut self.passed).enumerate() {
+            let masks = part(level, *passed, self.places.len())?;
+            *passed += masks.len();
+            if depth + 1 == levels.len() {
+                return Ok((&self.places, masks));
+            }
+            self.next.clear();
+            for (place, mask) in self.places.iter().zip(masks) {
+                let mut left = *mask;
+                while left != 0 {
+                    self.next.push(child_place(*place, left.trailing_zeros()));
+                    left &= left - 1;
+                }
+            }
+            std::mem::swap(&mut self.places, &mut self.next);
+        }
+        Ok((&self.places, &[1]))
+    }
+}
+
+/// So many infobytes of a depth.
+fn part(level: &[u8], from: usize, count: usize) -> Result<&[u8], CodingError> {
+    let left = level.get(from..).unwrap_or_default();
+    left.get(..count).ok_or_else(|| wrong_count(left.len(), count))
+}
+
+/// A depth of a subtree that does not belong to the boxes above.
+pub(super) fn wrong_count(found: usize, due: usize) -> CodingError {
+    let count = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+    CodingError::SubtreeNodes { found: count(found), due: count(due) }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Subtrees of a slab each: all 64 x 64 cells at the bottom.
+    pub(in super::super) fn slab(subtrees: usize) -> Group {
+        let levels = (0..6).map(|depth| vec![0b1111; subtrees << (2 * depth)]).collect();
+        let count = u32::try_from(subtrees).unwrap();
+        Group { levels, subtrees: count, voxels: subtrees * 4096, ..Group::default() }
+    }
+
+    #[test]
+    fn a_walk_visits_the_nodes_above_the_voxels_and_refuses_levels_that_end_early() {
+        let group = slab(2);
+        let mut walk = Walk::default();
+        for _ in 0..2 {
+            let (places, masks) = walk.next_subtree(&group.levels).unwrap();
+            assert_eq!((places.len(), masks), (1024, &[15; 1024][..]));
+            assert_eq!(coordinates(places[1023]), [31, 31, 0]);
+            assert_eq!(coordinates(places[5]), [3, 0, 0]);
+        }
+        assert_eq!(walk.next_subtree(&group.levels).unwrap_err(), wrong_count(0, 1));
+    }
+}

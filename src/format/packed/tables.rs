@@ -1,0 +1,400 @@
+//! Adaptive 16-ary tables and the coder that their symbols go through (SPEC 5.8): rANS with two states.
+//!
+//! A symbol is coded with the mean of two tables of different contexts, each itself the mean of a fast and a slow
+//! estimate; both tables learn it. All of it is sums, shifts and comparisons of sixteen 16-bit lanes, which a compiler
+//! turns into a few vector instructions.
+
+use super::CodingError;
+use super::lanes::{LANES, Row, above, mean_of_four, sink};
+
+/// Symbols of a table: a lane tells how often symbols below it come, of 65536; lane 0 is 0.
+const SYMBOLS: usize = LANES;
+/// Bits of a probability.
+const PROBABILITY_BITS: u32 = 15;
+/// The least share of a symbol in an estimate, of 65536: a quarter of it is one of 32768, so no symbol's share
+/// of the mean is zero.
+const LEAST: u16 = 6;
+/// States are in `STATE..STATE << 16`.
+const STATE: u32 = 1 << 16;
+/// A block of the stream ends after this many items: the encoder has to keep their symbols.
+const BLOCK_ITEMS: u32 = 1 << 14;
+
+/// Both estimates of one context, one cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+struct Table {
+    fast: Row,
+    slow: Row,
+}
+
+/// All symbols alike.
+const EVEN: Row = {
+    let mut row = [0; SYMBOLS];
+    let mut i = 0;
+    while i < SYMBOLS {
+        row[i] = i as u16 * 4096;
+        i += 1;
+    }
+    Row::of(row)
+};
+
+/// What a symbol does to the lanes: those above it rise towards 65536, those up to it sink towards 0. Seen from their
+/// ends, through the first row, all sink to the second.
+static WAYS: [[Row; 2]; SYMBOLS] = {
+    let mut ways = [[Row::of([0; SYMBOLS]); 2]; SYMBOLS];
+    let mut symbol = 0;
+    while symbol < SYMBOLS {
+        let (mut turn, mut end) = ([0; SYMBOLS], [0; SYMBOLS]);
+        let mut i = 0;
+        while i < SYMBOLS {
+            turn[i] = if i > symbol { u16::MAX } else { 0 };
+            end[i] = if i > symbol { (SYMBOLS - i) as u16 * LEAST - 1 } else { i as u16 * LEAST };
+            i += 1;
+        }
+        ways[symbol] = [Row::of(turn), Row::of(end)];
+        symbol += 1;
+    }
+    ways
+};
+
+/// `COUNT` contexts, a power of two.
+#[derive(Debug)]
+pub struct Tables<const COUNT: usize, const FAST: u8, const SLOW: u8> {
+    tables: Box<[Table; COUNT]>,
+    seen: Box<[u8; COUNT]>,
+}
+
+impl<const COUNT: usize, const FAST: u8, const SLOW: u8> Tables<COUNT, FAST, SLOW> {
+    /// Tables that have learnt nothing.
+    pub fn new() -> Self {
+        const { assert!(COUNT.is_power_of_two()) };
+        let boxed = |table| vec![table; COUNT].into_boxed_slice().try_into().ok();
+        let tables = boxed(Table { fast: EVEN, slow: EVEN }).unwrap_or_else(|| unreachable!());
+        Self { tables, seen: Box::new([0; COUNT]) }
+    }
+
+    /// Forgets what was learnt.
+    pub fn restart(&mut self) {
+        self.tables.fill(Table { fast: EVEN, slow: EVEN });
+        self.seen.fill(0);
+    }
+
+    #[inline(always)]
+    fn learn(&mut self, context: usize, symbol: usize) {
+        let context = context % COUNT;
+        let (table, seen) = (&mut self.tables[context], &mut self.seen[context]);
+        let [turn, end] = &WAYS[symbol % SYMBOLS];
+        // A young context moves in large steps: 1/2, 1/2, 1/4, 1/4, 1/8 ... of the way.
+        *seen = if *seen < 2 * SLOW { *seen + 1 } else { 2 * SLOW };
+        let shift = seen.div_ceil(2);
+        sink(&mut table.fast, turn, end, if shift < FAST { shift } else { FAST });
+        sink(&mut table.slow, turn, end, shift);
+    }
+}
+
+/// Where each symbol begins, of 32768.
+#[inline(always)]
+fn begins(a: &Table, b: &Table) -> Row {
+    mean_of_four(&a.fast, &a.slow, &b.fast, &b.slow)
+}
+
+/// Begin and width of a symbol.
+#[inline(always)]
+fn share(row: &Row, symbol: usize) -> [u16; 2] {
+    let begin = row.lane(symbol);
+    let end = if symbol + 1 == SYMBOLS { 1 << PROBABILITY_BITS } else { row.lane(symbol + 1) };
+    [begin, end.wrapping_sub(begin)]
+}
+
+/// Either direction of coding: an encoder writes the symbols that it is given, a decoder ignores them and returns
+/// those that it reads.
+pub trait SymbolCoder {
+    /// Is what comes back not what was given?
+    const READS: bool;
+
+    /// Codes one of sixteen symbols in two contexts.
+    fn code<const A: usize, const B: usize, const FAST: u8, const SLOW: u8>(
+        &mut self,
+        first: (&mut Tables<A, FAST, SLOW>, usize),
+        second: (&mut Tables<B, FAST, SLOW>, usize),
+        symbol: usize,
+    ) -> usize;
+
+    /// Codes `bits` bits, at most 15, all values alike.
+    fn even(&mut self, bits: u32, value: u32) -> u32;
+
+    /// Ends an item.
+    fn end_item(&mut self);
+
+    /// Is all well up to here?
+    ///
+    /// # Errors
+    /// A decoder ran out of bytes, or a block did not end as it should.
+    fn check(&self) -> Result<(), CodingError>;
+}
+
+/// Writes symbols.
+#[derive(Debug, Default)]
+pub struct Encoder {
+    /// Begin and width of the symbols of a block.
+    log: Vec<[u16; 2]>,
+    items: u32,
+    out: Vec<u8>,
+}
+
+impl Encoder {
+    /// Ends a block: symbols are coded from the last to the first, so that they are read from the first to the last.
+    fn end_block(&mut self) {
+        let begin = self.out.len();
+        let mut states = [STATE; 2];
+        // Words lie reversed, the first at the end, until all of the block are known.
+        for (i, [start, width]) in self.log.iter().enumerate().rev() {
+            let (state, width) = (&mut states[i % 2], u32::from(*width).max(1));
+            if *state >> (32 - PROBABILITY_BITS) >= width {
+                self.out.extend((*state as u16).to_be_bytes());
+                *state >>= 16;
+            }
+            *state = (*state / width << PROBABILITY_BITS) + *state % width + u32::from(*start);
+        }
+        for state in states.into_iter().rev() {
+            self.out.extend(state.to_be_bytes());
+        }
+        if let Some(block) = self.out.get_mut(begin..) {
+            block.reverse();
+        }
+        self.log.clear();
+        self.items = 0;
+    }
+
+    /// The finished payload; the encoder is as new.
+    pub fn finish(&mut self) -> Vec<u8> {
+        if self.items > 0 {
+            self.end_block();
+        }
+        std::mem::take(&mut self.out)
+    }
+}
+
+impl SymbolCoder for Encoder {
+    const READS: bool = false;
+
+    #[inline(always)]
+    fn code<const A: usize, const B: usize, const FAST: u8, const SLOW: u8>(
+        &mut self,
+        first: (&mut Tables<A, FAST, SLOW>, usize),
+        second: (&mut Tables<B, FAST, SLOW>, usize),
+        symbol: usize,
+    ) -> usize {
+        let row = begins(&first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
+        let symbol = symbol % SYMBOLS;
+        self.log.push(share(&row, symbol));
+        first.0.learn(first.1, symbol);
+        second.0.learn(second.1, symbol);
+        symbol
+    }
+
+    #[inline(always)]
+    fn even(&mut self, bits: u32, value: u32) -> u32 {
+        let width = 1_u32 << (PROBABILITY_BITS - bits);
+        self.log.push([(value * width) as u16, width as u16]);
+        value
+    }
+
+    #[inline(always)]
+    fn end_item(&mut self) {
+        self.items += 1;
+        if self.items == BLOCK_ITEMS {
+            self.end_block();
+        }
+    }
+
+    #[inline(always)]
+    fn check(&self) -> Result<(), CodingError> {
+        Ok(())
+    }
+}
+
+/// Reads symbols.
+#[derive(Debug)]
+pub struct Decoder<'a> {
+    /// The state of the next symbol and of the one after it.
+    states: [u32; 2],
+    words: &'a [[u8; 2]],
+    /// Place of the next word; beyond the end, zeros are read.
+    at: usize,
+    items: u32,
+}
+
+impl<'a> Decoder<'a> {
+    /// Starts on a payload.
+    ///
+    /// # Errors
+    /// It does not hold whole words.
+    pub fn new(payload: &'a [u8]) -> Result<Self, CodingError> {
+        let (words, rest) = payload.as_chunks::<2>();
+        if words.is_empty() || !rest.is_empty() {
+            return Err(CodingError::GroupCut);
+        }
+        let mut new = Self { states: [STATE; 2], words, at: 0, items: 0 };
+        new.begin_block();
+        Ok(new)
+    }
+
+    #[inline(always)]
+    fn word(&mut self) -> u32 {
+        let word = self.words.get(self.at).map_or(0, |word| u16::from_le_bytes(*word));
+        self.at += 1;
+        u32::from(word)
+    }
+
+    fn begin_block(&mut self) {
+        for i in 0..2 {
+            let low = self.word();
+            self.states[i] = self.word() << 16 | low;
+        }
+        self.items = 0;
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn end_block(&mut self) {
+        if self.states != [STATE; 2] {
+            // From here on nothing is left, and something was read.
+            (self.words, self.at) = (&[], 1);
+        } else if self.at < self.words.len() {
+            self.begin_block();
+        }
+        self.items = 0;
+    }
+
+    /// Checks that the payload was used up.
+    ///
+    /// # Errors
+    /// It was not, or ended early.
+    pub fn finish(mut self) -> Result<(), CodingError> {
+        self.check()?;
+        if self.at < self.words.len() {
+            return Err(CodingError::GroupSurplus);
+        }
+        if self.items > 0 {
+            self.end_block();
+        }
+        self.check()
+    }
+
+    /// Takes a symbol of this width from the state, and gives the turn to the other one.
+    #[inline(always)]
+    fn step(&mut self, start: u32, width: u32) {
+        let [state, next] = self.states;
+        let value = state % (1 << PROBABILITY_BITS);
+        let mut state = width.wrapping_mul(state >> PROBABILITY_BITS).wrapping_add(value).wrapping_sub(start);
+        // Without a branch: nobody could foretell it.
+        let is_low = state < STATE;
+        let word = self.words.get(self.at).map_or(0, |word| u32::from(u16::from_le_bytes(*word)));
+        state = if is_low { state << 16 | word } else { state };
+        self.at += usize::from(is_low);
+        self.states = [next, state];
+    }
+}
+
+impl SymbolCoder for Decoder<'_> {
+    const READS: bool = true;
+
+    #[inline(always)]
+    fn code<const A: usize, const B: usize, const FAST: u8, const SLOW: u8>(
+        &mut self,
+        first: (&mut Tables<A, FAST, SLOW>, usize),
+        second: (&mut Tables<B, FAST, SLOW>, usize),
+        _: usize,
+    ) -> usize {
+        let row = begins(&first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
+        let value = (self.states[0] % (1 << PROBABILITY_BITS)) as u16;
+        // Begins rise from 0: the symbol is the one before the first that is above the value.
+        let symbol = (above(&row, value) | 1 << SYMBOLS).trailing_zeros().wrapping_sub(1) as usize % SYMBOLS;
+        let [start, width] = share(&row, symbol);
+        self.step(u32::from(start), u32::from(width));
+        first.0.learn(first.1, symbol);
+        second.0.learn(second.1, symbol);
+        symbol
+    }
+
+    #[inline(always)]
+    fn even(&mut self, bits: u32, _: u32) -> u32 {
+        let shift = PROBABILITY_BITS - bits;
+        let value = self.states[0] % (1 << PROBABILITY_BITS) >> shift;
+        self.step(value << shift, 1 << shift);
+        value
+    }
+
+    #[inline(always)]
+    fn end_item(&mut self) {
+        self.items += 1;
+        if self.items == BLOCK_ITEMS {
+            self.end_block();
+        }
+    }
+
+    #[inline(always)]
+    fn check(&self) -> Result<(), CodingError> {
+        if self.at > self.words.len() { Err(CodingError::GroupCut) } else { Ok(()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Both = [Tables<4, 4, 7>; 2];
+
+    /// Symbols of any skew, and even bits among them.
+    fn code(coder: &mut impl SymbolCoder, skew: u32, count: u32) -> Vec<u32> {
+        let [mut first, mut second]: Both = [Tables::new(), Tables::new()];
+        (0..count)
+            .map(|i| {
+                let noise = i.wrapping_mul(2_654_435_761) >> 12;
+                let symbol = if noise % 1000 < skew { 3 } else { noise / 1000 % 16 };
+                let (a, b) = (i as usize % 4, i as usize / 4 % 4);
+                let got = coder.code((&mut first, a), (&mut second, b), symbol as usize);
+                let low = coder.even(i % 16, noise & ((1 << (i % 16)) - 1));
+                coder.end_item();
+                got as u32 | low << 4
+            })
+            .collect()
+    }
+
+    #[test]
+    fn symbols_of_any_skew_come_back_over_many_blocks() {
+        for (skew, count) in [(0, 1), (0, 50_000), (500, 16_384), (990, 32_768), (1000, 40_000)] {
+            let mut encoder = Encoder::default();
+            let given = code(&mut encoder, skew, count);
+            let payload = encoder.finish();
+            let mut decoder = Decoder::new(&payload).unwrap();
+            assert_eq!(code(&mut decoder, skew, count), given);
+            decoder.finish().unwrap();
+            // 7.5 even bits a symbol, and what the skew leaves.
+            let bits = payload.len() as f64 * 8.0 / f64::from(count) - 7.5;
+            assert!(count == 1 || bits < [4.05, 0.25][usize::from(skew >= 990)], "{skew}: {bits} bits");
+        }
+    }
+
+    #[test]
+    fn a_payload_cut_or_changed_is_an_error_or_other_symbols_and_never_a_panic() {
+        let mut encoder = Encoder::default();
+        let given = code(&mut encoder, 700, 600);
+        let payload = encoder.finish();
+        for len in 0..payload.len() {
+            let all = Decoder::new(&payload[..len]).and_then(|mut decoder| {
+                code(&mut decoder, 0, 600);
+                decoder.finish()
+            });
+            assert!(all.is_err(), "{len}");
+        }
+        for at in 0..payload.len() {
+            let mut bad = payload.clone();
+            bad[at] ^= 0x41;
+            let mut decoder = Decoder::new(&bad).unwrap();
+            let got = code(&mut decoder, 0, 600);
+            assert!(got != given && decoder.finish().is_err(), "{at}");
+        }
+    }
+}
