@@ -26,7 +26,9 @@ pub(crate) enum Refusal {
     NoType,
     /// This flag says something about a volume, and the input is a mesh.
     ForVolumes(&'static str),
-    /// The other way round.
+    /// This flag says nothing about a tree of solids.
+    ForOthers(&'static str),
+    /// This flag says something about a mesh or a tree, and the input is a volume.
     ForMeshes(&'static str),
     /// This flag says something about the picture of one model, and a scene is shown.
     ForModels(&'static str),
@@ -113,10 +115,16 @@ impl fmt::Display for Refusal {
             Self::ForVolumes(flag) => {
                 return write!(f, "{flag} is for volumes, and the input is a mesh; leave it out");
             }
+            Self::ForOthers("--dims") => {
+                "--dims of a tree needs --voxel and --origin as well; --grid N alone chooses all of them"
+            }
+            Self::ForOthers(flag) => {
+                return write!(f, "{flag} is for volumes or meshes, and the input is a tree of solids; leave it out");
+            }
             Self::ForMeshes(flag) => {
                 return write!(
                     f,
-                    "{flag} is for meshes (STL, PLY, OBJ, OFF), and the input is a volume; leave it out"
+                    "{flag} is for meshes (STL, PLY, OBJ, OFF) and trees (.csg), and the input is a volume; leave it out"
                 );
             }
             Self::ForModels(flag) => {

@@ -151,6 +151,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         let text = || if args.quiet { String::new() } else { summary.text() };
         return Ok(print(args.json, || summary.json(), text)?);
     }
+    if jobs::csg::is_csg(&args.input) {
+        return build_tree(args, &options);
+    }
     if let Some(flag) = args.mesh.flag() {
         return Err(Refusal::ForMeshes(flag).into());
     }
@@ -181,6 +184,19 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     bars.finish();
     let mut summary = summary?;
     summary.input = args.input.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
+    Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
+}
+
+fn build_tree(args: &args::BuildArgs, options: &BuildOptions) -> Result<ExitCode, Failure> {
+    if let Some(flag) = args.volume_flag().or(args.mesh.fill.map(|_| "--fill")) {
+        return Err(Refusal::ForOthers(flag).into());
+    }
+    let csg = args.mesh.tree_options(args.raw.dims);
+    let bars = Bars::new(args.quiet || args.json);
+    let follow_links = args.which.links.follow_links;
+    let summary = jobs::csg::convert(&args.input, &csg, follow_links, options, &args.output, &bars);
+    bars.finish();
+    let summary = summary?;
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
 

@@ -90,6 +90,7 @@ mod codec;
 mod compress;
 pub mod contact;
 mod cpu;
+pub mod csg;
 mod enclosed;
 pub mod error;
 mod exit;

@@ -53,6 +53,10 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ),
     ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "volume"]),
     ("mesh", &["budget", "builder", "facts", "format", "geom", "scratch", "stamp"]),
+    (
+        "csg",
+        &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "resident", "stamp", "volume"],
+    ),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark"]),
     ("scene", &["exit", "geom", "load", "render"]),
@@ -69,6 +73,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "codec",
             "contact",
             "cpu",
+            "csg",
             "enclosed",
             "error",
             "exit",

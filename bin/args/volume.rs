@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::builder::{Connectivity, Gradient, Threshold, ViewedFrom};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
+use infobyte::csg::CsgOptions;
 use infobyte::facts::Fill;
 use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channels, SurfaceKind};
@@ -370,7 +371,7 @@ impl BuildArgs {
 
 /// How a mesh becomes a solid.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Meshes only (STL, PLY, OBJ, OFF)")]
+#[command(next_help_heading = "Meshes (STL, PLY, OBJ, OFF) and trees of solids (.csg) only")]
 pub(crate) struct MeshArgs {
     /// Voxels along the longest side of the mesh, margins included
     #[arg(long, value_name = "N", value_parser = parse::grid_side, conflicts_with = "voxel")]
@@ -413,15 +414,27 @@ impl MeshArgs {
         given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }
 
+    /// How fine the grid is, if anything says it.
+    fn choice(&self, dims: Option<Dims>) -> Option<GridChoice> {
+        let margin = self.margin.unwrap_or(1).into();
+        match (self.grid, self.voxel, self.origin, dims) {
+            (_, Some(edge_mm), Some(origin_mm), Some(dims)) => {
+                Some(GridChoice::Exact { edge_mm, origin_mm, dims })
+            }
+            (_, Some(edge_mm), ..) => Some(GridChoice::Voxel { edge_mm, margin }),
+            (Some(voxels), ..) => Some(GridChoice::Side { voxels, margin }),
+            _ => None,
+        }
+    }
+
+    /// The options of a tree of solids.
+    pub(crate) fn tree_options(&self, dims: Option<Dims>) -> CsgOptions {
+        CsgOptions { grid: self.choice(dims), unit_mm: self.unit.unwrap_or(1.0) }
+    }
+
     /// The options of the library, if anything says how fine the grid is.
     pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
-        let margin = self.margin.unwrap_or(1).into();
-        let grid = match (self.grid, self.voxel, self.origin, dims) {
-            (_, Some(edge_mm), Some(origin_mm), Some(dims)) => GridChoice::Exact { edge_mm, origin_mm, dims },
-            (_, Some(edge_mm), ..) => GridChoice::Voxel { edge_mm, margin },
-            (Some(voxels), ..) => GridChoice::Side { voxels, margin },
-            _ => return None,
-        };
+        let grid = self.choice(dims)?;
         let fill = self.fill.map(|rule| match rule {
             FillRule::Winding => Fill::Winding,
             FillRule::Parity => Fill::Parity,

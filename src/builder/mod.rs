@@ -20,6 +20,7 @@
 //! The result does not depend on the budget, the number of threads or the shape of columns: records are
 //! functions of voxels alone, and their offsets follow from the census.
 
+mod any;
 mod bits;
 mod boxes;
 mod brick;
@@ -54,6 +55,7 @@ mod visible;
 mod volume;
 mod walk;
 
+pub(crate) use any::{AnySolid, volume_part};
 pub(crate) use bits::{BitVolume, scratch_error};
 pub use choose::choose_selection;
 pub use error::{BuildError, ScratchFault, Sought};

@@ -146,6 +146,7 @@ pub(super) fn brick_rows(skin: &[u64], words: usize, brick: usize) -> [u32; BRIC
 }
 
 /// Rows of inside bits of the slices around z; rows and slices outside the volume are empty.
+#[derive(Clone, Copy)]
 pub(super) struct BitRows<'a> {
     pub(super) bits: &'a [u64],
     pub(super) none: &'a [u64],

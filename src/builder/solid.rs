@@ -204,6 +204,20 @@ pub struct OccupancyRows<'a> {
     pub(super) words: &'a mut [u64],
 }
 
+impl<'a> OccupancyRows<'a> {
+    /// Rows of a slice, `width` words long each and one behind the other, whose first bit is at `origin`: to ask
+    /// a solid that is a part of another one.
+    pub(crate) fn of_slice(
+        [x, y]: [Range<u32>; 2],
+        z: u32,
+        origin: i64,
+        width: usize,
+        words: &'a mut [u64],
+    ) -> Self {
+        Self { x, y, z, origin, width, pitch: width, words }
+    }
+}
+
 impl OccupancyRows<'_> {
     /// Columns asked for.
     #[inline]
@@ -290,6 +304,12 @@ impl SkinSlice<'_> {
     #[expect(clippy::len_without_is_empty, reason = "it is never empty")]
     pub fn len(&self) -> usize {
         self.count
+    }
+
+    /// Some of the voxels, at least one: bit i of row j is that at `corner + (i, j, 0)`.
+    pub(crate) fn only<'b>(&'b self, rows: &'b [u32; BRICK_ROWS]) -> SkinSlice<'b> {
+        let count = rows.iter().map(|row| row.count_ones() as usize).sum();
+        SkinSlice { corner: self.corner, rows, count, bits: self.bits, brick: self.brick }
     }
 
     /// The voxels: x fastest, then y.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::csg::CsgFault;
 use super::dicom::{DicomFault, SeriesFault};
 use super::header::HeaderFault;
 use super::left_out::{Known, NotVolume};
@@ -234,6 +235,8 @@ pub enum Fault {
     Mesh,
     /// A mesh that cannot be used.
     MeshFile(MeshFault),
+    /// A tree of solids that cannot be used.
+    Csg(CsgFault),
     /// Files without a header do not fit what is said of them.
     Raw(RawFault),
     /// What formats with headers of text share.
@@ -317,6 +320,7 @@ macro_rules! of_family {
     )*};
 }
 of_family!(
+    Csg(CsgFault),
     Raw(RawFault),
     Header(HeaderFault),
     Stored(StoredFault),

@@ -12,12 +12,14 @@
 //! | [`codec`] | why compressed frames cannot be decoded |
 //! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
 //! | [`MeshFault`], [`MeshFacts`] | what is wrong with a mesh, what was found and chosen |
+//! | [`CsgFault`], [`CsgFacts`] | the same of a tree of solids |
 //! | [`samples`] | faults of samples in files, with a header and without |
 //! | [`numbered`] | slices numbered by the names of their files |
 //! | [`sidecar`] | faults of side-cars |
 //! | [`SyntheticFault`] | why a text describes no synthetic volume |
 
 pub mod codec;
+mod csg;
 pub mod dicom;
 mod error;
 mod found;
@@ -39,6 +41,7 @@ mod synthetic;
 mod system;
 pub mod tiff;
 
+pub use csg::{CsgFacts, CsgFault, CsgToken};
 pub use dicom::DicomNote;
 pub use error::{Fault, Instead, Misuse, OtherVolume, SourceError};
 pub use found::{Candidate, Choice, Refusal};

@@ -212,7 +212,7 @@ fn told(source: &dyn VolumeSource, report: &BuildReport) -> Vec<String> {
 }
 
 /// Unrolls a source that has to be, unless the cap would be too small for that or for what follows.
-fn prepare(
+pub(super) fn prepare(
     source: &mut dyn VolumeSource,
     cleaning: &CleanOptions,
     options: &BuildOptions,

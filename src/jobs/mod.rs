@@ -6,6 +6,7 @@
 
 pub mod batch;
 pub mod build;
+pub mod csg;
 pub mod demo;
 pub mod export;
 pub mod info;

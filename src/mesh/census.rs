@@ -8,14 +8,14 @@ use super::lattice::Triangle;
 
 /// Sums over the edges of the triangles seen so far.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Census {
+pub(crate) struct Census {
     signed: u128,
     parity: u128,
 }
 
 /// What the sums say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Closed {
+pub(crate) enum Closed {
     Oriented,
     Mixed,
     No,
@@ -50,7 +50,7 @@ fn edge_hash(low: [u64; 2], high: [u64; 2]) -> u128 {
 
 impl Census {
     #[inline]
-    pub(super) fn add(&mut self, t: &Triangle) {
+    pub(crate) fn add(&mut self, t: &Triangle) {
         let hashes = [vertex_hash(&t[0..3]), vertex_hash(&t[3..6]), vertex_hash(&t[6..9])];
         for (a, b) in [(0, 1), (1, 2), (2, 0)] {
             let (from, to) = (hashes[a], hashes[b]);
@@ -69,7 +69,7 @@ impl Census {
         }
     }
 
-    pub(super) fn closed(&self) -> Closed {
+    pub(crate) fn closed(&self) -> Closed {
         match (self.signed, self.parity) {
             (0, _) => Closed::Oriented,
             (_, 0) => Closed::Mixed,

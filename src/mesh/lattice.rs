@@ -11,18 +11,18 @@ use crate::facts::MeshFault;
 use crate::geom::Dims;
 
 /// Lattice steps of a voxel.
-pub(super) const STEPS: i32 = 1 << 12;
+pub(crate) const STEPS: i32 = 1 << 12;
 /// Steps from the corner of a voxel to its centre.
 pub(super) const HALF: i32 = STEPS / 2;
 /// Coordinates beyond this are refused: products of two differences, and sums of two products, stay within i64.
 const LIMIT: f64 = (1 << 29) as f64;
 /// Most voxels of a coordinate from the grid's corner.
-pub(super) const MOST_VOXELS: u64 = 1 << 17;
+pub(crate) const MOST_VOXELS: u64 = 1 << 17;
 /// 1.5 x 2^52: added and taken away again, it rounds to a whole number, halves to the even one.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
 /// A triangle on the lattice: x, y, z of its three vertices, the smallest first.
-pub(super) type Triangle = [i32; 9];
+pub(crate) type Triangle = [i32; 9];
 
 /// How fine a grid is and where it lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,16 +54,16 @@ pub enum GridChoice {
 
 /// Lowest and highest coordinates, in units of the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Bounds {
-    pub(super) low: [f64; 3],
-    pub(super) high: [f64; 3],
+pub(crate) struct Bounds {
+    pub(crate) low: [f64; 3],
+    pub(crate) high: [f64; 3],
 }
 
 impl Bounds {
-    pub(super) const EMPTY: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
+    pub(crate) const EMPTY: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
 
     #[inline]
-    pub(super) fn add(&mut self, point: [f64; 3]) {
+    pub(crate) fn add(&mut self, point: [f64; 3]) {
         for ((low, high), c) in self.low.iter_mut().zip(&mut self.high).zip(point) {
             *low = if c < *low { c } else { *low };
             *high = if c > *high { c } else { *high };
@@ -97,7 +97,7 @@ impl Grid {
     ///
     /// # Errors
     /// The mesh is a point, or the grid would be too large.
-    pub(super) fn new(choice: GridChoice, bounds: &Bounds, unit_mm: f64) -> Result<Self, MeshFault> {
+    pub(crate) fn new(choice: GridChoice, bounds: &Bounds, unit_mm: f64) -> Result<Self, MeshFault> {
         if let GridChoice::Exact { edge_mm, origin_mm, dims } = choice {
             return Self::checked(dims, edge_mm, origin_mm, unit_mm);
         }
@@ -148,7 +148,7 @@ impl Grid {
     /// # Errors
     /// It lies beyond the lattice.
     #[inline]
-    pub(super) fn point(&self, p: [f64; 3]) -> Result<[i32; 3], MeshFault> {
+    pub(crate) fn point(&self, p: [f64; 3]) -> Result<[i32; 3], MeshFault> {
         let mut out = [0; 3];
         for ((out, c), shift) in out.iter_mut().zip(p).zip(self.shift) {
             let at = c * self.scale - shift;
@@ -175,7 +175,7 @@ impl Grid {
 
 /// The triangle of three points, its smallest vertex first.
 #[inline]
-pub(super) fn turned([a, b, c]: [[i32; 3]; 3]) -> Triangle {
+pub(crate) fn turned([a, b, c]: [[i32; 3]; 3]) -> Triangle {
     let [a, b, c] = if a <= b && a <= c {
         [a, b, c]
     } else if b <= c {
@@ -200,7 +200,7 @@ pub(super) fn last_centre(at: i32) -> i32 {
 
 /// Lowest and highest coordinate along an axis.
 #[inline]
-pub(super) fn span(t: &Triangle, axis: usize) -> (i32, i32) {
+pub(crate) fn span(t: &Triangle, axis: usize) -> (i32, i32) {
     let (a, b, c) = (t[axis], t[axis + 3], t[axis + 6]);
     (a.min(b).min(c), a.max(b).max(c))
 }

@@ -39,7 +39,11 @@ mod read;
 mod resident;
 mod solid;
 
+pub(crate) use census::{Census, Closed};
+pub(crate) use lattice::{Bounds, MOST_VOXELS, STEPS, Triangle, span, turned};
 pub use lattice::{Grid, GridChoice};
+pub(crate) use nearest::{Facet, Nearest};
+pub(crate) use raster::{Crossings, Rule, cross_slice};
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -48,15 +52,14 @@ use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Tile, build_solid};
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
+use crate::geom::{Affine, Dims};
 use crate::stamp::stamp;
 use bins::{BINNING_BYTES, Binner, Bins};
 use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
-use census::{Census, Closed};
-use lattice::{Bounds, Triangle};
-use raster::Rule;
 use read::{MeshFile, READER_BYTES};
 use resident::Resident;
-use solid::{MeshSolid, fixed_bytes};
+pub(crate) use solid::MeshSolid;
+use solid::fixed_bytes;
 
 /// How a mesh is made a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,7 +98,8 @@ pub fn build_mesh(
     progress: &dyn Progress,
 ) -> Result<MeshReport, BuildError> {
     let started = Instant::now();
-    let front = Front { inputs, mesh, options, scratch: options.scratch_folder(output), progress };
+    let scratch = options.scratch_folder(output);
+    let front = Front { inputs, mesh, options, scratch, progress, placed: None };
     let (solid, facts) = front.solid()?;
     let reading_s = started.elapsed().as_secs_f64();
     // In a share nobody else counts what the solid holds.
@@ -113,6 +117,42 @@ pub fn build_mesh(
     Ok(MeshReport { build, facts })
 }
 
+/// A mesh as a part of something else: `placed` leads from the units of the file to voxels, counted from the low
+/// corner of the first. So many `parts` share the memory.
+///
+/// # Errors
+/// As [`build_mesh`].
+pub(crate) fn mesh_part(
+    path: &Path,
+    (placed, dims): (Affine, Dims),
+    parts: usize,
+    options: &BuildOptions,
+    scratch: &Path,
+    progress: &dyn Progress,
+) -> Result<(MeshSolid, MeshFacts), BuildError> {
+    let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None };
+    let inputs = [path.to_path_buf()];
+    let scratch = scratch.to_path_buf();
+    let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed: Some(placed) };
+    let (mut solid, facts) = front.solid()?;
+    solid.resident = (solid.resident / parts.max(1)).max(LEAST_RESIDENT);
+    Ok((solid, facts))
+}
+
+/// The bounds of a mesh at another place.
+///
+/// # Errors
+/// It cannot be read.
+pub(crate) fn mesh_bounds(path: &Path, placed: &Affine, scratch: &Path) -> Result<Bounds, SourceError> {
+    let mut bounds = Bounds::EMPTY;
+    MeshFile::open(path, scratch)?.for_each(scratch, &mut |t| {
+        t.iter().for_each(|p| bounds.add(placed.apply(*p)));
+        Ok(())
+    })?;
+    Ok(bounds)
+}
+
 /// From files to a solid.
 struct Front<'a> {
     inputs: &'a [PathBuf],
@@ -120,6 +160,8 @@ struct Front<'a> {
     options: &'a BuildOptions,
     scratch: PathBuf,
     progress: &'a dyn Progress,
+    /// Where the mesh lies as a part of something else, in units of the grid.
+    placed: Option<Affine>,
 }
 
 /// What one pass over all triangles on the lattice found.
@@ -266,7 +308,10 @@ impl Front<'_> {
         let mut stopped = None;
         for file in files {
             let read = file.for_each(&self.scratch, &mut |t| {
-                let t = grid.triangle(t)?;
+                let t = match &self.placed {
+                    Some(placed) => grid.triangle(&t.map(|p| placed.apply(p)))?,
+                    None => grid.triangle(t)?,
+                };
                 counted.triangles += 1;
                 counted.flat += u64::from(t[0..3] == t[3..6] || t[3..6] == t[6..9] || t[0..3] == t[6..9]);
                 counted.census.add(&t);

@@ -14,7 +14,7 @@ const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
 const UNSURE: f64 = 1e-12;
 
 /// A triangle made ready for many voxels.
-pub(super) struct Facet {
+pub(crate) struct Facet {
     a: [f64; 3],
     ab: [f64; 3],
     ac: [f64; 3],
@@ -35,30 +35,35 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// The best triangle of a voxel so far: squared distance, and the normal towards the outside.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Nearest {
+pub(crate) struct Nearest {
     /// Lattice steps, squared and rounded.
     squared: f64,
     /// Squared distance of the triangle's plane, rounded; below 0 without a triangle.
     height: f64,
     /// Of any length.
-    pub(super) normal: [f32; 3],
+    pub(crate) normal: [f32; 3],
 }
 
 impl Nearest {
     /// No triangle within a distance (lattice steps, squared).
-    pub(super) fn within(squared: f64) -> Self {
+    pub(crate) fn within(squared: f64) -> Self {
         Self { squared, height: -1.0, normal: [0.0; 3] }
     }
 
     /// Was one found?
-    pub(super) fn found(&self) -> bool {
+    pub(crate) fn found(&self) -> bool {
         self.height >= 0.0
+    }
+
+    /// Its distance in lattice steps.
+    pub(crate) fn distance(&self) -> f64 {
+        self.squared.max(0.0).sqrt()
     }
 
     /// Takes a triangle if it comes before the best so far: nearer, or as near and facing the voxel more, or with
     /// the smaller code.
     #[inline]
-    pub(super) fn offer(&mut self, facet: &Facet, p: [f64; 3]) {
+    pub(crate) fn offer(&mut self, facet: &Facet, p: [f64; 3]) {
         if facet.box_distance(p) > self.squared {
             return;
         }
@@ -87,7 +92,7 @@ impl Nearest {
 impl Facet {
     /// The triangle made ready; `None` if it has no area.
     #[inline]
-    pub(super) fn new(t: &Triangle) -> Option<Self> {
+    pub(crate) fn new(t: &Triangle) -> Option<Self> {
         let f = t.map(f64::from);
         let a = [f[0], f[1], f[2]];
         let (b, c) = ([f[3], f[4], f[5]], [f[6], f[7], f[8]]);

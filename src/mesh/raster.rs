@@ -12,7 +12,7 @@ const SURE: f64 = 1e-6;
 /// Calls `cross(row, column, sign)` for every row of slice `z`, of rows `from..to`, that crosses a triangle:
 /// `column` is the first whose centre lies beyond, `sign` the direction of the triangle.
 #[inline]
-pub(super) fn cross_slice(t: &Triangle, z: i32, from: i32, to: i32, cross: &mut impl FnMut(i32, i64, i32)) {
+pub(crate) fn cross_slice(t: &Triangle, z: i32, from: i32, to: i32, cross: &mut impl FnMut(i32, i64, i32)) {
     let [x0, y0, z0, x1, y1, z1, x2, y2, z2] = t.map(i64::from);
     let area = (y1 - y0) * (z2 - z0) - (z1 - z0) * (y2 - y0);
     if area == 0 {
@@ -72,7 +72,7 @@ fn exact_column(weights: [i64; 3], x: [i64; 3], area: i64) -> i64 {
 }
 
 /// Signed crossings of the rows of one slice, and the bits that follow from them.
-pub(super) struct Crossings {
+pub(crate) struct Crossings {
     /// Words of a row, and rows.
     words: usize,
     rows: usize,
@@ -84,18 +84,18 @@ pub(super) struct Crossings {
 
 /// Which sums of crossings are inside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rule {
+pub(crate) enum Rule {
     NonZero,
     Odd,
 }
 
 impl Crossings {
     /// Memory for rows of so many words.
-    pub(super) fn bytes(words: usize, rows: usize) -> u64 {
+    pub(crate) fn bytes(words: usize, rows: usize) -> u64 {
         (words * rows * (64 * size_of::<i32>() + 16)) as u64
     }
 
-    pub(super) fn new(words: usize, rows: usize) -> Self {
+    pub(crate) fn new(words: usize, rows: usize) -> Self {
         Self {
             words,
             rows,
@@ -107,7 +107,7 @@ impl Crossings {
 
     /// Counts a crossing before a column; those before the first count there, those beyond the last nowhere.
     #[inline]
-    pub(super) fn add(&mut self, row: usize, column: i64, sign: i32) {
+    pub(crate) fn add(&mut self, row: usize, column: i64, sign: i32) {
         let column = usize::try_from(column.max(0)).unwrap_or(usize::MAX);
         if column >= 64 * self.words || row >= self.rows {
             return;
@@ -119,7 +119,7 @@ impl Crossings {
     }
 
     /// Turns the counts into bits, and clears them for the next slice.
-    pub(super) fn settle(&mut self, rule: Rule) {
+    pub(crate) fn settle(&mut self, rule: Rule) {
         let inside = |sum: i32| match rule {
             Rule::NonZero => sum != 0,
             Rule::Odd => sum & 1 != 0,
@@ -144,7 +144,7 @@ impl Crossings {
     }
 
     /// The bits of a row.
-    pub(super) fn row(&self, row: usize) -> &[u64] {
+    pub(crate) fn row(&self, row: usize) -> &[u64] {
         &self.bits[row * self.words..][..self.words]
     }
 }

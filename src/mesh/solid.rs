@@ -41,7 +41,7 @@ const REACHES: [(i32, f64); 2] = [(STEPS, VOXEL_SQUARED), (2 * STEPS, 4.0 * VOXE
 const ESTIMATOR: &str = "nearest triangle";
 
 /// The voxels inside a mesh whose triangles have been binned.
-pub(super) struct MeshSolid {
+pub(crate) struct MeshSolid {
     pub(super) name: String,
     pub(super) grid: Grid,
     pub(super) bins: Bins,
@@ -129,7 +129,7 @@ impl Solid for MeshSolid {
 }
 
 /// One thread's view of the bins.
-pub(super) struct MeshWorker<'a> {
+pub(crate) struct MeshWorker<'a> {
     solid: &'a MeshSolid,
     column: VoxelBox,
     /// Slices whose skin can be described with the triangles at hand.

@@ -120,6 +120,7 @@ impl fmt::Display for Fault {
                 "is a mesh by its name, and is not read as a volume; STL, PLY, OBJ and OFF are built by themselves, with --grid N or --voxel MM",
             ),
             Self::MeshFile(fault) => fault.fmt(f),
+            Self::Csg(fault) => fault.fmt(f),
             Self::Raw(fault) => raw(fault, RawKeys::Flags, f),
             Self::Header(fault) => fault.fmt(f),
             Self::Stored(fault) => fault.fmt(f),
@@ -169,7 +170,7 @@ impl fmt::Display for Misuse {
                 "there is no volume {wanted} among the {found} that were found; oct scan lists them"
             ),
             Self::NoGrid => f.write_str(
-                "is a mesh; say how fine its grid is with --grid N (voxels along its longest side) or --voxel MM",
+                "is a mesh or a tree of solids; say how fine its grid is with --grid N (voxels along its longest side) or --voxel MM",
             ),
             Self::NoneFound => f.write_str("no volume was found"),
             Self::Synthetic(fault) => fault.fmt(f),

@@ -17,6 +17,7 @@
 //! | `synthetic` | synthetic volumes |
 //! | `dicom` | DICOM |
 //! | `mesh` | meshes: what is wrong, what was found and chosen |
+//! | `csg` | the same of trees of solids |
 //! | `builder`, `clean` | why a build stops, before and after cleaning |
 //! | `format`, `load` | what is wrong with an `.oct`, and why it cannot be opened |
 //! | `render` | why a picture cannot be made |
@@ -30,6 +31,7 @@ mod binary;
 mod builder;
 mod clean;
 mod codec;
+mod csg;
 mod dicom;
 mod error;
 pub mod foreign;

@@ -1,0 +1,134 @@
+//! Bounds of a tree: the box in mm that a grid is put around.
+
+use super::flat::{Flat, Kind, Part};
+use super::tree::Shape;
+use crate::geom::Affine;
+use crate::mesh::Bounds;
+
+/// Every point.
+const ALL: Bounds = Bounds { low: [f64::NEG_INFINITY; 3], high: [f64::INFINITY; 3] };
+
+fn both(a: &Bounds, b: &Bounds) -> Bounds {
+    let at = |k: usize| (a.low[k].max(b.low[k]), a.high[k].min(b.high[k]));
+    let sides = [at(0), at(1), at(2)];
+    if sides.iter().any(|(low, high)| low > high) {
+        return Bounds::EMPTY;
+    }
+    Bounds { low: sides.map(|s| s.0), high: sides.map(|s| s.1) }
+}
+
+fn either(a: &Bounds, b: &Bounds) -> Bounds {
+    Bounds {
+        low: [0, 1, 2].map(|k| a.low[k].min(b.low[k])),
+        high: [0, 1, 2].map(|k| a.high[k].max(b.high[k])),
+    }
+}
+
+/// Bounds of a flat tree; those of leaves that are read from files are given, in their order.
+pub(super) fn of_tree(flat: &Flat<'_>, files: &[Bounds]) -> Bounds {
+    let (parts, starts) = flat.parts_by_join();
+    let mut files = files.iter();
+    let leaves: Vec<Bounds> = flat
+        .leaves
+        .iter()
+        .map(|leaf| match leaf.shape {
+            None => Bounds::EMPTY,
+            Some(Shape::Mesh { .. } | Shape::Volume { .. }) => files.next().copied().unwrap_or(ALL),
+            Some(shape) => of_shape(shape, &flat.affines[leaf.affine as usize].0),
+        })
+        .collect();
+    // Joins stand before their parts.
+    let mut joins = vec![Bounds::EMPTY; flat.joins.len()];
+    for join in (0..flat.joins.len()).rev() {
+        let own = &parts[starts[join] as usize..starts[join + 1] as usize];
+        let of = |part: &Part| match part {
+            Part::Join(below) => joins[*below as usize],
+            Part::Leaf { leaf, negated: false } => leaves[*leaf as usize],
+            Part::Leaf { leaf, negated: true } => {
+                let leaf = &flat.leaves[*leaf as usize];
+                leaf.shape.map_or(ALL, |shape| beside(shape, &flat.affines[leaf.affine as usize].0))
+            }
+        };
+        joins[join] = match flat.joins[join] {
+            Kind::And => own.iter().map(of).fold(ALL, |a, b| both(&a, &b)),
+            Kind::Or => own.iter().map(of).fold(Bounds::EMPTY, |a, b| either(&a, &b)),
+        };
+    }
+    joins[0]
+}
+
+/// A half-space across an axis has bounds, and so has what it leaves.
+fn half(normal: [f64; 3], offset: f64, affine: &Affine, side: f64) -> Bounds {
+    let mut bounds = ALL;
+    let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let is_straight = |m: &[f64; 3]| m.iter().filter(|c| **c != 0.0).count() == 1;
+    let columns = [affine.column(0), affine.column(1), affine.column(2)];
+    if !is_straight(&normal) || !columns.iter().all(is_straight) {
+        return bounds;
+    }
+    let unit = normal.map(|c| c / length);
+    let (at, way) = (affine.apply(unit.map(|c| c * offset)), affine.apply_vector(unit));
+    for axis in 0..3 {
+        if side * way[axis] > 0.0 {
+            bounds.high[axis] = at[axis];
+        } else if side * way[axis] < 0.0 {
+            bounds.low[axis] = at[axis];
+        }
+    }
+    bounds
+}
+
+/// Bounds of all but a shape.
+fn beside(shape: &Shape, affine: &Affine) -> Bounds {
+    match shape {
+        Shape::HalfSpace { normal, offset } => half(*normal, *offset, affine, -1.0),
+        _ => ALL,
+    }
+}
+
+fn of_shape(shape: &Shape, affine: &Affine) -> Bounds {
+    let mut bounds = Bounds::EMPTY;
+    // Round shapes: the middle, and how far the axes reach along each direction.
+    let mut round = |middle: [f64; 3], axes: [f64; 3], together: usize| {
+        let middle = affine.apply(middle);
+        let reach = |k: usize| {
+            let along = |j: usize| affine.rows[k][j] * axes[j];
+            let disc = (0..together).map(|j| along(j).powi(2)).sum::<f64>().sqrt();
+            disc + (together..3).map(|j| along(j).abs()).sum::<f64>()
+        };
+        let reach = [reach(0), reach(1), reach(2)];
+        for side in [-1.0, 1.0] {
+            bounds.add([0, 1, 2].map(|k| middle[k] + side * reach[k]));
+        }
+    };
+    match shape {
+        Shape::Ellipsoid { radii } => round([0.0; 3], *radii, 3),
+        Shape::Cylinder { z, radii } => {
+            for (z, radius) in z.iter().zip(radii) {
+                round([0.0, 0.0, *z], [*radius, *radius, 0.0], 2);
+            }
+        }
+        Shape::Torus { major, minor } => {
+            let along = |k: usize| affine.rows[k][2].abs();
+            let reach: [f64; 3] = std::array::from_fn(|k| {
+                let ring = (affine.rows[k][0].powi(2) + affine.rows[k][1].powi(2)).sqrt();
+                let tube = (ring.powi(2) + along(k).powi(2)).sqrt();
+                ring * major + tube * minor
+            });
+            let middle = affine.origin();
+            for side in [-1.0, 1.0] {
+                bounds.add([0, 1, 2].map(|k| middle[k] + side * reach[k]));
+            }
+        }
+        Shape::Cuboid { low, high } => {
+            for corner in 0..8_u32 {
+                let at = [0, 1, 2].map(|k| if corner >> k & 1 == 1 { high[k] } else { low[k] });
+                bounds.add(affine.apply(at));
+            }
+        }
+        Shape::HalfSpace { normal, offset } => return half(*normal, *offset, affine, 1.0),
+        Shape::Faces(faces) => faces.points.iter().for_each(|p| bounds.add(affine.apply(*p))),
+        Shape::Mesh { .. } | Shape::Volume { .. } => return ALL,
+    }
+    bounds
+}

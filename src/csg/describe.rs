@@ -1,0 +1,348 @@
+//! Normals of skin voxels: of the leaf whose surface makes the voxel skin.
+//!
+//! A leaf is a candidate if a voxel is inside it and an exposed neighbour is not, or the other way round, and the
+//! tree turns to outside when that leaf alone does; if there is none, the tree beside turns to inside when that leaf
+//! alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose surface is nearest to the voxel's
+//! middle, then the first in the tree. Its normal points out of it where the voxel is inside it, and into it
+//! where it was taken away. Voxels that only the wall of the grid makes skin face that wall.
+
+use super::leaf::Leaf;
+use super::program::{self, Step};
+use super::solid::{CsgSolid, Left};
+use super::walked::Walker;
+use crate::builder::{Cover, Exposed, SkinSlice, VoxelBox};
+use crate::facts::SourceError;
+use crate::format::{Channel, normal};
+
+const BRICK: usize = 32;
+/// The six neighbours, as the faces of [`Exposed`].
+const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
+/// A walked leaf does not say how near its surface is: half a voxel, in lattice steps.
+const HALF_A_VOXEL: f64 = 2048.0;
+/// Leaves that are tried together: one bit each, and one for the tree as it is.
+const AT_ONCE: usize = 63;
+
+/// Buffers of the descriptions, and what they gave.
+pub(super) struct Description {
+    codes: Vec<u8>,
+    /// What is left of the program around the voxels.
+    near: Vec<Step>,
+    /// Leaves that are inside at the voxel, and at its neighbour, by their place among those of the program.
+    here: Vec<bool>,
+    leaves: Vec<u32>,
+    turned: Vec<u32>,
+    /// Which walked leaf describes each voxel; 0 for none, otherwise its number and one.
+    walked: Vec<u32>,
+}
+
+/// The best candidate so far.
+#[derive(Clone, Copy)]
+struct Best {
+    distance: f64,
+    leaf: u32,
+    found: Surface,
+}
+
+#[derive(Clone, Copy)]
+enum Surface {
+    /// Out of the tree, in lattice coordinates.
+    Known([f64; 3]),
+    /// That of a walked leaf, and whether the voxel is inside it.
+    Walked(u32, bool),
+}
+
+impl Description {
+    /// Memory of one, for programs of so many steps.
+    pub(super) const fn bytes(steps: usize) -> u64 {
+        (SkinSlice::MOST * 6 + steps * 13) as u64
+    }
+
+    pub(super) fn new(steps: usize) -> Self {
+        Self {
+            codes: Vec::with_capacity(2 * SkinSlice::MOST),
+            near: Vec::with_capacity(steps),
+            here: Vec::with_capacity(steps),
+            leaves: Vec::with_capacity(steps),
+            turned: Vec::with_capacity(steps),
+            walked: vec![0; SkinSlice::MOST],
+        }
+    }
+
+    pub(super) fn codes(&self) -> &[u8] {
+        &self.codes
+    }
+
+    pub(super) fn describe(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        solid: &CsgSolid<'_>,
+        left: Left<'_>,
+        walkers: &mut [Walker<'_>],
+    ) -> Result<(), SourceError> {
+        self.codes.clear();
+        // What matters around these voxels alone is often one leaf.
+        let mut near = std::mem::take(&mut self.near);
+        near.clear();
+        if let Left::Steps(steps) = left {
+            let around = around(skin.corner(), solid.place.dims.to_array());
+            let told = program::prune(steps, |leaf| solid.leaves[leaf as usize].cover(&around), &mut near);
+            if told != Cover::Mixed {
+                near.clear();
+            }
+        }
+        let done = self.describe_near(skin, solid, &near, walkers);
+        self.near = near;
+        done
+    }
+
+    fn describe_near(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        solid: &CsgSolid<'_>,
+        steps: &[Step],
+        walkers: &mut [Walker<'_>],
+    ) -> Result<(), SourceError> {
+        self.leaves.clear();
+        self.leaves.extend(steps.iter().filter_map(|step| program::leaf_of(*step)).map(|(leaf, _)| leaf));
+        let [x0, y0, z] = skin.corner().map(|c| i32::try_from(c).unwrap_or(i32::MAX));
+        let mut any_walked = false;
+        let mut insides = [0_u32; BRICK];
+        for (y, row) in skin.rows().iter().enumerate() {
+            if *row == 0 {
+                continue;
+            }
+            let exposed = skin.exposed(y);
+            let mut rest = *row;
+            while rest != 0 {
+                let x = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "below 32")]
+                let voxel = [x0 + x as i32, y0 + y as i32, z];
+                let best = self.best(voxel, x, &exposed, solid, steps, walkers);
+                let direction = match best.map(|best| best.found) {
+                    Some(Surface::Known(outwards)) => physical(outwards, solid),
+                    Some(Surface::Walked(at, inside)) => {
+                        any_walked = true;
+                        self.walked[BRICK * y + x] = at + 1;
+                        insides[y] |= u32::from(inside) << x;
+                        from_faces(&exposed, x)
+                    }
+                    None => from_faces(&exposed, x),
+                };
+                self.codes.extend(normal::encode(direction).to_le_bytes());
+            }
+        }
+        if any_walked { self.ask_walked(skin, solid, walkers, &insides) } else { Ok(()) }
+    }
+
+    /// The surface that makes a voxel skin.
+    fn best(
+        &mut self,
+        voxel: [i32; 3],
+        x: usize,
+        exposed: &Exposed,
+        solid: &CsgSolid<'_>,
+        steps: &[Step],
+        walkers: &[Walker<'_>],
+    ) -> Option<Best> {
+        let dims = solid.place.dims.to_array();
+        let exists = |p: [i32; 3]| (0..3).all(|k| u32::try_from(p[k]).is_ok_and(|v| v < dims[k]));
+        let mut best = None;
+        let mut known = false;
+        let mut seen = false;
+        for (face, way) in FACES.iter().enumerate() {
+            if exposed.faces[face] >> x & 1 == 0 {
+                continue;
+            }
+            seen = true;
+            let beside = [voxel[0] + way[0], voxel[1] + way[1], voxel[2] + way[2]];
+            if exists(beside) {
+                self.offer(&mut best, voxel, beside, solid, steps, walkers, &mut known, true);
+            }
+        }
+        if !seen {
+            // Skin that only touches the outside with an edge or a corner.
+            for at in (0..27).filter(|at| *at != 13) {
+                let beside = [voxel[0] + at % 3 - 1, voxel[1] + at / 3 % 3 - 1, voxel[2] + at / 9 - 1];
+                if exists(beside) {
+                    self.offer(&mut best, voxel, beside, solid, steps, walkers, &mut known, false);
+                }
+            }
+        }
+        best
+    }
+
+    /// Takes the candidates between a voxel and one neighbour.
+    #[expect(clippy::too_many_arguments, reason = "what one call knows")]
+    fn offer(
+        &mut self,
+        best: &mut Option<Best>,
+        voxel: [i32; 3],
+        beside: [i32; 3],
+        solid: &CsgSolid<'_>,
+        steps: &[Step],
+        walkers: &[Walker<'_>],
+        known: &mut bool,
+        is_exposed: bool,
+    ) {
+        let contains = |leaf: u32, p: [i32; 3]| match &solid.leaves[leaf as usize] {
+            Leaf::Walked(at) => walkers[*at as usize].contains(p),
+            leaf => leaf.contains(p),
+        };
+        if let [leaf] = self.leaves[..] {
+            // It alone decides here: where the neighbour is outside, it has turned.
+            let inside = program::leaf_of(steps[0]).is_some_and(|(_, negated)| !negated);
+            let known = best.is_some() && solid.leaves[leaf as usize].has_one_face();
+            if !known && (is_exposed || contains(leaf, beside) != inside) {
+                take(best, leaf, voxel, beside, inside, solid);
+            }
+            return;
+        }
+        if !*known {
+            self.here.clear();
+            self.here.extend(self.leaves.iter().map(|leaf| contains(*leaf, voxel)));
+            *known = true;
+        }
+        self.turned.clear();
+        for (at, leaf) in (0_u32..).zip(&self.leaves) {
+            if contains(*leaf, beside) != self.here[at as usize] {
+                self.turned.push(at);
+            }
+        }
+        // Which leaves turn the tree alone: from what they are at the voxel, or, if none does, from what they are
+        // beside it.
+        for from_beside in [false, true] {
+            let mut any = false;
+            for group in self.turned.chunks(AT_ONCE) {
+                let value = self.turned_alone(steps, group, from_beside);
+                for (bit, at) in group.iter().enumerate() {
+                    if (value >> bit & 1 == 1) == from_beside {
+                        any = true;
+                        let at = *at as usize;
+                        take(best, self.leaves[at], voxel, beside, self.here[at], solid);
+                    }
+                }
+            }
+            if any {
+                break;
+            }
+        }
+    }
+
+    /// The tree's value, bit by bit, with one leaf of a group turned alone; all others are as at the voxel, or as
+    /// beside it.
+    fn turned_alone(&self, steps: &[Step], group: &[u32], from_beside: bool) -> u64 {
+        let (mut at, mut next, mut beside) = (0_usize, 0_usize, 0_usize);
+        program::value(steps, |_| {
+            let turns = self.turned.get(beside).is_some_and(|turned| *turned as usize == at);
+            beside += usize::from(turns);
+            let own = self.here[at] != (turns && from_beside);
+            let is_one = group.get(next).is_some_and(|turned| *turned as usize == at);
+            let bit = if is_one { 1 << next } else { 0 };
+            next += usize::from(is_one);
+            at += 1;
+            bit ^ if own { u64::MAX } else { 0 }
+        })
+    }
+
+    /// Has walked leaves describe the voxels that are theirs.
+    fn ask_walked(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        solid: &CsgSolid<'_>,
+        walkers: &mut [Walker<'_>],
+        insides: &[u32; BRICK],
+    ) -> Result<(), SourceError> {
+        for (number, walker) in (1..).zip(walkers.iter_mut()) {
+            let mut wanted = [0_u32; BRICK];
+            for (y, row) in skin.rows().iter().enumerate() {
+                for x in 0..BRICK {
+                    if row >> x & 1 == 1 && self.walked[BRICK * y + x] == number {
+                        wanted[y] |= 1 << x;
+                    }
+                }
+            }
+            if wanted.iter().all(|row| *row == 0) {
+                continue;
+            }
+            walker.worker.describe(&skin.only(&wanted))?;
+            let mut own = walker.worker.items(Channel::Normal).as_chunks::<2>().0.iter();
+            let gives_outwards = solid.walked[number as usize - 1].gives_outwards;
+            let mut at = 0;
+            for (y, row) in skin.rows().iter().enumerate() {
+                for x in (0..BRICK).filter(|x| row >> x & 1 == 1) {
+                    if wanted[y] >> x & 1 == 1
+                        && let Some(code) = own.next()
+                    {
+                        let turn = gives_outwards && insides[y] >> x & 1 == 0;
+                        let code = stored(u16::from_le_bytes(*code), turn, gives_outwards, solid);
+                        self.codes[at..at + 2].copy_from_slice(&code.to_le_bytes());
+                        self.walked[BRICK * y + x] = 0;
+                    }
+                    at += 2;
+                }
+            }
+        }
+        self.walked.fill(0);
+        Ok(())
+    }
+}
+
+/// The normal that a walked leaf gave, as it is stored.
+fn stored(code: u16, turn: bool, is_physical: bool, solid: &CsgSolid<'_>) -> u16 {
+    let [a, b, c] = solid.place.spacing_mm;
+    if !turn && (is_physical || (a == b && b == c)) {
+        return code;
+    }
+    let sign = if turn { -1.0 } else { 1.0 };
+    let direction = normal::decode(code).map(|c| sign * c);
+    normal::encode(if is_physical { direction } else { physical(direction.map(f64::from), solid) })
+}
+
+/// Offers one leaf's surface.
+fn take(
+    best: &mut Option<Best>,
+    leaf: u32,
+    voxel: [i32; 3],
+    beside: [i32; 3],
+    inside: bool,
+    solid: &CsgSolid<'_>,
+) {
+    let (distance, found) = match &solid.leaves[leaf as usize] {
+        Leaf::Walked(at) => (HALF_A_VOXEL, Surface::Walked(*at, inside)),
+        own => match own.face(voxel, beside, inside) {
+            None => return,
+            Some(face) => {
+                let outwards = if inside { face.outwards } else { face.outwards.map(|c| -c) };
+                (face.distance, Surface::Known(outwards))
+            }
+        },
+    };
+    let is_better = best.is_none_or(|best| (distance, leaf) < (best.distance, best.leaf));
+    if is_better {
+        *best = Some(Best { distance, leaf, found });
+    }
+}
+
+/// A gradient in lattice coordinates as a direction in mm along the axes of the grid.
+fn physical(gradient: [f64; 3], solid: &CsgSolid<'_>) -> [f32; 3] {
+    let [a, b, c] = solid.place.spacing_mm;
+    let scaled =
+        if a == b && b == c { gradient } else { [gradient[0] / a, gradient[1] / b, gradient[2] / c] };
+    #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+    let direction = scaled.map(|c| c as f32);
+    if direction == [0.0; 3] { [0.0, 0.0, 1.0] } else { direction }
+}
+
+/// The box of a brick's slice with one voxel around it.
+fn around(corner: [u32; 3], dims: [u32; 3]) -> VoxelBox {
+    let side = |k: usize, length: u32| corner[k].saturating_sub(1)..(corner[k] + length + 1).min(dims[k]);
+    VoxelBox { x: side(0, 32), y: side(1, 32), z: side(2, 1) }
+}
+
+/// The mean direction of the faces of a voxel that look outside.
+fn from_faces(exposed: &Exposed, x: usize) -> [f32; 3] {
+    let at = |face: usize| f32::from(u8::from(exposed.faces[face] >> x & 1 == 1));
+    let sum = [at(1) - at(0), at(3) - at(2), at(5) - at(4)];
+    if sum == [0.0; 3] { [0.0, 0.0, 1.0] } else { sum }
+}

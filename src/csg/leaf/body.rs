@@ -1,0 +1,169 @@
+//! Triangles in memory, with a few hundred facets: polyhedra, prisms, facetted spheres, boxes at an angle.
+//!
+//! As meshes are: rows cross triangles in whole numbers, voxel middles moved by (-e, e^2, e^3).
+
+use super::{Face, Rows};
+use crate::builder::{Cover, VoxelBox};
+use crate::csg::place::{centre, cross, dot, point};
+use crate::csg::tree::Faces;
+use crate::facts::CsgFault;
+use crate::geom::Affine;
+use crate::mesh::{
+    Census, Closed, Crossings, Facet, MOST_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice, span, turned,
+};
+
+/// How far from a voxel its nearest triangle is sought, squared: two voxels.
+const NEAR: f64 = 4.0 * (STEPS as f64) * (STEPS as f64) + 1.0;
+
+/// A solid of triangles.
+#[derive(Debug)]
+pub(in crate::csg) struct Body {
+    triangles: Vec<Triangle>,
+    rule: Rule,
+    low: [i32; 3],
+    high: [i32; 3],
+}
+
+/// The rule of a closed surface.
+///
+/// # Errors
+/// It is open.
+fn closed(census: &Census, odd: bool, line: u64) -> Result<Rule, CsgFault> {
+    match census.closed() {
+        Closed::No => Err(CsgFault::Open { line }),
+        Closed::Mixed => Ok(Rule::Odd),
+        Closed::Oriented => Ok(if odd { Rule::Odd } else { Rule::NonZero }),
+    }
+}
+
+impl Body {
+    /// # Errors
+    /// It is open, or reaches beyond the lattice.
+    pub(in crate::csg) fn new(faces: &Faces, to_lattice: &Affine, line: u64) -> Result<Self, CsgFault> {
+        let mut points = Vec::with_capacity(faces.points.len());
+        for p in &faces.points {
+            points.push(point(to_lattice.apply(*p), line)?);
+        }
+        Self::of_points(&points, faces, line)
+    }
+
+    /// The triangles of faces whose corners have been placed.
+    ///
+    /// # Errors
+    /// As [`Body::new`].
+    pub(super) fn of_points(points: &[[i64; 3]], faces: &Faces, line: u64) -> Result<Self, CsgFault> {
+        let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
+        let mut placed = Vec::with_capacity(points.len());
+        for p in points {
+            let mut narrow = [0; 3];
+            for k in 0..3 {
+                let far = |_| CsgFault::TooFar { line, most_voxels: MOST_VOXELS };
+                narrow[k] = i32::try_from(p[k]).ok().filter(|c| c.abs() < 1 << 29).ok_or(()).map_err(far)?;
+                low[k] = low[k].min(narrow[k]);
+                high[k] = high[k].max(narrow[k]);
+            }
+            placed.push(narrow);
+        }
+        let mut census = Census::default();
+        let mut triangles = Vec::with_capacity(faces.triangles.len());
+        for [a, b, c] in &faces.triangles {
+            let corner = |at: &u32| placed.get(*at as usize).copied().ok_or(CsgFault::Size { line });
+            let t = turned([corner(a)?, corner(b)?, corner(c)?]);
+            census.add(&t);
+            triangles.push(t);
+        }
+        let rule = closed(&census, faces.odd, line)?;
+        Ok(Self { triangles, rule, low, high })
+    }
+
+    pub(super) fn held_bytes(&self) -> usize {
+        self.triangles.capacity() * size_of::<Triangle>()
+    }
+
+    pub(super) fn cover(&self, region: &VoxelBox) -> Cover {
+        let middles = super::middles(region);
+        let apart = |k: usize| middles[k].0 > self.high[k].into() || middles[k].1 < self.low[k].into();
+        if (0..3).any(apart) {
+            return Cover::Outside;
+        }
+        if self.triangles.iter().any(|t| may_meet(t, &middles)) {
+            return Cover::Mixed;
+        }
+        let corner = [region.x.start, region.y.start, region.z.start];
+        let inside = self.contains(corner.map(|c| i32::try_from(c).unwrap_or(i32::MAX)));
+        if inside { Cover::Inside } else { Cover::Outside }
+    }
+
+    pub(super) fn fill(&self, at: Rows, out: &mut [u64], crossings: &mut Crossings) {
+        let rows = i32::try_from(out.len()).unwrap_or(0);
+        let first = i64::from(at.x);
+        for t in &self.triangles {
+            cross_slice(t, at.z, at.y, at.y + rows, &mut |row, column, sign| {
+                crossings.add((row - at.y) as usize, column - first, sign);
+            });
+        }
+        crossings.settle(self.rule);
+        for (row, word) in out.iter_mut().enumerate() {
+            *word = crossings.row(row)[0];
+        }
+    }
+
+    pub(super) fn contains(&self, [x, y, z]: [i32; 3]) -> bool {
+        let mut sum = 0_i64;
+        for t in &self.triangles {
+            cross_slice(t, z, y, y + 1, &mut |_, column, sign| {
+                sum += if column <= i64::from(x) { i64::from(sign) } else { 0 };
+            });
+        }
+        if self.rule == Rule::Odd { sum % 2 != 0 } else { sum != 0 }
+    }
+
+    /// The nearest triangle, as for the skin of a mesh.
+    #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
+    pub(super) fn face(&self, voxel: [i32; 3], beside: [i32; 3], is_inside: bool) -> Option<Face> {
+        let p = voxel.map(|c| centre(c) as f64);
+        let mut best = Nearest::within(NEAR);
+        for t in &self.triangles {
+            let far = (0..3).any(|k| {
+                let (low, high) = span(t, k);
+                f64::from(low) - p[k] > 8192.0 || p[k] - f64::from(high) > 8192.0
+            });
+            if far {
+                continue;
+            }
+            if let Some(facet) = Facet::new(t) {
+                best.offer(&facet, p);
+            }
+        }
+        if !best.found() {
+            return None;
+        }
+        let towards = best.normal.map(f64::from);
+        // From a voxel outside it the way to the triangle leads inwards.
+        let outwards = if is_inside { towards } else { towards.map(|c| -c) };
+        let _ = beside;
+        Some(Face { outwards, distance: best.distance() })
+    }
+}
+
+/// May a triangle meet a box? Always right where it says no.
+#[expect(clippy::cast_precision_loss, reason = "below 2^31")]
+fn may_meet(t: &Triangle, region: &[(i64, i64); 3]) -> bool {
+    let beyond = |k: usize| {
+        let (low, high) = span(t, k);
+        // Ties are told by a shift that is smaller than a step.
+        i64::from(low) > region[k].1 + 1 || i64::from(high) < region[k].0 - 1
+    };
+    if (0..3).any(beyond) {
+        return false;
+    }
+    let f = t.map(f64::from);
+    let a = [f[0], f[1], f[2]];
+    let normal = cross([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
+    let middle = [0, 1, 2].map(|k| (region[k].0 + region[k].1) as f64 / 2.0 - a[k]);
+    let half = [0, 1, 2].map(|k| (region[k].1 - region[k].0) as f64 / 2.0 + 2.0);
+    let away = dot(normal, middle).abs();
+    // Rounding of products of 2^60 and 2^31: far below one part of a million of their sum.
+    let size = dot(normal.map(f64::abs), middle.map(f64::abs));
+    away <= dot(normal.map(f64::abs), half) + 1e-9 * size
+}

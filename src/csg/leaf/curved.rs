@@ -1,0 +1,250 @@
+//! Ellipsoids, cylinders, cones and tori under any affine.
+//!
+//! A leaf has a frame: a middle m and three axes e on the lattice. u(p), with p = m + u1 e1 + u2 e2 + u3 e3, is a
+//! rational number of whole numbers: u = q / D, D the determinant of the axes, q the adjugate times p - m.
+//!
+//! | leaf | inside is | as whole numbers |
+//! |---|---|---|
+//! | ellipsoid | `|u| <= 1` | `q1^2 + q2^2 + q3^2 <= D^2` |
+//! | cylinder, cone | `u1^2 + u2^2 <= w(u3)^2`, `0 <= u3 <= 1`, `w = r0 + u3 (r1 - r0)` | `(S q1)^2 + (S q2)^2 <= (D R0 + q3 (R1 - R0))^2`, radii being R / S |
+//! | torus | `(sqrt(u1^2 + u2^2) - 1)^2 + u3^2 <= r^2` | on u rounded to 1 / F, squared once |
+//!
+//! Squares have up to 226 bits. They are only asked for where double precision leaves doubt: each leaf has a
+//! function g of u, below 0 inside, that nowhere changes faster than u does (times two for a cylinder), so that one
+//! value of g decides for a whole box or for part of a row.
+
+use super::{Face, Rows};
+use crate::builder::Cover;
+use crate::csg::place::{centre, dot};
+use crate::csg::wide::{square, sum};
+use crate::mesh::STEPS;
+
+/// Parts of a ratio of radii.
+pub(in crate::csg) const RATIO: i64 = 1 << 20;
+/// Parts of a torus' major radius.
+const FIXED: i128 = 1 << 26;
+/// Lattice steps that a voxel of any grid is away from the corner, at most, and a frame's middle.
+const REACH: f64 = 2.7e8 + 5.4e8;
+
+/// Which curved solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::csg) enum Round {
+    Ellipsoid,
+    /// Radii at u3 = 0 and 1, of which the larger is [`RATIO`].
+    Cylinder([i64; 2]),
+    /// Radius of the tube, in parts of 2^26 of the major one.
+    Torus(i64),
+}
+
+/// A curved leaf.
+#[derive(Debug)]
+pub(in crate::csg) struct Curved {
+    middle: [i64; 3],
+    /// Rows of the adjugate, and the determinant, which is above 0.
+    adjugate: [[i128; 3]; 3],
+    determinant: i128,
+    round: Round,
+    /// Lattice steps to u.
+    inverse: [[f64; 3]; 3],
+    middle_f: [f64; 3],
+    /// Where |g| is below this it says nothing.
+    unsure: f64,
+    /// How much faster g may change than u.
+    steep: f64,
+    /// Change of g along a row, from voxel to voxel, at most.
+    along: f64,
+}
+
+#[expect(clippy::cast_precision_loss, reason = "bounded by `unsure`")]
+fn float(of: i128) -> f64 {
+    of as f64
+}
+
+impl Curved {
+    /// The leaf of a frame; `None` if its axes lie in a plane, so that it has no inside.
+    #[expect(clippy::cast_precision_loss, reason = "below 2^30")]
+    pub(in crate::csg) fn new(middle: [i64; 3], axes: [[i64; 3]; 3], round: Round) -> Option<Self> {
+        let e = axes.map(|axis| axis.map(i128::from));
+        let cross = |a: [i128; 3], b: [i128; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let mut adjugate = [cross(e[1], e[2]), cross(e[2], e[0]), cross(e[0], e[1])];
+        let mut determinant: i128 = (0..3).map(|k| adjugate[0][k] * e[0][k]).sum();
+        if determinant == 0 {
+            return None;
+        }
+        if determinant < 0 {
+            determinant = -determinant;
+            adjugate = adjugate.map(|row| row.map(|c| -c));
+        }
+        let inverse = adjugate.map(|row| row.map(|c| float(c) / float(determinant)));
+        let steep = if matches!(round, Round::Cylinder(_)) { 2.0 } else { 1.0 };
+        // Rounding of the inverse, the products and the sums, each at most 2^-52 of its terms; u of a torus is
+        // rounded for the decision as well.
+        let terms: f64 = inverse.iter().flatten().map(|c| c.abs()).sum::<f64>() * REACH;
+        let unsure = steep * terms * 16.0 * f64::EPSILON + 1e-7;
+        let along = inverse.iter().map(|row| row[0] * row[0]).sum::<f64>().sqrt() * f64::from(STEPS) * steep;
+        Some(Self {
+            middle,
+            adjugate,
+            determinant,
+            round,
+            inverse,
+            middle_f: middle.map(|c| c as f64),
+            unsure,
+            steep,
+            along,
+        })
+    }
+
+    #[inline]
+    fn local(&self, p: [f64; 3]) -> [f64; 3] {
+        let d = [p[0] - self.middle_f[0], p[1] - self.middle_f[1], p[2] - self.middle_f[2]];
+        self.inverse.map(|row| dot(row, d))
+    }
+
+    /// Below 0 inside, above outside.
+    #[inline]
+    fn distance(&self, u: [f64; 3]) -> f64 {
+        let radial = (u[0] * u[0] + u[1] * u[1]).sqrt();
+        match self.round {
+            Round::Ellipsoid => (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt() - 1.0,
+            Round::Cylinder(radii) => (radial - width(radii, u[2])).max(-u[2]).max(u[2] - 1.0),
+            Round::Torus(tube) => ((radial - 1.0).powi(2) + u[2] * u[2]).sqrt() - tube_of(tube),
+        }
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
+    pub(super) fn cover(&self, region: &[(i64, i64); 3]) -> Cover {
+        let middle = region.map(|(low, high)| (low + high) as f64 / 2.0);
+        let half = region.map(|(low, high)| (high - low) as f64 / 2.0);
+        let reach = self.inverse.map(|row| dot(row.map(f64::abs), half));
+        let within = dot(reach, reach).sqrt() * self.steep * (1.0 + 1e-9) + self.unsure;
+        match self.distance(self.local(middle)) {
+            g if g > within => Cover::Outside,
+            g if g < -within => Cover::Inside,
+            _ => Cover::Mixed,
+        }
+    }
+
+    /// Walks along each row in steps within which g cannot change its sign.
+    #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
+    pub(super) fn fill(&self, at: Rows, out: &mut [u64]) {
+        let step = self.inverse.map(|row| row[0] * f64::from(STEPS));
+        for (word, y) in out.iter_mut().zip(at.y..) {
+            let first = [centre(at.x), centre(y), centre(at.z)];
+            let start = self.local(first.map(|c| c as f64));
+            let mut x = 0_i32;
+            *word = 0;
+            while x < 64 {
+                let along = f64::from(x);
+                let g = self.distance([0, 1, 2].map(|k| start[k] + along * step[k]));
+                let sure = g.abs() - self.unsure;
+                if sure > 0.0 {
+                    #[expect(clippy::cast_possible_truncation, reason = "at most 64")]
+                    let more = (sure / self.along * (1.0 - 1e-9)).min(64.0) as i32;
+                    let last = (x + more).min(63);
+                    if g < 0.0 {
+                        *word |= super::bits(x.into(), last.into());
+                    }
+                    x = last + 1;
+                } else {
+                    let p = [first[0] + i64::from(x) * i64::from(STEPS), first[1], first[2]];
+                    *word |= u64::from(self.decide(p)) << x;
+                    x += 1;
+                }
+            }
+        }
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
+    pub(super) fn contains(&self, p: [i64; 3]) -> bool {
+        let g = self.distance(self.local(p.map(|c| c as f64)));
+        if g.abs() > self.unsure { g < 0.0 } else { self.decide(p) }
+    }
+
+    /// By the definition.
+    fn decide(&self, p: [i64; 3]) -> bool {
+        let d: [i128; 3] = std::array::from_fn(|k| i128::from(p[k] - self.middle[k]));
+        let q = self.adjugate.map(|row| row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
+        let whole = self.determinant;
+        match self.round {
+            Round::Ellipsoid => sum(sum(square(q[0]), square(q[1])), square(q[2])) <= square(whole),
+            Round::Cylinder(radii) => {
+                let [r0, r1] = radii.map(i128::from);
+                let scale = i128::from(RATIO);
+                (0..=whole).contains(&q[2])
+                    && sum(square(scale * q[0]), square(scale * q[1]))
+                        <= square(whole * r0 + q[2] * (r1 - r0))
+            }
+            Round::Torus(tube) => {
+                // Beyond twice the major radius there is nothing, and nothing overflows.
+                if q.iter().any(|c| c.abs() > 3 * whole) {
+                    return false;
+                }
+                let [u, v, w] = q.map(|c| (2 * c * FIXED + whole).div_euclid(2 * whole));
+                let radial = u * u + v * v;
+                let left = radial + w * w + FIXED * FIXED - i128::from(tube).pow(2);
+                left <= 0 || left * left <= 4 * FIXED * FIXED * radial
+            }
+        }
+    }
+
+    /// The part of the surface that lies between a voxel and its neighbour.
+    #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
+    pub(super) fn face(&self, voxel: [i64; 3], beside: [i64; 3], is_inside: bool) -> Face {
+        let here = self.local(voxel.map(|c| c as f64));
+        let there = self.local(beside.map(|c| c as f64));
+        let (inner, outer) = if is_inside { (here, there) } else { (there, here) };
+        let (value, of_u) = match self.round {
+            Round::Ellipsoid => {
+                let length = dot(here, here).sqrt().max(f64::MIN_POSITIVE);
+                (length - 1.0, here.map(|c| c / length))
+            }
+            Round::Cylinder(radii) => {
+                let radial = |u: [f64; 3]| (u[0] * u[0] + u[1] * u[1]).sqrt();
+                let parts = |u: [f64; 3]| [radial(u) - width(radii, u[2]), -u[2], u[2] - 1.0];
+                let (a, b) = (parts(inner), parts(outer));
+                // The way out leads through the part that it meets first.
+                let met = |k: usize| if b[k] > 0.0 { a[k] / (a[k] - b[k]) } else { f64::INFINITY };
+                let first = (1..3).fold(0, |best, k| if met(k).abs() < met(best).abs() { k } else { best });
+                let slope = (radii[1] - radii[0]) as f64 / RATIO as f64;
+                let r = radial(here).max(f64::MIN_POSITIVE);
+                let of_u = match first {
+                    0 => [here[0] / r, here[1] / r, -slope],
+                    1 => [0.0, 0.0, -1.0],
+                    _ => [0.0, 0.0, 1.0],
+                };
+                (parts(here)[first], of_u)
+            }
+            Round::Torus(tube) => {
+                let r = (here[0] * here[0] + here[1] * here[1]).sqrt().max(f64::MIN_POSITIVE);
+                let around = ((r - 1.0).powi(2) + here[2] * here[2]).sqrt().max(f64::MIN_POSITIVE);
+                let ring = (r - 1.0) / around;
+                (around - tube_of(tube), [here[0] / r * ring, here[1] / r * ring, here[2] / around])
+            }
+        };
+        // The gradient in lattice coordinates: the transposed inverse times that in u.
+        let outwards = [0, 1, 2].map(|k| (0..3).map(|j| self.inverse[j][k] * of_u[j]).sum::<f64>());
+        let slope = dot(outwards, outwards).sqrt().max(f64::MIN_POSITIVE);
+        Face { outwards, distance: (value / slope).abs() }
+    }
+}
+
+#[inline]
+#[expect(clippy::cast_precision_loss, reason = "below 2^21")]
+fn width(radii: [i64; 2], at: f64) -> f64 {
+    (radii[0] as f64 + at * (radii[1] - radii[0]) as f64) / RATIO as f64
+}
+
+#[inline]
+#[expect(clippy::cast_precision_loss, reason = "below 2^27")]
+fn tube_of(parts: i64) -> f64 {
+    parts as f64 / FIXED as f64
+}
+
+/// A ratio of at most 1 as parts of a torus' major radius.
+#[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "at most 2^26")]
+pub(in crate::csg) fn tube_parts(ratio: f64) -> i64 {
+    (ratio * FIXED as f64).round_ties_even() as i64
+}

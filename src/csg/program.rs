@@ -1,0 +1,159 @@
+//! Programs: a flat tree as a list of steps on a stack, and the part of it that matters in a box.
+//!
+//! ```text
+//! and(or(a, b), not c)   becomes   a b OR ~c AND
+//! ```
+//!
+//! The part of a join that needs the deepest stack comes first, so that n leaves need no more than log2 n + 2 places
+//! however deep the tree is. In a box most leaves are all in or all out; what is left of the program then is as long
+//! as the surface there is complicated.
+
+use super::flat::{Flat, Kind, Part};
+use crate::builder::Cover;
+
+/// One step: a join, or a leaf with a bit that says whether all but it is meant.
+pub(super) type Step = u32;
+
+const AND: Step = 1 << 31;
+const OR: Step = 1 << 30;
+
+/// Places that a stack has: more than log2 of the most leaves.
+pub(super) const STACK: usize = 24;
+const _: () = assert!(super::flat::MOST_LEAVES <= 1 << (STACK - 3));
+
+/// A leaf's number, and whether all but it is meant, of a step that is a leaf.
+#[inline]
+pub(super) fn leaf_of(step: Step) -> Option<(u32, bool)> {
+    (step < OR).then_some((step >> 1, step & 1 != 0))
+}
+
+/// The other side.
+fn turned(cover: Cover) -> Cover {
+    match cover {
+        Cover::Outside => Cover::Inside,
+        Cover::Inside => Cover::Outside,
+        Cover::Mixed => Cover::Mixed,
+    }
+}
+
+/// The program of a flat tree.
+pub(super) fn compile(flat: &Flat<'_>) -> Vec<Step> {
+    let (mut parts, starts) = flat.parts_by_join();
+    // Joins stand before their parts.
+    let mut needs = vec![0_u8; flat.joins.len()];
+    for join in (0..flat.joins.len()).rev() {
+        let own = &mut parts[starts[join] as usize..starts[join + 1] as usize];
+        let need = |part: &Part| match part {
+            Part::Leaf { .. } => 1,
+            Part::Join(below) => needs[*below as usize],
+        };
+        let deepest =
+            (0..own.len()).fold(0, |best, at| if need(&own[at]) > need(&own[best]) { at } else { best });
+        own.get_mut(..=deepest).into_iter().for_each(|first| first.rotate_right(1));
+        let others = own.iter().skip(1).map(|part| 1 + need(part)).max().unwrap_or(0);
+        needs[join] = own.first().map_or(1, need).max(others);
+    }
+    let mut steps = Vec::with_capacity(2 * flat.leaves.len());
+    let mut open = vec![(0_u32, 0_u32)];
+    while let Some((join, done)) = open.pop() {
+        let own = &parts[starts[join as usize] as usize..starts[join as usize + 1] as usize];
+        let step = if flat.joins[join as usize] == Kind::And { AND } else { OR };
+        if done >= 2 {
+            steps.push(step);
+        }
+        let Some(part) = own.get(done as usize) else { continue };
+        open.push((join, done + 1));
+        match part {
+            Part::Leaf { leaf, negated } => steps.push(leaf << 1 | Step::from(*negated)),
+            Part::Join(below) => open.push((*below, 0)),
+        }
+    }
+    steps
+}
+
+/// Writes what is left of a program where leaves have these covers; nothing, if all is in or out.
+pub(super) fn prune(program: &[Step], mut cover: impl FnMut(u32) -> Cover, out: &mut Vec<Step>) -> Cover {
+    out.clear();
+    let mut stack = [(Cover::Outside, 0_usize); STACK];
+    let mut top = 0;
+    for step in program {
+        if let Some((leaf, negated)) = leaf_of(*step) {
+            let told = cover(leaf);
+            let told = if negated { turned(told) } else { told };
+            stack[top] = (told, out.len());
+            top += 1;
+            if told == Cover::Mixed {
+                out.push(*step);
+            }
+            continue;
+        }
+        let is_and = *step == AND;
+        let ((b, second), (a, first)) = (stack[top - 1], stack[top - 2]);
+        top -= 1;
+        // One side decides, whatever the other is; or it does not matter.
+        let (decides, matters_not) =
+            if is_and { (Cover::Outside, Cover::Inside) } else { (Cover::Inside, Cover::Outside) };
+        let joined = if a == decides || b == decides {
+            out.truncate(first);
+            decides
+        } else if a == matters_not {
+            b
+        } else if b == matters_not {
+            out.truncate(second);
+            a
+        } else {
+            out.push(*step);
+            Cover::Mixed
+        };
+        stack[top - 1] = (joined, first);
+    }
+    if top == 0 { Cover::Outside } else { stack[0].0 }
+}
+
+/// The value of a program, of 64 voxels or cases at once.
+pub(super) fn value(program: &[Step], mut leaf: impl FnMut(u32) -> u64) -> u64 {
+    let mut stack = [0_u64; STACK];
+    let mut top = 0;
+    for step in program {
+        if let Some((at, negated)) = leaf_of(*step) {
+            stack[top] = leaf(at) ^ if negated { u64::MAX } else { 0 };
+            top += 1;
+        } else {
+            let b = stack[top - 1];
+            let a = &mut stack[top - 2];
+            *a = if *step == AND { *a & b } else { *a | b };
+            top -= 1;
+        }
+    }
+    stack[0]
+}
+
+/// The values of a program, of rows of 64 voxels: `stack` has room for [`STACK`] times `rows`, and holds the result
+/// first.
+pub(super) fn rows_of(
+    program: &[Step],
+    stack: &mut [u64],
+    rows: usize,
+    mut leaf: impl FnMut(u32, &mut [u64]),
+) {
+    let mut top = 0;
+    for step in program {
+        if let Some((at, negated)) = leaf_of(*step) {
+            let own = &mut stack[top * rows..][..rows];
+            leaf(at, own);
+            if negated {
+                own.iter_mut().for_each(|word| *word = !*word);
+            }
+            top += 1;
+        } else {
+            let (below, above) = stack.split_at_mut((top - 1) * rows);
+            let own = &mut below[(top - 2) * rows..];
+            if *step == AND {
+                own.iter_mut().zip(above).for_each(|(a, b)| *a &= *b);
+            } else {
+                own.iter_mut().zip(above).for_each(|(a, b)| *a |= *b);
+            }
+            top -= 1;
+        }
+    }
+}

@@ -1,0 +1,380 @@
+//! A tree as a solid of the builder: programs for columns, slabs and boxes, bits row by row, normals at the skin.
+//!
+//! ```text
+//!   tree --column--> program --slab--> program --64 columns--> program of a box, often one leaf long
+//!                                                                └─ bits of 34 rows a slice, normals of skin voxels
+//! ```
+//!
+//! What is left of a program in a box decides what the box costs. Programs of boxes wait in a store of fixed size;
+//! where it is full, the column's is used, which says the same.
+
+use std::path::PathBuf;
+
+use super::describe::Description;
+use super::leaf::{Leaf, Rows};
+use super::place::Place;
+use super::program::{self, STACK, Step};
+use super::walked::{ROWS, WalkedLeaf, Walker};
+use crate::builder::{
+    BuildError, Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+};
+use crate::facts::{Fault, SourceError};
+use crate::format::{Channel, Metadata, SourceMeta};
+use crate::geom::Dims;
+use crate::mesh::Crossings;
+use crate::stamp::stamp;
+
+/// Slices of a slab, and columns of a box.
+const SLAB: u32 = 32;
+const BOX: u32 = 64;
+/// Most steps of the programs of a slab's boxes that are kept.
+const STORE: usize = 1 << 15;
+/// Boxes within boxes: halves of a tile of 2^16 columns.
+const LEVELS: usize = 11;
+/// What the model says of its normals.
+const ESTIMATOR: &str = "analytic";
+
+/// A tree that has been placed on a grid.
+pub(super) struct CsgSolid<'a> {
+    pub(super) name: String,
+    pub(super) place: Place,
+    pub(super) leaves: Vec<Leaf>,
+    pub(super) program: Vec<Step>,
+    pub(super) walked: Vec<WalkedLeaf<'a>>,
+    /// The text, and what it was before it was read.
+    pub(super) text: Option<(PathBuf, u64)>,
+}
+
+impl CsgSolid<'_> {
+    fn store(&self, tile: &Tile) -> usize {
+        (self.program.len() * tile.columns.div_ceil(BOX) as usize).min(STORE)
+    }
+
+    /// Memory that is held beside that of workers.
+    pub(super) fn bytes(&self) -> u64 {
+        let own: u64 = self.leaves.iter().map(Leaf::bytes).sum();
+        own + (self.leaves.capacity() * size_of::<Leaf>() + self.program.capacity() * size_of::<Step>())
+            as u64
+    }
+}
+
+impl Solid for CsgSolid<'_> {
+    type Worker<'w>
+        = CsgWorker<'w>
+    where
+        Self: 'w;
+
+    fn dims(&self) -> Dims {
+        self.place.dims
+    }
+
+    /// The same for every text of the same tree.
+    fn metadata(&self, _: &Found) -> Metadata {
+        let Place { dims, affine, spacing_mm, .. } = self.place;
+        Metadata {
+            source: SourceMeta { format: "csg".into(), kind: "tree of solids".into(), files: 0, bytes: 0 },
+            spacing_mm,
+            affine: affine.rows,
+            gradient: ESTIMATOR.into(),
+            ..Metadata::of_grid(dims, "tree of solids")
+        }
+    }
+
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        if let Some((path, then)) = &self.text
+            && stamp(path) != *then
+        {
+            return Err(SourceError::Unusable { path: path.clone(), fault: Fault::ChangedInUse });
+        }
+        self.walked.iter().try_for_each(|leaf| leaf.solid.check_unchanged())
+    }
+
+    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+        (channel == Channel::Normal).then_some(ItemForm::AsIs { bytes: 2 })
+    }
+
+    fn worker_bytes(&self, tile: &Tile) -> u64 {
+        let boxes = tile.columns.div_ceil(BOX) as usize;
+        let programs = 2 * self.store(tile) + (LEVELS + 3) * self.program.len();
+        let own = programs * size_of::<Step>() + 2 * boxes * size_of::<Kept>() + STACK * ROWS * 8;
+        let walked: u64 =
+            self.walked.iter().map(|leaf| leaf.solid.worker_bytes(tile) + Walker::bytes(tile)).sum();
+        own as u64 + Crossings::bytes(1, ROWS) + Description::bytes(self.program.len()) + walked
+    }
+
+    fn input_bytes(&self) -> u64 {
+        self.walked.iter().map(|leaf| leaf.solid.input_bytes()).sum()
+    }
+
+    fn worker(&self, tile: &Tile) -> CsgWorker<'_> {
+        let boxes = tile.columns.div_ceil(BOX) as usize;
+        let slab = || Slab {
+            number: u32::MAX,
+            kept: Vec::with_capacity(boxes),
+            steps: Vec::with_capacity(self.store(tile)),
+        };
+        CsgWorker {
+            column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
+            whole: Vec::with_capacity(self.program.len()),
+            levels: Vec::with_capacity(LEVELS),
+            spare: Vec::with_capacity(self.program.len()),
+            slabs: [slab(), slab()],
+            stack: vec![0; STACK * ROWS],
+            slice: Vec::with_capacity(self.program.len()),
+            crossings: Crossings::new(1, ROWS),
+            walkers: self.walked.iter().map(|leaf| Walker::new(leaf, self.place.dims, tile)).collect(),
+            description: Description::new(self.program.len()),
+            solid: self,
+        }
+    }
+
+    fn nothing_inside(&self) -> BuildError {
+        BuildError::NothingInside { name: self.name.clone() }
+    }
+}
+
+/// What is known of a box of 64 columns of a slab.
+#[derive(Clone, Copy, Debug)]
+enum Kept {
+    /// Nothing: the program of the column is used.
+    Unknown,
+    /// It is all in or all out.
+    Uniform(bool),
+    /// Its program, of the slab's steps.
+    Steps { first: u32, count: u32 },
+}
+
+struct Slab {
+    number: u32,
+    kept: Vec<Kept>,
+    steps: Vec<Step>,
+}
+
+/// A box, and the program that is left in it.
+struct Level {
+    region: VoxelBox,
+    steps: Vec<Step>,
+}
+
+/// One thread's view of the tree.
+pub(super) struct CsgWorker<'a> {
+    solid: &'a CsgSolid<'a>,
+    column: VoxelBox,
+    /// The program of the column.
+    whole: Vec<Step>,
+    /// Boxes within each other, the smallest last, and a list that is not in use.
+    levels: Vec<Level>,
+    spare: Vec<Step>,
+    slabs: [Slab; 2],
+    stack: Vec<u64>,
+    /// The program of a slice of a box.
+    slice: Vec<Step>,
+    crossings: Crossings,
+    walkers: Vec<Walker<'a>>,
+    description: Description,
+}
+
+/// A program, or what takes its place.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Left<'p> {
+    Uniform(bool),
+    Steps(&'p [Step]),
+}
+
+fn grown(range: &std::ops::Range<u32>, by: u32, n: u32) -> std::ops::Range<u32> {
+    range.start.saturating_sub(by)..(range.end + by).min(n)
+}
+
+fn holds(outer: &VoxelBox, inner: &VoxelBox) -> bool {
+    let within = |a: &std::ops::Range<u32>, b: &std::ops::Range<u32>| a.start <= b.start && b.end <= a.end;
+    within(&outer.x, &inner.x) && within(&outer.y, &inner.y) && within(&outer.z, &inner.z)
+}
+
+fn as_i32(of: u32) -> i32 {
+    i32::try_from(of).unwrap_or(i32::MAX)
+}
+
+/// What is left in a box of a slab.
+fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Left<'p> {
+    let slab = &slabs[(z / SLAB) as usize % 2];
+    let kept = slab.kept.get(at).filter(|_| slab.number == z / SLAB).copied();
+    match kept {
+        Some(Kept::Uniform(inside)) => Left::Uniform(inside),
+        Some(Kept::Steps { first, count }) => Left::Steps(&slab.steps[first as usize..][..count as usize]),
+        Some(Kept::Unknown) | None => Left::Steps(whole),
+    }
+}
+
+impl CsgWorker<'_> {
+    /// The number of the box of 64 columns that a column of voxels lies in; those beside the tile in its outermost.
+    fn box_of(&self, x: i64) -> usize {
+        let last = self.column.x.len().div_ceil(BOX as usize).max(1) - 1;
+        let at = (x - i64::from(self.column.x.start)).div_euclid(i64::from(BOX));
+        usize::try_from(at.max(0)).unwrap_or(0).min(last)
+    }
+
+    /// Has all walked leaves that the column meets ready for a slice.
+    fn reach(&mut self, z: u32) -> Result<(), SourceError> {
+        for step in &self.whole {
+            if let Some((leaf, _)) = program::leaf_of(*step)
+                && let Leaf::Walked(at) = self.solid.leaves[leaf as usize]
+            {
+                self.walkers[at as usize].reach(z)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes what is known of the boxes of a region.
+    fn keep(&mut self, region: &VoxelBox, slab: u32, told: Cover, steps: &[Step]) {
+        let first = self.box_of(i64::from(region.x.start) + i64::from(region.x.start > self.column.x.start));
+        let first = if region.x.start < self.column.x.start { 0 } else { first };
+        let last = self.box_of(i64::from(region.x.end) - 1 - i64::from(region.x.end < self.column.x.end));
+        let slab = &mut self.slabs[slab as usize % 2];
+        match told {
+            Cover::Mixed if first == last => {
+                if slab.steps.len() + steps.len() <= slab.steps.capacity() {
+                    let at = slab.steps.len();
+                    slab.steps.extend_from_slice(steps);
+                    let number = |n: usize| u32::try_from(n).unwrap_or(0);
+                    slab.kept[first] = Kept::Steps { first: number(at), count: number(steps.len()) };
+                }
+            }
+            Cover::Mixed => {}
+            told => slab.kept[first..=last].fill(Kept::Uniform(told == Cover::Inside)),
+        }
+    }
+}
+
+impl SolidWorker for CsgWorker<'_> {
+    fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError> {
+        self.column = column.clone();
+        for slab in &mut self.slabs {
+            slab.number = u32::MAX;
+        }
+        while let Some(level) = self.levels.pop() {
+            self.spare = level.steps;
+        }
+        let [nx, ny, nz] = self.solid.place.dims.to_array();
+        let around =
+            VoxelBox { x: grown(&column.x, 1, nx), y: grown(&column.y, 1, ny), z: grown(&column.z, 2, nz) };
+        let leaves = &self.solid.leaves;
+        let told =
+            program::prune(&self.solid.program, |leaf| leaves[leaf as usize].cover(&around), &mut self.whole);
+        if told != Cover::Mixed {
+            // A program of one leaf that is everywhere in or out; it is told by boxes, and seldom needed.
+            self.whole.clone_from(&self.solid.program);
+        }
+        self.walkers.iter_mut().try_for_each(|walker| walker.start(column))
+    }
+
+    fn cover(&mut self, region: &VoxelBox) -> Cover {
+        let number = region.z.start.div_ceil(SLAB);
+        let slab = &mut self.slabs[number as usize % 2];
+        if slab.number != number {
+            slab.number = number;
+            slab.kept.clear();
+            slab.kept.resize(self.column.x.len().div_ceil(BOX as usize), Kept::Unknown);
+            slab.steps.clear();
+        }
+        // Only what lies within the slab is told by this name.
+        let is_slab = region.z.end <= (number + 1) * SLAB + 1;
+        while let Some(level) = self.levels.pop_if(|level| !holds(&level.region, region)) {
+            self.spare = level.steps;
+        }
+        let mut steps = std::mem::take(&mut self.spare);
+        let above = self.levels.last().map_or(&self.whole, |level| &level.steps);
+        let leaves = &self.solid.leaves;
+        let walkers = &mut self.walkers;
+        let told = program::prune(
+            above,
+            |leaf| match &leaves[leaf as usize] {
+                Leaf::Walked(at) if is_slab => walkers[*at as usize].worker.cover(region),
+                leaf => leaf.cover(region),
+            },
+            &mut steps,
+        );
+        if is_slab {
+            self.keep(region, number, told, &steps);
+        }
+        if told == Cover::Mixed && region.x.len() > BOX as usize + 2 && self.levels.len() < LEVELS {
+            self.levels.push(Level { region: region.clone(), steps });
+        } else {
+            self.spare = steps;
+        }
+        told
+    }
+
+    fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
+        let (x, y, z) = (rows.x(), rows.y(), rows.z());
+        if !self.walkers.is_empty() {
+            self.reach(z)?;
+        }
+        let Self { solid, column, slabs, whole, stack, slice, crossings, walkers, .. } = self;
+        let count = y.len();
+        let width = rows.row_mut(y.start).len();
+        let from = rows.origin();
+        let last = column.x.len().div_ceil(BOX as usize).max(1) - 1;
+        for word in 0..width {
+            let first = from + 64 * i64::try_from(word).unwrap_or(0);
+            if first >= i64::from(x.end) || first + 64 <= i64::from(x.start) {
+                continue;
+            }
+            let at = (first - i64::from(column.x.start)).div_euclid(i64::from(BOX));
+            let at = usize::try_from(at.max(0)).unwrap_or(0).min(last);
+            match left(slabs, whole, z, at) {
+                Left::Uniform(inside) => {
+                    let bits = if inside { u64::MAX } else { 0 };
+                    y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
+                }
+                Left::Steps(steps) => {
+                    // In a slice of the box less matters than in all of it.
+                    let columns = i64::from(x.start).max(first)..i64::from(x.end).min(first + 64);
+                    let column = |at: i64| u32::try_from(at).unwrap_or(0);
+                    let region =
+                        VoxelBox { x: column(columns.start)..column(columns.end), y: y.clone(), z: z..z + 1 };
+                    let told =
+                        program::prune(steps, |leaf| solid.leaves[leaf as usize].cover(&region), slice);
+                    if told != Cover::Mixed {
+                        let bits = if told == Cover::Inside { u64::MAX } else { 0 };
+                        y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
+                        continue;
+                    }
+                    let place =
+                        Rows { x: i32::try_from(first).unwrap_or(0), y: as_i32(y.start), z: as_i32(z) };
+                    program::rows_of(slice, stack, count, |leaf, out| match &solid.leaves[leaf as usize] {
+                        Leaf::Walked(at) => {
+                            let walker = &walkers[*at as usize];
+                            for (word, y) in out.iter_mut().zip(i64::from(y.start)..) {
+                                *word = walker.word(first, y, z);
+                            }
+                        }
+                        leaf => leaf.fill(place, out, crossings),
+                    });
+                    for (y, bits) in y.clone().zip(stack.iter()) {
+                        rows.row_mut(y)[word] = *bits;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
+        let [x, _, z] = skin.corner();
+        if !self.walkers.is_empty() {
+            self.reach(z + 2)?;
+        }
+        let at = self.box_of(x.into());
+        let Self { solid, slabs, whole, walkers, description, .. } = self;
+        description.describe(skin, solid, left(slabs, whole, z, at), walkers)
+    }
+
+    fn items(&self, _: Channel) -> &[u8] {
+        self.description.codes()
+    }
+}

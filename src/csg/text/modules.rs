@@ -1,0 +1,228 @@
+//! What the modules mean.
+
+use std::path::{Component, Path, PathBuf};
+
+use super::values::Arguments;
+use crate::csg::facets;
+use crate::csg::tree::{Faces, Operation, Shape};
+use crate::facts::CsgFault;
+use crate::geom::Affine;
+
+/// Most sides of a facetted sphere or cylinder.
+const MOST_SIDES: f64 = 256.0;
+/// Letters of a name that are told.
+const TOLD: usize = 40;
+
+/// A module with children.
+#[derive(Debug)]
+pub(super) enum Block {
+    Joined(Operation),
+    Placed(Box<Affine>),
+}
+
+/// What a module means.
+#[derive(Debug)]
+pub(super) enum Meaning {
+    Leaf(Shape),
+    Block(Block),
+    /// Flat shapes within are extruded between these heights.
+    Extruded([f64; 2]),
+}
+
+/// What a module means, within an extrusion or not.
+///
+/// # Errors
+/// It is not read, or its arguments make no sense.
+pub(super) fn meaning(
+    of: &Arguments,
+    extruded: Option<[f64; 2]>,
+    folder: &Path,
+) -> Result<Meaning, CsgFault> {
+    let joined = |operation| Ok(Meaning::Block(Block::Joined(operation)));
+    match of.module.as_str() {
+        // `render` and `color` change how it looks in OpenSCAD, not what it is.
+        "group" | "union" | "render" | "color" => joined(Operation::Union),
+        "difference" => joined(Operation::Difference),
+        "intersection" => joined(Operation::Intersection),
+        "complement" => joined(Operation::Complement),
+        "multmatrix" => {
+            let mut affine = of.matrix()?;
+            if extruded.is_some() {
+                // Flat shapes stay in their plane.
+                let [x, y, _] = affine.rows;
+                affine.rows = [[x[0], x[1], 0.0, x[3]], [y[0], y[1], 0.0, y[3]], [0.0, 0.0, 1.0, 0.0]];
+            }
+            Ok(Meaning::Block(Block::Placed(Box::new(affine))))
+        }
+        "linear_extrude" => match extruded {
+            None => heights(of).map(Meaning::Extruded),
+            Some(_) => Err(CsgFault::NotFlat { line: of.line, module: of.module.clone() }),
+        },
+        "square" | "circle" | "polygon" => match extruded {
+            Some(z) => flat(of, z).map(Meaning::Leaf),
+            None => Err(CsgFault::Flat { line: of.line, module: of.module.clone() }),
+        },
+        _ => {
+            let shape = solid(of, folder)?;
+            if extruded.is_some() {
+                return Err(CsgFault::NotFlat { line: of.line, module: of.module.clone() });
+            }
+            Ok(Meaning::Leaf(shape))
+        }
+    }
+}
+
+fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {
+    Ok(match of.module.as_str() {
+        "cube" => {
+            let size = of.numbers::<3>("size", Some(0))?.unwrap_or([1.0; 3]);
+            let low = if of.flag("center", Some(1))? { size.map(|s| -s / 2.0) } else { [0.0; 3] };
+            Shape::Cuboid { low, high: [0, 1, 2].map(|k| low[k] + size[k]) }
+        }
+        "sphere" => {
+            let radius = radius(of, "r", "d", Some(0))?.unwrap_or(1.0);
+            match sides(of)? {
+                Some(sides) if radius > 0.0 => Shape::Faces(facets::sphere(radius, sides)),
+                _ => Shape::Ellipsoid { radii: [radius; 3] },
+            }
+        }
+        "ellipsoid" => {
+            Shape::Ellipsoid { radii: of.numbers::<3>("radii", Some(0))?.ok_or_else(|| of.wrong("radii"))? }
+        }
+        "cylinder" => {
+            let height = of.number("h", Some(0))?.unwrap_or(1.0);
+            let both = radius(of, "r", "d", None)?;
+            let low = radius(of, "r1", "d1", Some(1))?.or(both).unwrap_or(1.0);
+            let high = radius(of, "r2", "d2", Some(2))?.or(both).unwrap_or(1.0);
+            let start = if of.flag("center", Some(3))? { -height / 2.0 } else { 0.0 };
+            upright([start, start + height], [low, high], sides(of)?)
+        }
+        "polyhedron" => polyhedron(of)?,
+        "torus" => Shape::Torus { major: of.need("major", Some(0))?, minor: of.need("minor", Some(1))? },
+        "halfspace" => Shape::HalfSpace {
+            normal: of.numbers::<3>("normal", Some(0))?.ok_or_else(|| of.wrong("normal"))?,
+            offset: of.number("offset", Some(1))?.unwrap_or(0.0),
+        },
+        "mesh" => Shape::Mesh { path: beside(of.text("file", Some(0))?, folder)? },
+        "import" => {
+            let path = beside(of.text("file", Some(0))?, folder)?;
+            let read = ["stl", "ply", "obj", "off"];
+            if !path.extension().is_some_and(|e| read.iter().any(|known| e.eq_ignore_ascii_case(known))) {
+                return Err(of.wrong("file"));
+            }
+            Shape::Mesh { path }
+        }
+        "volume" => {
+            Shape::Volume { path: beside(of.text("file", Some(0))?, folder)?, iso: of.need("iso", Some(1))? }
+        }
+        _ => {
+            let module = of.module.chars().take(TOLD).collect();
+            return Err(CsgFault::Unsupported { line: of.line, module });
+        }
+    })
+}
+
+/// A radius, or half of a diameter.
+fn radius(
+    of: &Arguments,
+    radius: &'static str,
+    diameter: &'static str,
+    place: Option<usize>,
+) -> Result<Option<f64>, CsgFault> {
+    let half = of.number(diameter, None)?.map(|d| d / 2.0);
+    Ok(half.or(of.number(radius, place)?))
+}
+
+/// Sides of something round; `None` if it is to be round.
+fn sides(of: &Arguments) -> Result<Option<usize>, CsgFault> {
+    match of.number("$fn", None)? {
+        None => Ok(None),
+        Some(count) if count <= 0.0 => Ok(None),
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "3 to 256")]
+        Some(count) if count <= MOST_SIDES => Ok(Some(count.max(3.0) as usize)),
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "256")]
+        Some(_) => Err(CsgFault::Facets { line: of.line, most: MOST_SIDES as u64 }),
+    }
+}
+
+/// A cylinder, cone or prism around the z axis.
+fn upright(z: [f64; 2], radii: [f64; 2], sides: Option<usize>) -> Shape {
+    let is_solid = z[1] > z[0] && radii.iter().all(|r| *r >= 0.0) && radii != [0.0; 2];
+    match sides {
+        Some(sides) if is_solid => Shape::Faces(facets::cylinder(z, radii, sides)),
+        _ => Shape::Cylinder { z, radii },
+    }
+}
+
+fn polyhedron(of: &Arguments) -> Result<Shape, CsgFault> {
+    let points = of.list("points", Some(0))?.and_then(|list| list.rows_of::<3>());
+    let points = points.ok_or_else(|| of.wrong("points"))?;
+    let named = if of.value("faces", None).is_some() { "faces" } else { "triangles" };
+    let lists = of.list(named, Some(1))?.and_then(|list| list.indices()).ok_or_else(|| of.wrong("faces"))?;
+    let mut faces = Faces { points, ..Faces::default() };
+    for face in &lists {
+        if face.iter().any(|at| *at as usize >= faces.points.len()) {
+            return Err(of.wrong("faces"));
+        }
+        facets::fan(&mut faces.triangles, face);
+    }
+    Ok(Shape::Faces(faces))
+}
+
+fn heights(of: &Arguments) -> Result<[f64; 2], CsgFault> {
+    let straight = of.number("twist", None)?.unwrap_or(0.0) == 0.0
+        && of.numbers::<2>("scale", None)?.is_none_or(|scale| scale == [1.0; 2]);
+    let upwards = of.numbers::<3>("v", None)?.is_none_or(|v| v[0] == 0.0 && v[1] == 0.0 && v[2] > 0.0);
+    if !straight || !upwards {
+        return Err(CsgFault::Twisted { line: of.line });
+    }
+    let height = of.number("height", Some(0))?.unwrap_or(100.0);
+    let start = if of.flag("center", None)? { -height / 2.0 } else { 0.0 };
+    Ok([start, start + height])
+}
+
+/// A flat shape between two heights.
+fn flat(of: &Arguments, z: [f64; 2]) -> Result<Shape, CsgFault> {
+    Ok(match of.module.as_str() {
+        "square" => {
+            let size = of.numbers::<2>("size", Some(0))?.unwrap_or([1.0; 2]);
+            let low = if of.flag("center", Some(1))? { size.map(|s| -s / 2.0) } else { [0.0; 2] };
+            let high = [low[0] + size[0], low[1] + size[1], z[1]];
+            Shape::Cuboid { low: [low[0], low[1], z[0]], high }
+        }
+        "circle" => {
+            let radius = radius(of, "r", "d", Some(0))?.unwrap_or(1.0);
+            upright(z, [radius; 2], sides(of)?)
+        }
+        _ => {
+            let points = of.list("points", Some(0))?.and_then(|list| list.rows_of::<2>());
+            let points = points.ok_or_else(|| of.wrong("points"))?;
+            let paths = match of.list("paths", Some(1))? {
+                None => vec![points],
+                Some(paths) => {
+                    let paths = paths.indices().ok_or_else(|| of.wrong("paths"))?;
+                    let point = |at: &u32| points.get(*at as usize).copied();
+                    let path = |path: &Vec<u32>| path.iter().map(point).collect::<Option<Vec<_>>>();
+                    paths.iter().map(path).collect::<Option<_>>().ok_or_else(|| of.wrong("paths"))?
+                }
+            };
+            if z[0] < z[1] {
+                Shape::Faces(facets::prism(&paths, z))
+            } else {
+                // Nothing, or refused where it is placed.
+                Shape::Cuboid { low: [0.0; 3], high: [1.0, 1.0, z[1] - z[0]] }
+            }
+        }
+    })
+}
+
+/// A file that lies in the folder of the text, or below it: a text that came from elsewhere must not make the program
+/// read whatever file it names.
+fn beside(name: &str, folder: &Path) -> Result<PathBuf, CsgFault> {
+    let path = Path::new(name.trim());
+    let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if !inside || path.as_os_str().is_empty() || name.contains('\0') {
+        return Err(CsgFault::Outside { name: name.chars().take(200).collect() });
+    }
+    Ok(folder.join(path))
+}

@@ -1,0 +1,151 @@
+//! Modules and their blocks to a tree.
+
+use std::io::BufRead;
+use std::path::Path;
+
+use super::lexer::{Lexer, Token};
+use super::modules::{Block, Meaning, meaning};
+use super::stop::Stop;
+use super::values::Arguments;
+use crate::csg::tree::{NodeId, Operation, Tree};
+use crate::facts::{CsgFault, CsgToken};
+
+/// A block that is open.
+struct Open {
+    block: Block,
+    /// Where its children begin among all that wait.
+    first: usize,
+    /// Heights between which its flat shapes are extruded.
+    extruded: Option<[f64; 2]>,
+    line: u64,
+    /// Is it left out, with all that is in it?
+    left_out: bool,
+}
+
+struct Parser<'a> {
+    lexer: Lexer<'a>,
+    folder: &'a Path,
+    tree: Tree,
+    open: Vec<Open>,
+    /// Nodes that wait for their block to be closed.
+    waiting: Vec<NodeId>,
+}
+
+/// Reads a text; files that it names lie in `folder`.
+///
+/// # Errors
+/// What is wrong with it, with the line.
+pub(in crate::csg) fn parse(
+    input: &mut dyn BufRead,
+    folder: &Path,
+    most_bytes: u64,
+) -> Result<(Tree, NodeId), Stop> {
+    let top = Block::Joined(Operation::Union);
+    let mut parser = Parser {
+        lexer: Lexer::new(input),
+        folder,
+        tree: Tree::new(),
+        open: vec![Open { block: top, first: 0, extruded: None, line: 1, left_out: false }],
+        waiting: Vec::new(),
+    };
+    while parser.step()? {
+        let bytes = parser.bytes();
+        if bytes > most_bytes {
+            return Err(Stop::Memory { bytes });
+        }
+    }
+    let root = parser.tree.join(Operation::Union, &parser.waiting);
+    Ok((parser.tree, root))
+}
+
+impl Parser<'_> {
+    fn bytes(&self) -> u64 {
+        let lists = self.waiting.capacity() * size_of::<NodeId>() + self.open.capacity() * size_of::<Open>();
+        self.tree.bytes() + lists as u64
+    }
+
+    /// Reads a module or the end of a block; `false` at the end of the text.
+    fn step(&mut self) -> Result<bool, Stop> {
+        let token = self.lexer.next()?;
+        let expected =
+            |parser: &Self, what| Stop::from(CsgFault::Expected { line: parser.lexer.line(), what });
+        match token {
+            Token::Sign(b';') => {}
+            Token::Sign(b'}') if self.open.len() > 1 => self.close(),
+            Token::End if self.open.len() == 1 => return Ok(false),
+            Token::End => return Err(expected(self, CsgToken::Brace)),
+            Token::Sign(mark @ (b'#' | b'%' | b'*')) => match self.lexer.next()? {
+                // Background, and what is switched off, is read and left out; # only marks.
+                Token::Name(name) => self.module(name, mark != b'#')?,
+                _ => return Err(expected(self, CsgToken::Module)),
+            },
+            Token::Name(name) => self.module(name, false)?,
+            _ => return Err(expected(self, CsgToken::Module)),
+        }
+        Ok(true)
+    }
+
+    /// Reads a module from behind its name to its `;` or `{`.
+    fn module(&mut self, name: String, left_out: bool) -> Result<(), Stop> {
+        let line = self.lexer.line();
+        let (extruded, above_out) =
+            self.open.last().map_or((None, false), |above| (above.extruded, above.left_out));
+        let left_out = left_out || above_out;
+        let expected = |line, what| Stop::from(CsgFault::Expected { line, what });
+        if self.lexer.next()? != Token::Sign(b'(') {
+            return Err(expected(self.lexer.line(), CsgToken::Open));
+        }
+        let arguments = Arguments::read(&mut self.lexer, name, line)?;
+        let meant = meaning(&arguments, extruded, self.folder)?;
+        let union = Block::Joined(Operation::Union);
+        let (block, extruded) = match meant {
+            Meaning::Leaf(shape) => {
+                if !left_out {
+                    let leaf = self.tree.leaf_of_line(shape, line);
+                    self.waiting.push(leaf);
+                }
+                // A leaf has no children; should there be any, they count for nothing.
+                return match self.lexer.next()? {
+                    Token::Sign(b';') => Ok(()),
+                    Token::Sign(b'{') => {
+                        self.begin(union, extruded, line, true);
+                        Ok(())
+                    }
+                    _ => Err(expected(self.lexer.line(), CsgToken::End)),
+                };
+            }
+            Meaning::Block(block) => (block, extruded),
+            Meaning::Extruded(z) => (union, Some(z)),
+        };
+        let token = self.lexer.next()?;
+        if !matches!(token, Token::Sign(b';' | b'{')) {
+            return Err(expected(self.lexer.line(), CsgToken::End));
+        }
+        self.begin(block, extruded, line, left_out);
+        if token == Token::Sign(b';') {
+            self.close();
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, block: Block, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
+        self.open.push(Open { block, first: self.waiting.len(), extruded, line, left_out });
+    }
+
+    /// Makes a node of the children of the block that was opened last.
+    fn close(&mut self) {
+        let Some(block) = self.open.pop().filter(|block| !block.left_out) else { return };
+        let children = &self.waiting[block.first..];
+        let operation = match block.block {
+            Block::Joined(operation) => operation,
+            Block::Placed(_) => Operation::Union,
+        };
+        let is_one = children.len() == 1 && operation != Operation::Complement;
+        let mut node = if is_one { children[0] } else { self.tree.join(operation, children) };
+        if let Block::Placed(affine) = block.block {
+            node = self.tree.placed_of_line(*affine, node, block.line);
+        }
+        self.waiting.truncate(block.first);
+        self.waiting.push(node);
+    }
+}

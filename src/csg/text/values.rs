@@ -1,0 +1,239 @@
+//! The arguments of a module: numbers, words, texts and lists.
+
+use super::lexer::{Lexer, Token};
+use super::stop::Stop;
+use crate::facts::{CsgFault, CsgToken};
+use crate::geom::Affine;
+
+/// How deep lists may lie in lists: the rows of a list of lists.
+const DEEPEST: usize = 4;
+
+/// A value.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
+    Number(f64),
+    Flag(bool),
+    Text(String),
+    /// Numbers, and where the lists within begin and end.
+    List(List),
+    /// `undef`.
+    Nothing,
+}
+
+/// A list, or a list of lists of numbers: their numbers one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct List {
+    pub(super) numbers: Vec<f64>,
+    /// Where each list within ends.
+    pub(super) ends: Vec<usize>,
+    /// How deep it is.
+    depth: usize,
+    /// Is there anything but numbers?
+    mixed: bool,
+}
+
+impl List {
+    /// The lists within.
+    pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(from, to)| &self.numbers[from..*to])
+    }
+
+    /// Lists of so many numbers each.
+    pub(super) fn rows_of<const N: usize>(&self) -> Option<Vec<[f64; N]>> {
+        let whole = self.depth == 2 && !self.mixed && self.ends.last() == Some(&self.numbers.len());
+        if !whole {
+            return (self.numbers.is_empty() && self.depth <= 2).then(Vec::new);
+        }
+        self.rows().map(|row| row.try_into().ok()).collect()
+    }
+
+    /// Lists of any numbers of whole numbers.
+    pub(super) fn indices(&self) -> Option<Vec<Vec<u32>>> {
+        if self.mixed || self.depth > 2 {
+            return None;
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "compared with the number"
+        )]
+        let index = |n: &f64| (*n >= 0.0 && *n < 4e9 && n.fract() == 0.0).then_some(*n as u32);
+        self.rows().map(|row| row.iter().map(index).collect()).collect()
+    }
+}
+
+/// The arguments of one module.
+#[derive(Debug)]
+pub(super) struct Arguments {
+    pub(super) line: u64,
+    pub(super) module: String,
+    named: Vec<(String, Value)>,
+    placed: Vec<Value>,
+}
+
+/// Most arguments of a module.
+const MOST: usize = 64;
+
+impl Arguments {
+    /// Reads them from behind the opening bracket to the closing one.
+    pub(super) fn read(lexer: &mut Lexer<'_>, module: String, line: u64) -> Result<Self, Stop> {
+        let mut all = Self { line, module, named: Vec::new(), placed: Vec::new() };
+        let expected = |line: u64, what| Stop::from(CsgFault::Expected { line, what });
+        let mut token = lexer.next()?;
+        while token != Token::Sign(b')') {
+            if all.named.len() + all.placed.len() == MOST {
+                return Err(expected(lexer.line(), CsgToken::Close));
+            }
+            let mut name = None;
+            if let Token::Name(word) = &token
+                && !matches!(word.as_str(), "true" | "false" | "undef")
+            {
+                name = Some(word.clone());
+                if lexer.next()? != Token::Sign(b'=') {
+                    return Err(expected(lexer.line(), CsgToken::Value));
+                }
+                token = lexer.next()?;
+            }
+            let value = value(lexer, token)?;
+            match name {
+                Some(name) => all.named.push((name, value)),
+                None => all.placed.push(value),
+            }
+            token = match lexer.next()? {
+                Token::Sign(b',') => lexer.next()?,
+                Token::Sign(b')') => break,
+                _ => return Err(expected(lexer.line(), CsgToken::Close)),
+            };
+        }
+        Ok(all)
+    }
+
+    /// The value of a name, or of a place where it stands without a name.
+    pub(super) fn value(&self, name: &str, place: Option<usize>) -> Option<&Value> {
+        let named = self.named.iter().rev().find(|(own, _)| own == name).map(|(_, value)| value);
+        let value = named.or_else(|| self.placed.get(place?));
+        value.filter(|value| **value != Value::Nothing)
+    }
+
+    /// The refusal of an argument.
+    pub(super) fn wrong(&self, argument: &'static str) -> CsgFault {
+        CsgFault::Argument { line: self.line, module: self.module.clone(), argument }
+    }
+
+    /// A number, if it is there.
+    pub(super) fn number(&self, name: &'static str, place: Option<usize>) -> Result<Option<f64>, CsgFault> {
+        match self.value(name, place) {
+            None => Ok(None),
+            Some(Value::Number(number)) => Ok(Some(*number)),
+            Some(_) => Err(self.wrong(name)),
+        }
+    }
+
+    /// A number that is finite and has to be there.
+    pub(super) fn need(&self, name: &'static str, place: Option<usize>) -> Result<f64, CsgFault> {
+        self.number(name, place)?.filter(|n| n.is_finite()).ok_or_else(|| self.wrong(name))
+    }
+
+    /// A yes or no; no, if it is not there.
+    pub(super) fn flag(&self, name: &'static str, place: Option<usize>) -> Result<bool, CsgFault> {
+        match self.value(name, place) {
+            None => Ok(false),
+            Some(Value::Flag(flag)) => Ok(*flag),
+            Some(_) => Err(self.wrong(name)),
+        }
+    }
+
+    /// So many numbers; one number stands for all of them.
+    pub(super) fn numbers<const N: usize>(
+        &self,
+        name: &'static str,
+        place: Option<usize>,
+    ) -> Result<Option<[f64; N]>, CsgFault> {
+        match self.value(name, place) {
+            None => Ok(None),
+            Some(Value::Number(number)) => Ok(Some([*number; N])),
+            Some(Value::List(list)) if list.depth == 1 && !list.mixed => {
+                list.numbers.as_slice().try_into().map(Some).map_err(|_| self.wrong(name))
+            }
+            Some(_) => Err(self.wrong(name)),
+        }
+    }
+
+    /// A list, if it is there.
+    pub(super) fn list(&self, name: &'static str, place: Option<usize>) -> Result<Option<&List>, CsgFault> {
+        match self.value(name, place) {
+            None => Ok(None),
+            Some(Value::List(list)) => Ok(Some(list)),
+            Some(_) => Err(self.wrong(name)),
+        }
+    }
+
+    /// A text that has to be there.
+    pub(super) fn text(&self, name: &'static str, place: Option<usize>) -> Result<&str, CsgFault> {
+        match self.value(name, place) {
+            Some(Value::Text(text)) => Ok(text),
+            _ => Err(self.wrong(name)),
+        }
+    }
+
+    /// The matrix of `multmatrix`, whose last row is 0, 0, 0, 1.
+    pub(super) fn matrix(&self) -> Result<Affine, CsgFault> {
+        let wrong = || self.wrong("m");
+        let rows = self.list("m", Some(0))?.and_then(List::rows_of::<4>).ok_or_else(wrong)?;
+        let (Some(head), last) = (rows.first_chunk::<3>(), rows.get(3)) else { return Err(wrong()) };
+        if rows.len() > 4 || last.is_some_and(|last| *last != [0.0, 0.0, 0.0, 1.0]) {
+            return Err(wrong());
+        }
+        if !head.iter().flatten().all(|c| c.is_finite()) {
+            return Err(CsgFault::Singular { line: self.line });
+        }
+        Ok(Affine { rows: *head })
+    }
+}
+
+/// The value that begins with a token.
+fn value(lexer: &mut Lexer<'_>, token: Token) -> Result<Value, Stop> {
+    match token {
+        Token::Number(number) => Ok(Value::Number(number)),
+        Token::Text(text) => Ok(Value::Text(text)),
+        Token::Name(word) => match word.as_str() {
+            "true" => Ok(Value::Flag(true)),
+            "false" => Ok(Value::Flag(false)),
+            "undef" => Ok(Value::Nothing),
+            _ => Err(CsgFault::Expected { line: lexer.line(), what: CsgToken::Value }.into()),
+        },
+        Token::Sign(b'[') => list(lexer).map(Value::List),
+        _ => Err(CsgFault::Expected { line: lexer.line(), what: CsgToken::Value }.into()),
+    }
+}
+
+/// The list behind an opening bracket.
+fn list(lexer: &mut Lexer<'_>) -> Result<List, Stop> {
+    let mut all = List { depth: 1, ..List::default() };
+    let mut depth = 1;
+    loop {
+        match lexer.next()? {
+            Token::Sign(b'[') if depth < DEEPEST => {
+                // A number before a list is in none.
+                all.mixed |= depth == 1 && all.ends.last().copied().unwrap_or(0) != all.numbers.len();
+                depth += 1;
+                all.depth = all.depth.max(depth);
+            }
+            Token::Sign(b']') => {
+                depth -= 1;
+                match depth {
+                    0 => return Ok(all),
+                    1 => all.ends.push(all.numbers.len()),
+                    _ => {}
+                }
+            }
+            Token::Number(number) => all.numbers.push(number),
+            Token::Sign(b',') => {}
+            Token::Text(_) | Token::Name(_) => all.mixed = true,
+            Token::Sign(_) | Token::End => {
+                return Err(CsgFault::Expected { line: lexer.line(), what: CsgToken::List }.into());
+            }
+        }
+    }
+}

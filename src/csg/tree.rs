@@ -1,0 +1,214 @@
+//! Trees of solids: shapes, where they lie, and how they are joined.
+//!
+//! ```text
+//! difference
+//!  ├ placed(affine)
+//!  │  └ sphere
+//!  └ half-space
+//! ```
+//!
+//! Nodes are made from the leaves upwards and named by [`NodeId`], so that a tree of any depth is made, walked and
+//! dropped without recursion. A node may be used more than once.
+
+use std::path::PathBuf;
+
+use crate::geom::Affine;
+
+/// A node of a [`Tree`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NodeId(pub(super) u32);
+
+/// How nodes are joined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// What is in one of them.
+    Union,
+    /// What is in all of them.
+    Intersection,
+    /// What is in the first and in none of the others.
+    Difference,
+    /// What is in none of them.
+    Complement,
+}
+
+/// A solid in its own coordinates. What lies on its surface is inside, but for [`Shape::Cuboid`] and
+/// [`Shape::Faces`], which are inside as meshes are: with voxel centres moved by (-e, e^2, e^3).
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A box.
+    Cuboid {
+        /// Its low corner.
+        low: [f64; 3],
+        /// Its high corner.
+        high: [f64; 3],
+    },
+    /// A sphere, or an ellipsoid along the axes, around the origin.
+    Ellipsoid {
+        /// Half its size along each axis.
+        radii: [f64; 3],
+    },
+    /// A cylinder or a cone around the z axis.
+    Cylinder {
+        /// Where it begins and ends.
+        z: [f64; 2],
+        /// Its radii there.
+        radii: [f64; 2],
+    },
+    /// A ring around the z axis, with a round tube.
+    Torus {
+        /// From the origin to the middle of the tube.
+        major: f64,
+        /// Radius of the tube.
+        minor: f64,
+    },
+    /// All points p with normal . p <= offset |normal|.
+    HalfSpace {
+        /// Points out of it.
+        normal: [f64; 3],
+        /// How far its plane lies from the origin along the normal.
+        offset: f64,
+    },
+    /// A closed surface of triangles.
+    Faces(Faces),
+    /// A mesh in a file.
+    Mesh {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The voxels of a volume of at least a value.
+    Volume {
+        /// File or folder.
+        path: PathBuf,
+        /// The value.
+        iso: f64,
+    },
+}
+
+/// Triangles that name their corners.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Faces {
+    /// Corners.
+    pub points: Vec<[f64; 3]>,
+    /// Numbers of three points each.
+    pub triangles: Vec<[u32; 3]>,
+    /// Is inside where a ray meets it an odd number of times, instead of what it winds around?
+    pub odd: bool,
+}
+
+/// A node as it is kept.
+#[derive(Clone, Debug)]
+pub(super) enum Node {
+    /// A solid, and the line that it comes from.
+    Leaf { shape: Box<Shape>, line: u64 },
+    /// The children are a run of [`Tree::children`].
+    Joined { operation: Operation, first: u32, count: u32 },
+    /// A placed node.
+    Placed { affine: Box<Affine>, node: NodeId, line: u64 },
+}
+
+/// A tree of solids, in millimetres or another unit.
+///
+/// ```
+/// use infobyte::csg::{Operation, Shape, Tree};
+///
+/// let mut tree = Tree::new();
+/// let ball = tree.leaf(Shape::Ellipsoid { radii: [10.0; 3] });
+/// let above = tree.leaf(Shape::HalfSpace { normal: [0.0, 0.0, -1.0], offset: 0.0 });
+/// let bowl = tree.join(Operation::Difference, &[ball, above]);
+/// assert_eq!(tree.len(), 3);
+/// # let _ = bowl;
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Tree {
+    pub(super) nodes: Vec<Node>,
+    pub(super) children: Vec<NodeId>,
+    faces_bytes: usize,
+}
+
+impl Tree {
+    /// A tree without nodes.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Nodes made so far.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Was no node made?
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// A leaf. What makes no sense of its numbers is refused when the tree is built.
+    pub fn leaf(&mut self, shape: Shape) -> NodeId {
+        self.leaf_of_line(shape, 0)
+    }
+
+    /// Nodes joined; without nodes, nothing (its complement is everything).
+    ///
+    /// # Panics
+    /// A node is of another tree.
+    pub fn join(&mut self, operation: Operation, nodes: &[NodeId]) -> NodeId {
+        nodes.iter().for_each(|node| self.check(*node));
+        let first = number(self.children.len());
+        self.children.extend_from_slice(nodes);
+        self.add(Node::Joined { operation, first, count: number(nodes.len()) })
+    }
+
+    /// A node at another place: its coordinates go through the affine, which may stretch, shear and mirror.
+    ///
+    /// # Panics
+    /// The node is of another tree.
+    pub fn placed(&mut self, affine: Affine, node: NodeId) -> NodeId {
+        self.placed_of_line(affine, node, 0)
+    }
+
+    pub(super) fn leaf_of_line(&mut self, shape: Shape, line: u64) -> NodeId {
+        if let Shape::Faces(faces) = &shape {
+            self.faces_bytes += 24 * faces.points.capacity() + 12 * faces.triangles.capacity();
+        }
+        self.add(Node::Leaf { shape: Box::new(shape), line })
+    }
+
+    pub(super) fn placed_of_line(&mut self, affine: Affine, node: NodeId, line: u64) -> NodeId {
+        self.check(node);
+        self.add(Node::Placed { affine: Box::new(affine), node, line })
+    }
+
+    fn check(&self, node: NodeId) {
+        assert!((node.0 as usize) < self.nodes.len(), "a node of another tree");
+    }
+
+    fn add(&mut self, node: Node) -> NodeId {
+        let id = NodeId(number(self.nodes.len()));
+        self.nodes.push(node);
+        id
+    }
+
+    /// Files of the leaves that are read from files, in the order of the tree's making.
+    pub fn files(&self) -> impl Iterator<Item = &Shape> {
+        self.nodes.iter().filter_map(|node| match node {
+            Node::Leaf { shape, .. } if matches!(**shape, Shape::Mesh { .. } | Shape::Volume { .. }) => {
+                Some(&**shape)
+            }
+            _ => None,
+        })
+    }
+
+    /// Memory that it holds, about.
+    pub(super) fn bytes(&self) -> u64 {
+        // Every node but a joined one is a box more.
+        let nodes = self.nodes.capacity() * size_of::<Node>() + self.nodes.len() * (size_of::<Affine>() + 16);
+        (nodes + self.children.capacity() * size_of::<NodeId>() + self.faces_bytes) as u64
+    }
+}
+
+/// Nodes are counted in 32 bits: more do not fit into the memory that a text may take.
+fn number(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}

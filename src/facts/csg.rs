@@ -1,0 +1,137 @@
+//! What is found and refused about trees of solids, and about the text that they are read from.
+
+/// What is wrong with a tree, or with its text. Lines are counted from 1; 0 is a tree that was not read from text.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq)]
+pub enum CsgFault {
+    /// Something else stands where this belongs.
+    Expected {
+        /// Line.
+        line: u64,
+        /// What belongs there.
+        what: CsgToken,
+    },
+    /// A module that is not read.
+    Unsupported {
+        /// Line.
+        line: u64,
+        /// Its name, as far as it is told.
+        module: String,
+    },
+    /// An argument is missing, or of a kind that makes no sense.
+    Argument {
+        /// Line.
+        line: u64,
+        /// Module.
+        module: String,
+        /// Argument.
+        argument: &'static str,
+    },
+    /// A polygon, square or circle that is not extruded.
+    Flat {
+        /// Line.
+        line: u64,
+        /// Module.
+        module: String,
+    },
+    /// A solid where a flat shape is to be extruded.
+    NotFlat {
+        /// Line.
+        line: u64,
+        /// Module.
+        module: String,
+    },
+    /// An extrusion that twists or narrows.
+    Twisted {
+        /// Line.
+        line: u64,
+    },
+    /// A solid without a size, or with one that is not a number.
+    Size {
+        /// Line.
+        line: u64,
+    },
+    /// A matrix that makes a solid flat, or has no sound numbers.
+    Singular {
+        /// Line.
+        line: u64,
+    },
+    /// The faces of a polyhedron leave holes.
+    Open {
+        /// Line.
+        line: u64,
+    },
+    /// More facets than are made.
+    Facets {
+        /// Line.
+        line: u64,
+        /// The most.
+        most: u64,
+    },
+    /// It reaches beyond the lattice.
+    TooFar {
+        /// Line.
+        line: u64,
+        /// Most voxels from the corner of the grid.
+        most_voxels: u64,
+    },
+    /// More leaves than a tree may have.
+    TooMany {
+        /// The most.
+        most: u64,
+    },
+    /// Nothing bounds it, so that no grid can be put around it.
+    Unbounded,
+    /// Its bounds leave nothing.
+    Nothing,
+    /// A file that it names lies outside of its folder.
+    Outside {
+        /// The name.
+        name: String,
+    },
+    /// A file that it names is a link that leads out of its folder.
+    Linked {
+        /// The name.
+        name: String,
+    },
+    /// Volumes on different grids.
+    Volumes,
+    /// A grid is asked for beside a volume, which brings its own.
+    GridOfVolume,
+}
+
+/// What can be missing from the text of a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CsgToken {
+    /// A module's name.
+    Module,
+    /// `(` behind a module's name.
+    Open,
+    /// `,` or `)` between arguments.
+    Close,
+    /// `;` or `{` behind a module.
+    End,
+    /// `}` at the end of the text.
+    Brace,
+    /// A value of an argument.
+    Value,
+    /// The end of a list of values.
+    List,
+    /// The end of a text in quotes.
+    Quote,
+    /// The end of a comment.
+    Comment,
+}
+
+/// What was found about a tree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CsgFacts {
+    /// Leaves.
+    pub leaves: u64,
+    /// Meshes and volumes among them, which are read from files.
+    pub files: u64,
+    /// Steps from voxel to voxel in mm.
+    pub voxel_mm: [f64; 3],
+    /// Corner of the grid in mm, along the axes of the model; of a volume's grid the middle of its first voxel.
+    pub origin_mm: [f64; 3],
+}

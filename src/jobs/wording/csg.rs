@@ -1,0 +1,125 @@
+//! Trees of solids: what is wrong with one or its text, and what was found.
+
+use std::fmt;
+
+use super::foreign::shown;
+use super::mesh::length;
+use crate::facts::{CsgFacts, CsgFault, CsgToken};
+
+/// What is written in `.csg` files, and read.
+const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, multmatrix, color and group";
+
+impl fmt::Display for CsgToken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Module => "the name of a module",
+            Self::Open => "( behind the name of a module",
+            Self::Close => ", or ) behind an argument",
+            Self::End => "; or { behind a module",
+            Self::Brace => "} before the end of the file",
+            Self::Value => "a value",
+            Self::List => "the ] of a list",
+            Self::Quote => "the end of a text in quotes",
+            Self::Comment => "the end of a comment",
+        })
+    }
+}
+
+/// Where it stands; nothing of a tree that was not read from text.
+struct At(u64);
+
+impl fmt::Display for At {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0 > 0 { write!(f, "line {}: ", self.0) } else { Ok(()) }
+    }
+}
+
+impl fmt::Display for CsgFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Expected { line, what } => write!(
+                f,
+                "{}expected {what}; give a tree as `openscad -o tree.csg part.scad` writes it",
+                At(*line)
+            ),
+            Self::Unsupported { line, module } => {
+                write!(f, "{}{} is not supported; read are {READ}", At(*line), shown(module))
+            }
+            Self::Argument { line, module, argument } => write!(
+                f,
+                "{}{argument} of {} is missing or makes no sense",
+                At(*line),
+                shown(module)
+            ),
+            Self::Flat { line, module } => {
+                write!(f, "{}{} is flat; put it into linear_extrude", At(*line), shown(module))
+            }
+            Self::NotFlat { line, module } => {
+                write!(f, "{}{} is not flat and cannot be extruded", At(*line), shown(module))
+            }
+            Self::Twisted { line } => write!(
+                f,
+                "{}linear_extrude with twist, scale or a slanted direction is not supported; leave them out",
+                At(*line)
+            ),
+            Self::Size { line } => {
+                write!(f, "{}a size is below 0, not a number or makes no solid; correct it", At(*line))
+            }
+            Self::Singular { line } => {
+                write!(f, "{}a matrix makes its solid flat or infinite; correct it", At(*line))
+            }
+            Self::Open { line } => write!(
+                f,
+                "{}the faces of the polyhedron leave holes; close it, or write it as a mesh and import that",
+                At(*line)
+            ),
+            Self::Facets { line, most } => {
+                write!(f, "{}$fn is more than {most}; leave it out for a smooth surface", At(*line))
+            }
+            Self::TooFar { line, most_voxels } => write!(
+                f,
+                "{}reaches more than {most_voxels} voxels from the corner of the grid; choose larger voxels, or an origin nearer to it",
+                At(*line)
+            ),
+            Self::TooMany { most } => write!(f, "has more than {most} leaves"),
+            Self::Unbounded => f.write_str(
+                "is not bounded, so that no grid can be put around it; give the grid in full with --voxel, --origin and --dims",
+            ),
+            Self::Nothing => f.write_str("has nothing inside: what is left of its parts does not overlap"),
+            Self::Outside { name } => write!(
+                f,
+                "names `{}`, which lies outside of its folder; put the file beside it or in a folder below",
+                shown(name)
+            ),
+            Self::Linked { name } => write!(
+                f,
+                "names `{}`, a link that leads out of its folder; put the file there, or add --follow-links",
+                shown(name)
+            ),
+            Self::Volumes => f.write_str(
+                "has volumes that are moved, or whose grids differ; a volume lies where its file says, and all volumes of a tree have one grid",
+            ),
+            Self::GridOfVolume => f.write_str(
+                "has a volume, whose grid is the model's; leave out --grid, --voxel and --unit",
+            ),
+        }
+    }
+}
+
+impl fmt::Display for CsgFacts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { leaves, files, voxel_mm, origin_mm } = self;
+        write!(f, "{leaves} {}", if *leaves == 1 { "leaf" } else { "leaves" })?;
+        if *files > 0 {
+            write!(f, ", {files} of them from files")?;
+        }
+        let short = |of: f64| length(of, of / 1000.0);
+        let smallest = voxel_mm.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+        let [x, y, z] = origin_mm.map(|at| length(at, smallest));
+        match voxel_mm {
+            [a, b, c] if a == b && b == c => write!(f, "; voxels of {} mm", short(*a))?,
+            [a, b, c] => write!(f, "; voxels of {} x {} x {} mm", short(*a), short(*b), short(*c))?,
+        }
+        write!(f, " from {x}, {y}, {z}")
+    }
+}

@@ -1,0 +1,160 @@
+//! Leaves that are read from files: volumes and meshes.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use infobyte::builder::{BuildOptions, Silent};
+use infobyte::csg::CsgOptions;
+use infobyte::load::{Model, verify};
+use infobyte::mesh::GridChoice;
+
+use super::{GRID, STEPS, dot, exact, options, skin, skin_of};
+
+/// A raw volume of u8 whose value falls from 200 at its middle, and its side-car.
+fn put_volume(folder: &Path, dims: [u32; 3], spacing: [f64; 3]) -> impl Fn([u32; 3]) -> u8 {
+    let value = move |p: [u32; 3]| {
+        let d: f64 =
+            (0..3).map(|k| ((f64::from(p[k]) - f64::from(dims[k]) / 2.0) * spacing[k]).powi(2)).sum();
+        (200.0 - 4.0 * d.sqrt()).max(0.0) as u8
+    };
+    let [nx, ny, nz] = dims;
+    let voxels: Vec<u8> =
+        (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z]))).map(value).collect();
+    std::fs::write(folder.join("ct.raw"), voxels).unwrap();
+    let text = format!("{{\"dims\": {dims:?}, \"dtype\": \"u8\", \"spacing_mm\": {spacing:?}}}");
+    std::fs::write(folder.join("ct.json"), text).unwrap();
+    value
+}
+
+/// A box as an STL file, corners in mm.
+fn put_box(path: &Path, low: [f32; 3], high: [f32; 3]) {
+    let corner = |k: usize| [0, 1, 2].map(|a| if k >> a & 1 == 1 { high[a] } else { low[a] });
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let mut bytes = vec![0_u8; 80];
+    bytes.extend(12_u32.to_le_bytes());
+    for [a, b, c, d] in faces {
+        for t in [[a, b, c], [a, c, d]] {
+            bytes.extend([0; 12]);
+            t.iter().flat_map(|k| corner(*k)).for_each(|c| bytes.extend(c.to_le_bytes()));
+            bytes.extend([0; 2]);
+        }
+    }
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// Builds a text as the command does.
+fn convert(folder: &Path, text: &str, csg: &CsgOptions, options: &BuildOptions) -> Result<PathBuf, String> {
+    let (tree, output) = (folder.join("tree.csg"), folder.join("tree.oct"));
+    std::fs::write(&tree, text).unwrap();
+    infobyte::jobs::csg::convert(&[tree], csg, false, options, &output, &Silent)
+        .map(|_| output)
+        .map_err(|error| error.to_string())
+}
+
+const OWN: CsgOptions = CsgOptions { grid: None, unit_mm: 1.0 };
+
+#[test]
+fn a_volume_is_cut_by_a_mesh_and_a_torus() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (dims, spacing) = ([70, 66, 40], [1.0, 1.0, 2.0]);
+    let value = put_volume(folder, dims, spacing);
+    put_box(&folder.join("guide.stl"), [-5.0, -5.0, 35.25], [80.0, 40.25, 60.75]);
+    let text = "difference() { volume(\"ct.raw\", iso = 80); mesh(\"guide.stl\");
+        multmatrix([[1,0,0,35],[0,1,0,33],[0,0,1,20],[0,0,0,1]]) { torus(20.3, 5.17); } }";
+    let file = convert(folder, text, &OWN, &options(16, 2)).unwrap();
+    let model = Model::open(&file).unwrap();
+    verify(&model).unwrap();
+    assert_eq!(model.dims().to_array(), dims);
+    assert_eq!(model.affine().column(2), [0.0, 0.0, 2.0]);
+    let mut left_out = 0;
+    let want = skin(
+        |p| {
+            let at = p.map(|c| c / STEPS - 0.5);
+            let mm = [at[0], at[1], 2.0 * at[2]];
+            let ring = ((mm[0] - 35.0).hypot(mm[1] - 33.0) - 20.3).hypot(mm[2] - 20.0) - 5.17;
+            let guide = mm[1] < 40.25 && mm[2] > 35.25 && mm[2] < 60.75;
+            value(at.map(|c| c as u32)) >= 80 && !guide && ring > 0.0
+        },
+        dims,
+    );
+    let got = skin_of(&model);
+    // Of the torus the lattice moves some middles across its surface.
+    let voxels: BTreeSet<[u32; 3]> = got.iter().map(|(voxel, _)| *voxel).collect();
+    let wrong: Vec<_> = voxels.symmetric_difference(&want).collect();
+    assert!(
+        wrong.len() <= 4,
+        "{} of {}: {:?}",
+        wrong.len(),
+        want.len(),
+        wrong.iter().take(9).collect::<Vec<_>>()
+    );
+    for (voxel, n) in got {
+        let n = n.map(f64::from);
+        let mm = [f64::from(voxel[0]), f64::from(voxel[1]), 2.0 * f64::from(voxel[2])];
+        let out = [mm[0] - 35.0, mm[1] - 33.0, mm[2] - 40.0];
+        let length = dot(out, out).sqrt();
+        let of_torus = ((mm[0] - 35.0).hypot(mm[1] - 33.0) - 20.0).hypot(mm[2] - 20.0) < 7.5;
+        let of_guide = mm[1] < 42.0 && mm[2] > 33.0 && mm[2] < 63.0;
+        if !of_torus && !of_guide {
+            // The volume's own surface.
+            assert!(dot(n, out) > 0.97 * length, "{voxel:?} {n:?}");
+        } else if !of_torus && of_guide && mm[1] < 38.0 && length < 26.0 {
+            assert!(n[2].abs() > 0.99 && n[2] * (47.0 - mm[2]) > 0.0, "{voxel:?} {n:?}");
+            left_out += 1;
+        }
+    }
+    assert!(left_out > 500, "{left_out}");
+    // The same bytes whatever the memory and the threads.
+    let bytes = std::fs::read(&file).unwrap();
+    for (share, threads) in [(5, 1), (64, 5)] {
+        let again = convert(folder, text, &OWN, &options(share, threads)).unwrap();
+        assert!(std::fs::read(again).unwrap() == bytes, "{share} {threads}");
+    }
+}
+
+#[test]
+fn a_mesh_as_a_leaf_is_the_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    put_box(&folder.join("a.stl"), [3.3, 4.4, 5.5], [20.25, 17.5, 30.5]);
+    let own =
+        "multmatrix([[1,0,0,3.3],[0,1,0,4.4],[0,0,1,5.5],[0,0,0,1]]) { cube(size = [16.95, 13.1, 25]); }";
+    let build = |text: &str| {
+        let file = convert(folder, text, &exact(GRID), &options(16, 2)).unwrap();
+        skin_of(&Model::open(&file).unwrap())
+    };
+    let one: BTreeSet<[u32; 3]> =
+        build("import(file = \"a.stl\", layer = \"\");").into_iter().map(|v| v.0).collect();
+    let other: BTreeSet<[u32; 3]> = build(own).into_iter().map(|v| v.0).collect();
+    assert_eq!(one, other);
+    // Around a mesh the grid is as around any leaf.
+    let side = CsgOptions { grid: Some(GridChoice::Side { voxels: 27, margin: 1 }), unit_mm: 1.0 };
+    let file = convert(folder, "mesh(\"a.stl\");", &side, &options(16, 1)).unwrap();
+    assert_eq!(Model::open(file).unwrap().dims().to_array(), [19, 16, 27]);
+}
+
+#[test]
+fn files_that_a_tree_names_stay_in_its_folder_and_volumes_where_they_lie() {
+    let outer = tempfile::tempdir().unwrap();
+    let folder = outer.path().join("own");
+    std::fs::create_dir(&folder).unwrap();
+    put_box(&outer.path().join("a.stl"), [1.0; 3], [9.0; 3]);
+    std::os::unix::fs::symlink(outer.path().join("a.stl"), folder.join("a.stl")).unwrap();
+    let refusal = |text: &str, csg: &CsgOptions| convert(&folder, text, csg, &options(16, 1)).unwrap_err();
+    let told = refusal("mesh(\"a.stl\");", &exact(GRID));
+    assert!(told.contains("a link that leads out of its folder"), "{told}");
+    let _ = put_volume(&folder, [20, 20, 20], [1.0; 3]);
+    let told = refusal("volume(\"ct.raw\", iso = 150);", &exact(GRID));
+    assert!(told.contains("leave out --grid"), "{told}");
+    let told = refusal(
+        "multmatrix([[1,0,0,1],[0,1,0,0],[0,0,1,0],[0,0,0,1]]) { volume(\"ct.raw\", iso = 150); }",
+        &OWN,
+    );
+    assert!(told.contains("volumes that are moved"), "{told}");
+    let told = refusal("sphere(r = 3);", &OWN);
+    assert!(told.contains("--grid N"), "{told}");
+    let told = refusal("mesh(\"none.stl\");", &exact(GRID));
+    assert!(told.contains("none.stl"), "{told}");
+    assert!(!folder.join("tree.oct").exists());
+}
