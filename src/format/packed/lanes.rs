@@ -50,7 +50,7 @@ mod x86 {
         bytemuck::cast(half)
     }
 
-    /// [`super::portable::sink`]
+    /// `sink` of the portable form.
     #[inline(always)]
     pub(in super::super) fn sink(row: &mut Row, turn: &Row, end: &Row, shift: u8) {
         for half in 0..2 {
@@ -65,7 +65,7 @@ mod x86 {
         }
     }
 
-    /// [`super::portable::mean_of_four`]
+    /// `mean_of_four` of the portable form.
     #[inline(always)]
     pub(in super::super) fn mean_of_four(a: &Row, b: &Row, c: &Row, d: &Row) -> Row {
         let mut means = [[0; 8]; 2];
@@ -79,7 +79,7 @@ mod x86 {
         Row(means)
     }
 
-    /// [`super::portable::above`]
+    /// `above` of the portable form.
     #[inline(always)]
     pub(in super::super) fn above(row: &Row, value: u16) -> u32 {
         let (low, high) = (vector(row.0[0]), vector(row.0[1]));
