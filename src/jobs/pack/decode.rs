@@ -16,6 +16,7 @@ use crate::format::{
 };
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
+use crate::resident::give_back;
 
 use super::earlier;
 use super::encode::finish_frame;
@@ -41,6 +42,8 @@ pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<
     for entry in &packed.sections {
         let Some(target) = mapped.sections.iter().find(|e| e.tag == entry.tag).copied() else { continue };
         decode_section(source, &packed, entry, &mapped, &target, out)?;
+        // Each section has workers and code of its own.
+        give_back();
         if entry.kind == Some(SectionKind::Nodes) {
             let crc = rebuild_rank(&mapped, out)?;
             for e in mapped.sections.iter_mut().filter(|e| e.kind == Some(SectionKind::Rank)) {

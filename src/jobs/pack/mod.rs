@@ -19,6 +19,7 @@ use std::time::Instant;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, UsageError};
 use crate::load::{Frame, LoadError, ReadAt, open_regular};
+use crate::resident::give_back;
 use strip::StripStop;
 
 /// What packing or unpacking did.
@@ -88,6 +89,8 @@ fn convert_with(
         Stop::Input(fault) => Error::Load(fault.at(input)),
         Stop::Output(cause) => unwritable(cause),
     };
+    // What started the program is done; a job of a few MiB feels its pages.
+    give_back();
     let frame = work(&source, out.file()).map_err(|stop| stop.at(input, stopped))?;
     out.commit().map_err(unwritable)?;
     Ok(PackReport {
