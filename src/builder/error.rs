@@ -5,7 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::exit::ExitKind;
-use crate::format::{Channel, FormatError, Selection};
+use crate::format::{Channel, FormatError, Selection, SurfaceKind};
 use crate::volume::SourceError;
 
 /// A build that cannot be finished; the old target, if any, is untouched.
@@ -52,6 +52,8 @@ pub enum BuildError {
         name: String,
         /// The channel.
         channel: Channel,
+        /// What was to be built.
+        surface: SurfaceKind,
     },
     /// Normals of 12 or 24 bits were asked for where there are only those of 16.
     NormalBits {

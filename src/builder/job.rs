@@ -19,7 +19,7 @@ use super::visible::{self, Search};
 use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
-use crate::format::{Channel, Channels, Metadata, SurfaceKind};
+use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::{Affine, Dims};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
@@ -55,20 +55,11 @@ pub(super) fn channel_forms(
     name: &str,
     form: impl Fn(Channel, &Found) -> Option<ItemForm>,
 ) -> Result<Vec<ChannelForm>, BuildError> {
-    forms_of(options.channels, name, &Found::default(), form)
-}
-
-fn forms_of(
-    channels: Channels,
-    name: &str,
-    found: &Found,
-    form: impl Fn(Channel, &Found) -> Option<ItemForm>,
-) -> Result<Vec<ChannelForm>, BuildError> {
-    let with_form = |channel| match form(channel, found) {
+    let with_form = |channel| match form(channel, &Found::default()) {
         Some(form) => Ok(ChannelForm { channel, form }),
-        None => Err(BuildError::NoChannel { name: name.to_owned(), channel }),
+        None => Err(BuildError::NoChannel { name: name.to_owned(), channel, surface: options.surface }),
     };
-    channels.iter().map(with_form).collect()
+    options.channels.iter().map(with_form).collect()
 }
 
 /// What is odd about what was found.

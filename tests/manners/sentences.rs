@@ -22,6 +22,7 @@ fn wrong_numbers_are_called_what_they_are() {
     build(&["--memory", "2KiB"]).refused(4, &["--memory 2KiB is too small"]);
     build(&["--volume", "5"]).refused(2, &["no volume 5"]);
     assert_eq!(build(&["--volume", "1"]).code, 0);
+    build(&["--surface", "cells", "--channels", "normal,value"]).refused(2, &["value is the threshold"]);
     let picture = text(&folder.path().join("p.png"));
     let seen = |eye: &str| {
         oct(&["render", &model, "-o", &picture, "--eye", eye, "--look-at", "0,0,0", "--size", "9x9"])

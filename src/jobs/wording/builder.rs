@@ -7,6 +7,7 @@ use super::number::Short;
 use super::system::{reading, writing};
 use crate::budget::{ExactSize, SizeArgument};
 use crate::builder::{BuildError, BuildNote, ScratchFault, Sought};
+use crate::format::{Channel, SurfaceKind};
 
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -33,7 +34,11 @@ impl fmt::Display for BuildError {
                 f,
                 "{name}: none of the {boxes} boxes of its surface can be seen from there; give another --visible-from"
             ),
-            Self::NoChannel { name, channel } => {
+            Self::NoChannel { name, channel: Channel::Value, surface: SurfaceKind::Cells } => write!(
+                f,
+                "{name}: cells lie where the value is the threshold, so there is no channel 'value'; leave it out, or use --surface skin"
+            ),
+            Self::NoChannel { name, channel, .. } => {
                 write!(f, "{name}: does not have the channel '{channel}'; leave it out")
             }
             Self::NormalBits { name } => write!(
