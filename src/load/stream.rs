@@ -168,6 +168,24 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(self.buffer.get(from..from + len))
     }
 
+    /// The next `len` bytes, not taken yet, or `None` when fewer are left or the buffer is shorter.
+    ///
+    /// # Errors
+    /// Reading failed.
+    #[inline]
+    pub fn peek(&mut self, len: usize) -> Result<Option<&[u8]>, Fault> {
+        if self.buffer.len() - self.used < len && self.left() >= len as u64 {
+            self.refill()?;
+        }
+        Ok(self.buffer.get(self.used..).and_then(|bytes| bytes.get(..len)))
+    }
+
+    /// Takes what [`Cursor::peek`] showed.
+    #[inline]
+    pub fn skip(&mut self, len: usize) {
+        self.used = (self.used + len).min(self.buffer.len());
+    }
+
     /// Moves what is left to the front and fills the rest of the buffer.
     fn refill(&mut self) -> Result<(), Fault> {
         self.buffer.drain(..self.used);
@@ -191,6 +209,8 @@ mod tests {
         let bytes: Vec<u8> = (0..=255).collect();
         for capacity in [1, 16, 17, 64, 1000] {
             let mut cursor = Cursor::new(bytes.as_slice(), 3, 250, capacity);
+            assert_eq!(cursor.peek(16).unwrap(), Some(&bytes[3..19]));
+            assert!(cursor.peek(248).unwrap().is_none() && cursor.peek(1001).unwrap().is_none());
             let mut got = Vec::new();
             while let Some([a, b]) = cursor.take::<2>().unwrap() {
                 got.extend([a, b]);

@@ -189,6 +189,23 @@ impl<'a, R: ReadAt + ?Sized> ChannelReader<'a, R> {
         }
         Ok(())
     }
+
+    /// The same of so many items, those of one parent.
+    fn next_few(&mut self, sum: &mut Sum, items: usize) -> Result<(), Fault> {
+        let row = self.channel.row();
+        let bytes = items * self.item_bytes;
+        if let Some(run) = self.items.peek(bytes)?
+            && !row.illegal.is_some_and(|is_illegal| run.chunks_exact(self.item_bytes.max(1)).any(is_illegal))
+        {
+            if let Some(means) = &row.means {
+                means.rule.add_items(sum, run, self.item_bytes);
+            }
+            self.items.skip(bytes);
+            return Ok(());
+        }
+        // One of them is wrong or missing, and is named.
+        (0..items).try_for_each(|_| self.next(Some(sum)))
+    }
 }
 
 /// Number of the item that was taken last, where `end` is that of the one after all.
@@ -291,7 +308,8 @@ struct Walk<'a, R: ReadAt + ?Sized> {
 }
 
 impl<R: ReadAt + ?Sized> Walk<'_, R> {
-    /// Enters the box at depth `d`: a voxel is added to the sums of its parent at once, a node is opened.
+    /// Enters the box at depth `d`: a voxel is added to the sums of its parent at once, a node is opened, those above
+    /// voxels with all of them.
     fn enter(&mut self, d: usize, corner: [u32; 3]) -> Result<(), Fault> {
         if corner.iter().zip(self.dims).any(|(c, n)| *c >= n) {
             return Err(FormatError::OutsideVolume { level: level_of(d), corner }.into());
@@ -315,7 +333,16 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
             return Err(FormatError::EmptyNode { level, node, corner }.into());
         }
         self.path[d] = Open { rest, corner };
-        self.sums[d * count..][..count].fill(Sum::default());
+        let sums = &mut self.sums[d * count..][..count];
+        sums.fill(Sum::default());
+        if d + 1 == self.depth && corner.iter().zip(self.dims).all(|(c, n)| c + 1 < n) {
+            // All of its voxels lie in the volume: they are taken together.
+            self.path[d].rest = 0;
+            self.voxels += u64::from(rest.count_ones());
+            for (reader, sum) in self.channels.iter_mut().zip(sums) {
+                reader.next_few(sum, rest.count_ones() as usize)?;
+            }
+        }
         Ok(())
     }
 
