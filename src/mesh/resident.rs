@@ -4,8 +4,8 @@
     reason = "slices are within a bin, numbers of triangles below 2^32"
 )]
 
-use super::bins::BEYOND;
-use super::lattice::{Triangle, centres};
+use super::bins::{BEYOND, Held, Record, held, unpacked, ways};
+use super::lattice::{Triangle, centres, first_centre, last_centre};
 
 /// Slices of a triangle, from the first of the run, and bricks along x that it is within a voxel of.
 #[derive(Clone, Copy, Debug)]
@@ -109,28 +109,40 @@ impl Resident {
     }
 
     /// Takes those triangles that bear upon slices `first..end`; `false` where there is no room.
-    pub(super) fn take(&mut self, block: &[Triangle], first: i32, end: i32) -> bool {
-        for t in block {
-            let (low, high) = centres(t, 2);
-            if low > end - 1 + BEYOND || high < first - BEYOND {
-                continue;
+    pub(super) fn take(&mut self, block: &[Record], first: i32, end: i32) -> bool {
+        let near = |low: i32, high: i32| low < end + BEYOND && high >= first - BEYOND;
+        held(block).all(|t| match t {
+            Held::Short(record) => {
+                let [a, b] = ways(record, 2);
+                let low = first_centre(record[2] + a.min(b).min(0));
+                let high = last_centre(record[2] + a.max(b).max(0));
+                !near(low, high) || self.keep(&unpacked(record), low, high)
             }
-            if self.triangles.len() == self.most {
-                return false;
+            Held::Long(t) => {
+                let (low, high) = centres(&t, 2);
+                !near(low, high) || self.keep(&t, low, high)
             }
-            self.triangles.push(*t);
-            let within = |at: i32| (at - self.base).clamp(-FAR, FAR) as i8;
-            let (left, right) = centres(t, 0);
-            let (from, to) = ((left - 1 - self.x0) >> 5, (right + 1 - self.x0) >> 5);
-            let bricks = self.starts.len() as i32 - 3;
-            let (from, to, away) = (from.max(0), to.min(bricks - 1), to < 0 || from >= bricks);
-            let brick = match to - from {
-                _ if away => AWAY,
-                0 | 1 => from as u16,
-                _ => WIDE,
-            };
-            self.slices.push(Slices { first: within(low), last: within(high), brick, next: to > from });
+        })
+    }
+
+    /// Takes a triangle between slices `low..=high`; `false` where there is no room.
+    #[inline]
+    fn keep(&mut self, t: &Triangle, low: i32, high: i32) -> bool {
+        if self.triangles.len() == self.most {
+            return false;
         }
+        self.triangles.push(*t);
+        let within = |at: i32| (at - self.base).clamp(-FAR, FAR) as i8;
+        let (left, right) = centres(t, 0);
+        let (from, to) = ((left - 1 - self.x0) >> 5, (right + 1 - self.x0) >> 5);
+        let bricks = self.starts.len() as i32 - 3;
+        let (from, to, away) = (from.max(0), to.min(bricks - 1), to < 0 || from >= bricks);
+        let brick = match to - from {
+            _ if away => AWAY,
+            0 | 1 => from as u16,
+            _ => WIDE,
+        };
+        self.slices.push(Slices { first: within(low), last: within(high), brick, next: to > from });
         true
     }
 
