@@ -30,8 +30,6 @@ pub(super) struct Resident {
     triangles: Vec<Triangle>,
     /// Slices between whose centres each lies, from the first of the run.
     slices: Vec<Slices>,
-    /// Where each belongs while they are put into order.
-    order: Vec<u32>,
     base: i32,
     x0: i32,
     /// Of the slice whose rows were crossed last.
@@ -78,7 +76,7 @@ impl Live {
 impl Resident {
     /// Memory of one with room for so many triangles.
     pub(super) fn bytes(most: usize, bricks: usize) -> u64 {
-        let each = size_of::<Triangle>() + size_of::<Slices>() + 5 * size_of::<u32>();
+        let each = size_of::<Triangle>() + size_of::<Slices>() + 4 * size_of::<u32>();
         (most * each + (bricks + 3) * size_of::<u32>()) as u64
     }
 
@@ -87,7 +85,6 @@ impl Resident {
             most,
             triangles: Vec::with_capacity(most),
             slices: Vec::with_capacity(most),
-            order: Vec::with_capacity(most),
             base: 0,
             x0: 0,
             crossed: Live::new(0, most),
@@ -103,7 +100,6 @@ impl Resident {
         self.x0 = x0;
         self.triangles.clear();
         self.slices.clear();
-        self.order.clear();
         self.crossed.restart();
         self.near.restart();
     }
@@ -156,18 +152,20 @@ impl Resident {
         for at in 1..starts.len() {
             starts[at] += starts[at - 1];
         }
-        self.order.clear();
+        // The list by bricks is made anew for every slice; until then it tells where each belongs.
+        let order = &mut self.by_brick;
+        order.clear();
         for s in &self.slices {
             let to = &mut starts[place(s)];
-            self.order.push(*to);
+            order.push(*to);
             *to += 1;
         }
-        for at in 0..self.order.len() {
-            while self.order[at] as usize != at {
-                let to = self.order[at] as usize;
+        for at in 0..order.len() {
+            while order[at] as usize != at {
+                let to = order[at] as usize;
                 self.triangles.swap(at, to);
                 self.slices.swap(at, to);
-                self.order.swap(at, to);
+                order.swap(at, to);
             }
         }
     }
