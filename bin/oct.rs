@@ -154,7 +154,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     if jobs::csg::is_csg(&args.input) {
         return build_tree(args, &options);
     }
-    if let Some(flag) = args.mesh.flag() {
+    if let Some(flag) = args.mesh.grid.flag() {
         return Err(Refusal::ForMeshes(flag).into());
     }
     let raw = raw_options(&args.raw)?;
@@ -188,7 +188,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
 }
 
 fn build_tree(args: &args::BuildArgs, options: &BuildOptions) -> Result<ExitCode, Failure> {
-    if let Some(flag) = args.volume_flag().or(args.mesh.fill.map(|_| "--fill")) {
+    if let Some(flag) = args.volume_flag().or(args.mesh.grid.fill.map(|_| "--fill")) {
         return Err(Refusal::ForOthers(flag).into());
     }
     let csg = args.mesh.tree_options(args.raw.dims);
@@ -233,6 +233,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
+        mesh: args.mesh.options(),
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
@@ -290,6 +291,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         opening_bytes: Some(SCAN_OPENING_BYTES),
         follow_links: args.search.links.follow_links,
         all_volumes: args.search.all_volumes,
+        meshes: args.mesh.options().is_some(),
         ..OpenOptions::default()
     };
     let report = jobs::scan::scan(&args.input, &how, &mut |listed| {

@@ -39,6 +39,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "facts",
             "geom",
             "mark",
+            "mesh",
             "progress",
             "scratch",
             "source",

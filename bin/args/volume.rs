@@ -132,6 +132,8 @@ pub(crate) struct BatchArgs {
     pub(crate) quiet: bool,
     #[command(flatten)]
     pub(crate) clean: CleanArgs,
+    #[command(flatten)]
+    pub(crate) mesh: GridArgs,
 }
 
 #[derive(Debug, Args)]
@@ -149,6 +151,8 @@ pub(crate) struct ScanArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) mesh: GridArgs,
 }
 
 #[derive(Debug, Args)]
@@ -363,7 +367,7 @@ impl BuildArgs {
             ("--orientation", raw.orientation.is_some()),
             ("--volume", which.volume.is_some()),
             // With both it is the size of the grid.
-            ("--dims", raw.dims.is_some() && (mesh.voxel.is_none() || mesh.origin.is_none())),
+            ("--dims", raw.dims.is_some() && (mesh.grid.voxel.is_none() || mesh.origin.is_none())),
         ];
         given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }
@@ -371,17 +375,27 @@ impl BuildArgs {
 
 /// How a mesh becomes a solid.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Meshes (STL, PLY, OBJ, OFF) and trees of solids (.csg) only")]
 pub(crate) struct MeshArgs {
-    /// Voxels along the longest side of the mesh, margins included
+    #[command(flatten)]
+    pub(crate) grid: GridArgs,
+    /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims", help_heading = MESHES)]
+    pub(crate) origin: Option<[f64; 3]>,
+}
+
+/// Heading of the options of meshes.
+const MESHES: &str = "Meshes (STL, PLY, OBJ, OFF) and trees of solids (.csg) only";
+
+/// The grid of a mesh, and what is inside of it.
+#[derive(Debug, Args)]
+#[command(next_help_heading = MESHES)]
+pub(crate) struct GridArgs {
+    /// Voxels along the longest side of a mesh, margins included
     #[arg(long, value_name = "N", value_parser = parse::grid_side, conflicts_with = "voxel")]
     pub(crate) grid: Option<u32>,
     /// Edge of a voxel in mm
     #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = parse::positive)]
     pub(crate) voxel: Option<f64>,
-    /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims")]
-    pub(crate) origin: Option<[f64; 3]>,
     /// Voxels left free at every side of the mesh; 1 by default
     #[arg(long, value_name = "N")]
     pub(crate) margin: Option<u16>,
@@ -401,7 +415,7 @@ pub(crate) enum FillRule {
     Parity,
 }
 
-impl MeshArgs {
+impl GridArgs {
     /// A flag that was given.
     pub(crate) fn flag(&self) -> Option<&'static str> {
         let given = [
@@ -415,31 +429,42 @@ impl MeshArgs {
     }
 
     /// How fine the grid is, if anything says it.
-    fn choice(&self, dims: Option<Dims>) -> Option<GridChoice> {
+    fn choice(&self, whole: Option<([f64; 3], Dims)>) -> Option<GridChoice> {
         let margin = self.margin.unwrap_or(1).into();
-        match (self.grid, self.voxel, self.origin, dims) {
-            (_, Some(edge_mm), Some(origin_mm), Some(dims)) => {
+        match (self.grid, self.voxel, whole) {
+            (_, Some(edge_mm), Some((origin_mm, dims))) => {
                 Some(GridChoice::Exact { edge_mm, origin_mm, dims })
             }
-            (_, Some(edge_mm), ..) => Some(GridChoice::Voxel { edge_mm, margin }),
+            (_, Some(edge_mm), None) => Some(GridChoice::Voxel { edge_mm, margin }),
             (Some(voxels), ..) => Some(GridChoice::Side { voxels, margin }),
             _ => None,
         }
     }
 
-    /// The options of a tree of solids.
-    pub(crate) fn tree_options(&self, dims: Option<Dims>) -> CsgOptions {
-        CsgOptions { grid: self.choice(dims), unit_mm: self.unit.unwrap_or(1.0) }
-    }
-
-    /// The options of the library, if anything says how fine the grid is.
-    pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
-        let grid = self.choice(dims)?;
+    fn within(&self, whole: Option<([f64; 3], Dims)>) -> Option<MeshOptions> {
+        let grid = self.choice(whole)?;
         let fill = self.fill.map(|rule| match rule {
             FillRule::Winding => Fill::Winding,
             FillRule::Parity => Fill::Parity,
         });
         Some(MeshOptions { grid, unit_mm: self.unit.unwrap_or(1.0), fill })
+    }
+
+    /// The options of the library, each mesh on a grid of its own, if anything says how fine that is.
+    pub(crate) fn options(&self) -> Option<MeshOptions> {
+        self.within(None)
+    }
+}
+
+impl MeshArgs {
+    /// The options of a tree of solids.
+    pub(crate) fn tree_options(&self, dims: Option<Dims>) -> CsgOptions {
+        CsgOptions { grid: self.grid.choice(self.origin.zip(dims)), unit_mm: self.grid.unit.unwrap_or(1.0) }
+    }
+
+    /// The options of the library, if anything says how fine the grid is.
+    pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
+        self.grid.within(self.origin.zip(dims))
     }
 }
 

@@ -57,6 +57,7 @@ use crate::stamp::stamp;
 use bins::{BINNING_BYTES, Binner, Bins};
 use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
 use read::{MeshFile, READER_BYTES};
+pub(crate) use read::{check, format_of};
 use resident::Resident;
 pub(crate) use solid::MeshSolid;
 use solid::fixed_bytes;
@@ -138,6 +139,19 @@ pub(crate) fn mesh_part(
     let (mut solid, facts) = front.solid()?;
     solid.resident = (solid.resident / parts.max(1)).max(LEAST_RESIDENT);
     Ok((solid, facts))
+}
+
+/// Least memory of a share in which a mesh of nearly any kind is built.
+pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
+    let side = match mesh.grid {
+        GridChoice::Side { voxels, .. } => voxels,
+        GridChoice::Voxel { .. } => 1024,
+        GridChoice::Exact { dims, .. } => dims.to_array().into_iter().max().unwrap_or(1),
+    };
+    let bins = Dims::new(side.max(1), side.max(1), side.max(1)).map_or(0, Bins::memory_bytes);
+    let tile = Tile { columns: side.min(1024), channels: options.channels };
+    let column = COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32);
+    bins + (READER_BYTES + BINNING_BYTES.max(BOUNDARY_BYTES)).max(column.max(LEAST_WORKER) + WORKER_OVERHEAD)
 }
 
 /// The bounds of a mesh at another place.

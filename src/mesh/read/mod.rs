@@ -29,6 +29,70 @@ use stop::{Each, Stop};
 /// Most memory that a reader holds.
 pub(super) const READER_BYTES: u64 = 512 << 10;
 
+/// A format that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Stl,
+    Ply,
+    Obj,
+    Off,
+}
+
+impl Format {
+    /// By the first bytes and the length of a file; where these do not tell, by its name.
+    fn of(head: &[u8], bytes: u64, path: &Path) -> Option<Self> {
+        let named = |suffix: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix));
+        if stl::binary_triangles(head, bytes).is_some() {
+            return Some(Self::Stl);
+        }
+        if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
+            return Some(Self::Ply);
+        }
+        if text::is_off(head) {
+            return Some(Self::Off);
+        }
+        if stl::is_text(head) || named("stl") {
+            return Some(Self::Stl);
+        }
+        named("obj").then_some(Self::Obj)
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Stl => "stl",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+            Self::Off => "off",
+        }
+    }
+}
+
+/// The format of a mesh, by its first bytes (512 are enough), its length, and its name where these do not tell.
+pub(crate) fn format_of(head: &[u8], bytes: u64, path: &Path) -> Option<&'static str> {
+    Format::of(head.get(..stream::HEAD).unwrap_or(head), bytes, path).map(Format::name)
+}
+
+/// Looks at what a mesh states at its beginning, without reading it.
+///
+/// # Errors
+/// It would be refused.
+pub(crate) fn check(path: &Path) -> Result<(), SourceError> {
+    let look = || -> Result<(), Stop> {
+        let file = File::open(path).map_err(Stop::Read)?;
+        let bytes = file.metadata().map_err(Stop::Read)?.len();
+        let head = stream::head(&file).map_err(Stop::Read)?;
+        match Format::of(&head, bytes, path) {
+            Some(Format::Stl) if stl::binary_triangles(&head, bytes).is_none() && !stl::is_text(&head) => {
+                Err(stl::count_lies(&head, bytes).into())
+            }
+            Some(Format::Ply) => ply::check(file, bytes),
+            Some(Format::Stl | Format::Obj | Format::Off) => Ok(()),
+            None => Err(MeshFault::Unknown.into()),
+        }
+    };
+    look().map_err(|stop| told(path, path, stop))
+}
+
 /// An open mesh.
 #[derive(Debug)]
 pub(super) struct MeshFile {
@@ -59,26 +123,17 @@ impl MeshFile {
         let file = File::open(path).map_err(Stop::Read)?;
         let bytes = file.metadata().map_err(Stop::Read)?.len();
         let head = stream::head(&file).map_err(Stop::Read)?;
-        if let Some(triangles) = stl::binary_triangles(&head, bytes) {
-            return Ok(Kind::StlBinary { file, triangles });
+        match Format::of(&head, bytes, path) {
+            Some(Format::Stl) => match stl::binary_triangles(&head, bytes) {
+                Some(triangles) => Ok(Kind::StlBinary { file, triangles }),
+                None if stl::is_text(&head) => Ok(Kind::StlText { file }),
+                None => Err(stl::count_lies(&head, bytes).into()),
+            },
+            Some(Format::Ply) => Ok(Kind::Ply(ply::Ply::open(file, bytes, scratch)?)),
+            Some(Format::Off) => Ok(Kind::Faces(text::Faces::off(&file, bytes, scratch)?)),
+            Some(Format::Obj) => Ok(Kind::Faces(text::Faces::obj(&file, bytes, scratch)?)),
+            None => Err(MeshFault::Unknown.into()),
         }
-        if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
-            return Ok(Kind::Ply(ply::Ply::open(file, bytes, scratch)?));
-        }
-        if text::is_off(&head) {
-            return Ok(Kind::Faces(text::Faces::off(&file, bytes, scratch)?));
-        }
-        if stl::is_text(&head) {
-            return Ok(Kind::StlText { file });
-        }
-        let named = |suffix: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix));
-        if named("obj") {
-            return Ok(Kind::Faces(text::Faces::obj(&file, bytes, scratch)?));
-        }
-        if named("stl") {
-            return Err(stl::count_lies(&head, bytes).into());
-        }
-        Err(MeshFault::Unknown.into())
     }
 
     /// Calls `each` with every triangle; faces with more vertices are cut into a fan.

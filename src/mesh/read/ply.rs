@@ -179,6 +179,16 @@ impl Header {
     }
 }
 
+/// Looks at the header alone.
+pub(super) fn check(file: File, bytes: u64) -> Result<(), Stop> {
+    let header = Header::read(&file)?;
+    match header.form {
+        // Of text the header holds nothing that its length could contradict.
+        Form::Text => Ok(()),
+        form => Binary::open(file, bytes, header, form == Form::Big).map(drop),
+    }
+}
+
 impl Ply {
     pub(super) fn open(file: File, bytes: u64, scratch: &Path) -> Result<Self, Stop> {
         let header = Header::read(&file)?;
