@@ -144,7 +144,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
             return Err(Refusal::ForVolumes(flag).into());
         }
         let bars = Bars::new(args.quiet || args.json);
-        let mesh = args.mesh.options(args.raw.dims);
+        let mesh = args.mesh.options(args.raw.dims, &args.which.links);
         let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
         bars.finish();
         let summary = summary?;
@@ -233,7 +233,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
-        mesh: args.mesh.options(),
+        mesh: args.mesh.options(&args.search.links),
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
@@ -291,7 +291,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         opening_bytes: Some(SCAN_OPENING_BYTES),
         follow_links: args.search.links.follow_links,
         all_volumes: args.search.all_volumes,
-        meshes: args.mesh.options().is_some(),
+        meshes: args.mesh.options(&args.search.links).is_some(),
         ..OpenOptions::default()
     };
     let report = jobs::scan::scan(&args.input, &how, &mut |listed| {

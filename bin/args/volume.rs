@@ -384,7 +384,7 @@ pub(crate) struct MeshArgs {
 }
 
 /// Heading of the options of meshes.
-const MESHES: &str = "Meshes (STL, PLY, OBJ, OFF) and trees of solids (.csg) only";
+const MESHES: &str = "Meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees of solids (.csg) only";
 
 /// The grid of a mesh, and what is inside of it.
 #[derive(Debug, Args)]
@@ -399,7 +399,7 @@ pub(crate) struct GridArgs {
     /// Voxels left free at every side of the mesh; 1 by default
     #[arg(long, value_name = "N")]
     pub(crate) margin: Option<u16>,
-    /// Unit of the file's coordinates: um, mm (the default), cm, m or in
+    /// Unit of the file's coordinates: um, mm (the default), cm, m or in; glTF and 3MF state theirs
     #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
     pub(crate) unit: Option<f64>,
     /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what fits
@@ -441,18 +441,18 @@ impl GridArgs {
         }
     }
 
-    fn within(&self, whole: Option<([f64; 3], Dims)>) -> Option<MeshOptions> {
+    fn within(&self, whole: Option<([f64; 3], Dims)>, follow_links: bool) -> Option<MeshOptions> {
         let grid = self.choice(whole)?;
         let fill = self.fill.map(|rule| match rule {
             FillRule::Winding => Fill::Winding,
             FillRule::Parity => Fill::Parity,
         });
-        Some(MeshOptions { grid, unit_mm: self.unit.unwrap_or(1.0), fill })
+        Some(MeshOptions { grid, unit_mm: self.unit.unwrap_or(1.0), fill, follow_links })
     }
 
     /// The options of the library, each mesh on a grid of its own, if anything says how fine that is.
-    pub(crate) fn options(&self) -> Option<MeshOptions> {
-        self.within(None)
+    pub(crate) fn options(&self, links: &LinkArgs) -> Option<MeshOptions> {
+        self.within(None, links.follow_links)
     }
 }
 
@@ -463,8 +463,8 @@ impl MeshArgs {
     }
 
     /// The options of the library, if anything says how fine the grid is.
-    pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
-        self.grid.within(self.origin.zip(dims))
+    pub(crate) fn options(&self, dims: Option<Dims>, links: &LinkArgs) -> Option<MeshOptions> {
+        self.grid.within(self.origin.zip(dims), links.follow_links)
     }
 }
 

@@ -446,7 +446,7 @@ impl Catalogue {
                 let id = name(format, only);
                 // Whoever takes meshes knows by the field that it is one.
                 let no_grid = || SourceError::Usage { path: path.clone(), misuse: Misuse::NoGrid };
-                let checked = mesh::check(&path);
+                let checked = mesh::check(&path, self.options.follow_links);
                 let usable = checked.is_ok();
                 let mut found = findings(&path, format, id, one(), checked.and_then(|()| Err(no_grid())));
                 for finding in &mut found {

@@ -13,7 +13,7 @@ use crate::mesh::{MeshOptions, build_mesh};
 use crate::resident::give_back;
 
 /// Suffixes of the formats that are read.
-const SUFFIXES: [&str; 4] = ["stl", "ply", "obj", "off"];
+const SUFFIXES: [&str; 7] = ["stl", "ply", "obj", "off", "gltf", "glb", "3mf"];
 
 /// Are these meshes, by their names? Several are parts of one model.
 pub fn are_meshes(inputs: &[PathBuf]) -> bool {

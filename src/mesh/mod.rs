@@ -56,7 +56,7 @@ use crate::geom::{Affine, Dims};
 use crate::stamp::stamp;
 use bins::{BINNING_BYTES, Binner, Bins};
 use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
-use read::{MeshFile, READER_BYTES};
+use read::{Limits, MeshFile, READER_BYTES};
 pub(crate) use read::{check, format_of};
 use resident::Resident;
 pub(crate) use solid::MeshSolid;
@@ -71,6 +71,8 @@ pub struct MeshOptions {
     pub unit_mm: f64,
     /// What is inside; what fits the mesh, if not given.
     pub fill: Option<Fill>,
+    /// May links lead from files that a mesh names out of its folder?
+    pub follow_links: bool,
 }
 
 /// What was built, and what was found about the mesh.
@@ -132,7 +134,7 @@ pub(crate) fn mesh_part(
     progress: &dyn Progress,
 ) -> Result<(MeshSolid, MeshFacts), BuildError> {
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false };
     let inputs = [path.to_path_buf()];
     let scratch = scratch.to_path_buf();
     let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed: Some(placed) };
@@ -160,7 +162,7 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
 /// It cannot be read.
 pub(crate) fn mesh_bounds(path: &Path, placed: &Affine, scratch: &Path) -> Result<Bounds, SourceError> {
     let mut bounds = Bounds::EMPTY;
-    MeshFile::open(path, scratch)?.for_each(scratch, &mut |t| {
+    MeshFile::open(path, &Limits::plain(scratch))?.for_each(scratch, &mut |t| {
         t.iter().for_each(|p| bounds.add(placed.apply(*p)));
         Ok(())
     })?;
@@ -197,10 +199,13 @@ impl Front<'_> {
     }
 
     fn solid(&self) -> Result<(MeshSolid, MeshFacts), BuildError> {
-        let inputs = self.inputs.iter().map(|path| (path.clone(), stamp(path))).collect();
         let budget = Budget::of_job(self.options.memory);
         let reading = self.reserve(&budget, READER_BYTES)?;
-        let files = self.open()?;
+        let files = self.open(budget.left_bytes() / 2)?;
+        let described = self.reserve(&budget, files.iter().map(MeshFile::held_bytes).sum())?;
+        let beside = files.iter().flat_map(|file| file.beside().iter().cloned());
+        let inputs: Vec<_> =
+            self.inputs.iter().cloned().chain(beside).map(|p| (p.clone(), stamp(&p))).collect();
         let grid = self.grid(&files)?;
         let held = self.reserve(&budget, Bins::memory_bytes(grid.dims))?;
         let binning = self.reserve(&budget, BINNING_BYTES)?;
@@ -245,7 +250,8 @@ impl Front<'_> {
             }
         };
         let bins = binner.finish()?;
-        drop((reading, held));
+        drop(files);
+        drop((reading, held, described));
         let fill = |rule| if rule == Rule::NonZero { Fill::Winding } else { Fill::Parity };
         let (rule, asked_for) = match self.mesh.fill {
             Some(Fill::Winding) => {
@@ -285,8 +291,10 @@ impl Front<'_> {
         budget.reserve(bytes).map_err(refused)
     }
 
-    fn open(&self) -> Result<Vec<MeshFile>, SourceError> {
-        self.inputs.iter().map(|path| MeshFile::open(path, &self.scratch)).collect()
+    fn open(&self, most_bytes: u64) -> Result<Vec<MeshFile>, SourceError> {
+        let MeshOptions { unit_mm, follow_links, .. } = *self.mesh;
+        let limits = Limits { scratch: &self.scratch, most_bytes, follow_links, looks: false, unit_mm };
+        self.inputs.iter().map(|path| MeshFile::open(path, &limits)).collect()
     }
 
     /// The grid of the choice; the bounds are those of triangles, not of vertices that no face names.

@@ -10,21 +10,31 @@
 //! | `stl` | STL, binary and text |
 //! | `ply` | PLY, binary of either order and text |
 //! | `text` | OBJ and OFF |
+//! | `gltf` | glTF, binary and text |
+//! | `threemf`, `zip`, `xml` | 3MF, its archive and its text |
+//! | `beside`, `look` | files that a mesh names; colours and textures |
 //! | `vertices` | vertices by number |
 //! | `stop` | what stops a reader |
 
+mod beside;
+mod gltf;
+mod look;
 mod ply;
 mod stl;
 mod stop;
 mod stream;
 mod text;
+mod threemf;
 mod vertices;
+mod xml;
+mod zip;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use crate::facts::{Fault, MeshFault, SourceError};
-use stop::{Each, Stop};
+pub(super) use look::{Look, Material};
+use stop::{Each, EachLook, Stop};
 
 /// Most memory that a reader holds.
 pub(super) const READER_BYTES: u64 = 512 << 10;
@@ -36,6 +46,8 @@ enum Format {
     Ply,
     Obj,
     Off,
+    Gltf,
+    ThreeMf,
 }
 
 impl Format {
@@ -54,6 +66,13 @@ impl Format {
         if stl::is_text(head) || named("stl") {
             return Some(Self::Stl);
         }
+        if gltf::is_binary(head) || named("gltf") {
+            return Some(Self::Gltf);
+        }
+        // Other archives are no meshes.
+        if named("3mf") {
+            return Some(Self::ThreeMf);
+        }
         named("obj").then_some(Self::Obj)
     }
 
@@ -63,6 +82,8 @@ impl Format {
             Self::Ply => "ply",
             Self::Obj => "obj",
             Self::Off => "off",
+            Self::Gltf => "gltf",
+            Self::ThreeMf => "3mf",
         }
     }
 }
@@ -76,7 +97,7 @@ pub(crate) fn format_of(head: &[u8], bytes: u64, path: &Path) -> Option<&'static
 ///
 /// # Errors
 /// It would be refused.
-pub(crate) fn check(path: &Path) -> Result<(), SourceError> {
+pub(crate) fn check(path: &Path, follow_links: bool) -> Result<(), SourceError> {
     let look = || -> Result<(), Stop> {
         let file = File::open(path).map_err(Stop::Read)?;
         let bytes = file.metadata().map_err(Stop::Read)?.len();
@@ -86,6 +107,12 @@ pub(crate) fn check(path: &Path) -> Result<(), SourceError> {
                 Err(stl::count_lies(&head, bytes).into())
             }
             Some(Format::Ply) => ply::check(file, bytes),
+            Some(Format::Gltf) => {
+                let scratch = std::env::temp_dir();
+                gltf::Gltf::open(file, bytes, path, &Limits { follow_links, ..Limits::plain(&scratch) })
+                    .map(drop)
+            }
+            Some(Format::ThreeMf) => threemf::check(&file, bytes),
             Some(Format::Stl | Format::Obj | Format::Off) => Ok(()),
             None => Err(MeshFault::Unknown.into()),
         }
@@ -93,10 +120,34 @@ pub(crate) fn check(path: &Path) -> Result<(), SourceError> {
     look().map_err(|stop| told(path, path, stop))
 }
 
+/// Within what a mesh is read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits<'a> {
+    /// Folder of nameless files.
+    pub(super) scratch: &'a Path,
+    /// Memory for what a file says of its parts, beside [`READER_BYTES`].
+    pub(super) most_bytes: u64,
+    /// May links lead from a file that a mesh names out of its folder?
+    pub(super) follow_links: bool,
+    /// Are colours, textures and normals wanted?
+    pub(super) looks: bool,
+    /// Millimetres of a unit that callers take the coordinates to be in: where a file states its unit, its
+    /// coordinates are brought to that.
+    pub(super) unit_mm: f64,
+}
+
+impl<'a> Limits<'a> {
+    /// Shapes in millimetres, and a few MiB.
+    pub(super) fn plain(scratch: &'a Path) -> Self {
+        Self { scratch, most_bytes: 4 << 20, follow_links: false, looks: false, unit_mm: 1.0 }
+    }
+}
+
 /// An open mesh.
 #[derive(Debug)]
 pub(super) struct MeshFile {
     path: PathBuf,
+    unit_mm: f64,
     kind: Kind,
 }
 
@@ -106,6 +157,8 @@ enum Kind {
     StlText { file: File },
     Ply(ply::Ply),
     Faces(text::Faces),
+    Gltf(Box<gltf::Gltf>),
+    ThreeMf(Box<threemf::ThreeMf>),
 }
 
 impl MeshFile {
@@ -113,13 +166,14 @@ impl MeshFile {
     ///
     /// # Errors
     /// It cannot be read, or is no mesh of a format that is known.
-    pub(super) fn open(path: &Path, scratch: &Path) -> Result<Self, SourceError> {
-        Self::open_kind(path, scratch)
-            .map(|kind| Self { path: path.to_path_buf(), kind })
-            .map_err(|stop| told(path, scratch, stop))
+    pub(super) fn open(path: &Path, limits: &Limits<'_>) -> Result<Self, SourceError> {
+        Self::open_kind(path, limits)
+            .map(|kind| Self { path: path.to_path_buf(), unit_mm: limits.unit_mm, kind })
+            .map_err(|stop| told(path, limits.scratch, stop))
     }
 
-    fn open_kind(path: &Path, scratch: &Path) -> Result<Kind, Stop> {
+    fn open_kind(path: &Path, limits: &Limits<'_>) -> Result<Kind, Stop> {
+        let scratch = limits.scratch;
         let file = File::open(path).map_err(Stop::Read)?;
         let bytes = file.metadata().map_err(Stop::Read)?.len();
         let head = stream::head(&file).map_err(Stop::Read)?;
@@ -132,7 +186,30 @@ impl MeshFile {
             Some(Format::Ply) => Ok(Kind::Ply(ply::Ply::open(file, bytes, scratch)?)),
             Some(Format::Off) => Ok(Kind::Faces(text::Faces::off(&file, bytes, scratch)?)),
             Some(Format::Obj) => Ok(Kind::Faces(text::Faces::obj(&file, bytes, scratch)?)),
+            Some(Format::Gltf) => {
+                gltf::Gltf::open(file, bytes, path, limits).map(|open| Kind::Gltf(Box::new(open)))
+            }
+            Some(Format::ThreeMf) => {
+                threemf::ThreeMf::open(file, bytes, limits).map(|open| Kind::ThreeMf(Box::new(open)))
+            }
             None => Err(MeshFault::Unknown.into()),
+        }
+    }
+
+    /// Memory that it holds for what it says of its parts.
+    pub(super) fn held_bytes(&self) -> u64 {
+        match &self.kind {
+            Kind::Gltf(open) => open.held_bytes(),
+            Kind::ThreeMf(open) => open.held_bytes(),
+            _ => 0,
+        }
+    }
+
+    /// Files beside it that it is read from, too.
+    pub(super) fn beside(&self) -> &[PathBuf] {
+        match &self.kind {
+            Kind::Gltf(open) => open.beside(),
+            _ => &[],
         }
     }
 
@@ -146,8 +223,42 @@ impl MeshFile {
             Kind::StlText { file } => stl::for_each_text(file, each),
             Kind::Ply(ply) => ply.for_each(each),
             Kind::Faces(faces) => faces.for_each(each),
+            Kind::Gltf(_) | Kind::ThreeMf(_) => {
+                return self.for_each_look(scratch, &mut |t, _| each(t));
+            }
         };
         read.map_err(|stop| told(&self.path, scratch, stop))
+    }
+}
+
+impl MeshFile {
+    /// As [`MeshFile::for_each`], with what each triangle carries, if that was asked for.
+    ///
+    /// # Errors
+    /// As [`MeshFile::for_each`].
+    pub(super) fn for_each_look(&self, scratch: &Path, each: &mut EachLook<'_>) -> Result<(), SourceError> {
+        let mut in_units = |t: &[[f64; 3]; 3], look: &Look| {
+            if self.unit_mm == 1.0 {
+                each(t, look)
+            } else {
+                each(&t.map(|p| p.map(|c| c / self.unit_mm)), look)
+            }
+        };
+        let read = match &self.kind {
+            Kind::Gltf(open) => open.for_each(&mut in_units),
+            Kind::ThreeMf(open) => open.for_each(&mut in_units),
+            _ => return self.for_each(scratch, &mut |t| each(t, &Look::NONE)),
+        };
+        read.map_err(|stop| told(&self.path, scratch, stop))
+    }
+
+    /// What triangles' materials are.
+    pub(super) fn materials(&self) -> &[Material] {
+        match &self.kind {
+            Kind::Gltf(open) => open.materials(),
+            Kind::ThreeMf(open) => open.materials(),
+            _ => &[],
+        }
     }
 }
 

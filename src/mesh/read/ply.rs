@@ -6,7 +6,7 @@ use std::path::Path;
 use super::stop::{Each, Stop};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan};
-use super::vertices::{MOST_RECORD, Number, Pages, Spool, Vertices};
+use super::vertices::{MOST_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
 
 /// Longest header, in bytes.
@@ -272,7 +272,7 @@ impl Binary {
 
     fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
-        let mut pages = Pages::new(&self.vertices);
+        let mut pages = Pages::new(&self.vertices, PAGES);
         let big = self.vertices.big;
         let mut triangles = 0;
         // Nearly all files: faces are lists of 32 bits with a count of 8, and nothing else.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::stop::{Each, Stop};
 use super::stream::{Stream, Token, Words};
-use super::vertices::{Pages, Spool, Vertices};
+use super::vertices::{PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
 
 /// Vertices, and triangles that name them.
@@ -147,7 +147,7 @@ impl Faces {
     }
 
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
-        let mut pages = Pages::new(&self.vertices);
+        let mut pages = Pages::new(&self.vertices, PAGES);
         let mut stream = Stream::new(&self.triangles, 0);
         for face in 0..self.count {
             let record: [u8; 12] = stream.take()?;
