@@ -116,10 +116,34 @@ pub enum MeshFault {
         /// What the system said.
         why: std::io::ErrorKind,
     },
+    /// An image that it names, or holds, cannot be read.
+    Image {
+        /// What it is called.
+        name: String,
+        /// What is wrong with it.
+        fault: ImageFault,
+    },
     /// The grid would have this many voxels along a side.
     GridSize {
         /// Along the longest side.
         side: f64,
+    },
+}
+
+/// What is wrong with the image of a texture.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageFault {
+    /// It is neither PNG nor JPEG, or of a kind of these that is not read.
+    Unknown,
+    /// It is damaged or cut short.
+    Damaged,
+    /// It has more texels than its size justifies, or than are read.
+    TooLarge {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
     },
 }
 

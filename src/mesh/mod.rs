@@ -23,6 +23,7 @@
 //! | `bins` | triangles sorted by place, in a nameless file |
 //! | `raster` | rows that cross triangles, bits from crossings |
 //! | `resident`, `nearest` | triangles at hand; the nearest of a voxel |
+//! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `solid` | all of it as a solid of the builder |
 //!
 //! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one
@@ -34,6 +35,7 @@ mod boundary;
 mod census;
 mod lattice;
 mod nearest;
+mod paint;
 mod raster;
 mod read;
 mod resident;
@@ -52,11 +54,13 @@ use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Tile, build_solid};
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
+use crate::format::{Channel, Channels};
 use crate::geom::{Affine, Dims};
 use crate::stamp::stamp;
 use bins::{BINNING_BYTES, Binner, Bins};
 use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
-use read::{Limits, MeshFile, READER_BYTES};
+use paint::{COLLECTING_BYTES, Collector, Painter, Wanted};
+use read::{Limits, Look, MeshFile, READER_BYTES};
 pub(crate) use read::{check, format_of};
 use resident::Resident;
 pub(crate) use solid::MeshSolid;
@@ -91,6 +95,9 @@ const COLUMN_BYTES: u64 = 768 << 10;
 
 /// Builds the skin octree of a mesh, which several files may hold together, into `output`.
 ///
+/// Channels: normals, smooth where files have normals of vertices; colours, left out where files have none; and as
+/// material the number of the file, from 0, those beyond 255 as 255.
+///
 /// # Errors
 /// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
 pub fn build_mesh(
@@ -108,11 +115,15 @@ pub fn build_mesh(
     // In a share nobody else counts what the solid holds.
     let memory = match options.memory {
         MemoryCap::Share(bytes) => {
-            MemoryCap::Share(bytes.saturating_sub(Bins::memory_bytes(solid.grid.dims)))
+            let painted = solid.paint.as_ref().map_or(0, paint::Paint::bytes);
+            MemoryCap::Share(bytes.saturating_sub(Bins::memory_bytes(solid.grid.dims) + painted))
         }
         whole => whole,
     };
-    let options = BuildOptions { memory, ..options.clone() };
+    // A mesh without colours has none to store.
+    let colored = solid.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
+    let stored = options.channels.iter().filter(|channel| *channel != Channel::Color || colored);
+    let options = BuildOptions { memory, channels: stored.collect(), ..options.clone() };
     let mut build = build_solid(&solid, &options, output, progress)?;
     build.scratch_bytes += solid.bins.bytes();
     build.seconds.scan += reading_s;
@@ -152,8 +163,11 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
     };
     let bins = Dims::new(side.max(1), side.max(1), side.max(1)).map_or(0, Bins::memory_bytes);
     let tile = Tile { columns: side.min(1024), channels: options.channels };
-    let column = COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32);
-    bins + (READER_BYTES + BINNING_BYTES.max(BOUNDARY_BYTES)).max(column.max(LEAST_WORKER) + WORKER_OVERHEAD)
+    let painted = options.channels.contains(Channel::Color) || options.channels.contains(Channel::Material);
+    let (collecting, painter) = if painted { (COLLECTING_BYTES, Painter::BYTES) } else { (0, 0) };
+    let column = COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32) + painter;
+    bins + (READER_BYTES + collecting + BINNING_BYTES.max(BOUNDARY_BYTES))
+        .max(column.max(LEAST_WORKER) + WORKER_OVERHEAD)
 }
 
 /// The bounds of a mesh at another place.
@@ -210,7 +224,25 @@ impl Front<'_> {
         let held = self.reserve(&budget, Bins::memory_bytes(grid.dims))?;
         let binning = self.reserve(&budget, BINNING_BYTES)?;
         let mut binner = Binner::new(grid.dims, &self.scratch)?;
-        let counted = self.count(&files, &grid, &mut |t| binner.add(t))?;
+        let wanted = self.wanted(&files);
+        let collecting = self.reserve(&budget, if wanted.anything() { COLLECTING_BYTES } else { 0 })?;
+        let mut collector =
+            if wanted.anything() { Some(Collector::new(wanted, grid.dims, &self.scratch)?) } else { None };
+        let mut known = 0;
+        let counted = self.count(&files, &grid, &mut |t, look, file| {
+            if let Some(collector) = &mut collector {
+                if known == file {
+                    known += 1;
+                    collector
+                        .file(file, files[file].materials())
+                        .map_err(|fault| self.of_paint(fault, file))?;
+                }
+                collector.add(t, look)?;
+            }
+            binner.add(t)
+        })?;
+        let paint = collector.map(Collector::finish).transpose()?;
+        drop(collecting);
         if counted.triangles == 0 {
             return Err(self.unusable(MeshFault::NoTriangles).into());
         }
@@ -272,8 +304,11 @@ impl Front<'_> {
             voxel_mm: grid.voxel_mm,
             origin_mm: grid.origin_mm,
         };
-        let resident = self.resident(&bins, &grid);
-        Ok((MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident, inputs }, facts))
+        let resident = self.resident(&bins, &grid, paint.as_ref());
+        Ok((
+            MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident, inputs, paint },
+            facts,
+        ))
     }
 
     /// Takes memory for a part of the work.
@@ -293,8 +328,37 @@ impl Front<'_> {
 
     fn open(&self, most_bytes: u64) -> Result<Vec<MeshFile>, SourceError> {
         let MeshOptions { unit_mm, follow_links, .. } = *self.mesh;
-        let limits = Limits { scratch: &self.scratch, most_bytes, follow_links, looks: false, unit_mm };
+        let [colors, looks] =
+            [Channel::Color, Channel::Normal].map(|channel| self.channels().contains(channel));
+        let scratch = &self.scratch;
+        let limits = Limits { scratch, most_bytes, follow_links, looks: looks || colors, colors, unit_mm };
         self.inputs.iter().map(|path| MeshFile::open(path, &limits)).collect()
+    }
+
+    /// Channels that are asked for; parts of something else have only normals of their own triangles.
+    fn channels(&self) -> Channels {
+        if self.placed.is_some() { Channels::NONE } else { self.options.channels }
+    }
+
+    /// What is asked for and there.
+    fn wanted(&self, files: &[MeshFile]) -> Wanted {
+        let has = |k: usize| files.iter().any(|file| file.has_looks()[k]);
+        let channels = self.channels();
+        Wanted {
+            colors: channels.contains(Channel::Color) && has(0),
+            parts: channels.contains(Channel::Material),
+            normals: channels.contains(Channel::Normal) && has(1),
+        }
+    }
+
+    fn of_paint(&self, fault: paint::Fault, file: usize) -> SourceError {
+        match fault {
+            paint::Fault::Mesh(fault) => SourceError::Unusable {
+                path: self.inputs.get(file).cloned().unwrap_or_default(),
+                fault: Fault::MeshFile(fault),
+            },
+            paint::Fault::Source(error) => error,
+        }
     }
 
     /// The grid of the choice; the bounds are those of triangles, not of vertices that no face names.
@@ -323,13 +387,13 @@ impl Front<'_> {
         &self,
         files: &[MeshFile],
         grid: &Grid,
-        each: &mut dyn FnMut(&Triangle) -> Result<(), SourceError>,
+        each: &mut dyn FnMut(&Triangle, &Look, usize) -> Result<(), SourceError>,
     ) -> Result<Counted, SourceError> {
         self.progress.stage("triangles", files.len() as u64);
         let mut counted = Counted::default();
         let mut stopped = None;
-        for file in files {
-            let read = file.for_each(&self.scratch, &mut |t| {
+        for (number, file) in files.iter().enumerate() {
+            let read = file.for_each_look(&self.scratch, &mut |t, look| {
                 let t = match &self.placed {
                     Some(placed) => grid.triangle(&t.map(|p| placed.apply(p)))?,
                     None => grid.triangle(t)?,
@@ -337,7 +401,7 @@ impl Front<'_> {
                 counted.triangles += 1;
                 counted.flat += u64::from(t[0..3] == t[3..6] || t[3..6] == t[6..9] || t[0..3] == t[6..9]);
                 counted.census.add(&t);
-                each(&t).map_err(|failed| {
+                each(&t, look, number).map_err(|failed| {
                     stopped = Some(failed);
                     MeshFault::CutShort
                 })
@@ -360,7 +424,7 @@ impl Front<'_> {
     ) -> Result<Option<(Vec<OpenEdge>, Sums)>, SourceError> {
         let find = |sums| {
             let mut table = Table::new(sums);
-            self.count(files, grid, &mut |t| {
+            self.count(files, grid, &mut |t, _, _| {
                 table.add(t);
                 Ok(())
             })?;
@@ -378,9 +442,10 @@ impl Front<'_> {
     }
 
     /// How many triangles a worker may have at hand: those of the fullest bin, if the budget has room.
-    fn resident(&self, bins: &Bins, grid: &Grid) -> usize {
+    fn resident(&self, bins: &Bins, grid: &Grid, paint: Option<&paint::Paint>) -> usize {
         let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels };
         let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(LEAST_WORKER) + WORKER_OVERHEAD;
+        let own = own + paint.map_or(0, |_| Painter::BYTES);
         let left = Budget::of_job(self.options.memory).left_bytes();
         let each = (left / self.options.threads.max(1) as u64).saturating_sub(own);
         let bytes = Resident::bytes(1 << 10, 0) >> 10;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::foreign::shown;
 use crate::budget::Bytes;
-use crate::facts::{Boundary, Feature, Fill, MeshFacts, MeshFault, Part};
+use crate::facts::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, Part};
 
 impl fmt::Display for MeshFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -86,9 +86,27 @@ impl fmt::Display for MeshFault {
             Self::Missing { name, why } => {
                 write!(f, "names {}, which cannot be read ({why}); put it beside the file", shown(name))
             }
+            Self::Image { name, fault } => {
+                write!(f, "has a texture, {}, which {fault}, or build it with --channels normal", shown(name))
+            }
             Self::GridSize { side } => {
                 write!(f, "its grid would be {side} voxels long; choose 1 to 16384 with --grid or --voxel")
             }
+        }
+    }
+}
+
+impl fmt::Display for ImageFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown => {
+                f.write_str("is not read: it is no PNG or JPEG of 8 bits in grey or colour; convert it")
+            }
+            Self::Damaged => f.write_str("is damaged or cut short; copy it again"),
+            Self::TooLarge { width, height } => write!(
+                f,
+                "would have {width} x {height} texels, which is more than 32768 along a side or than its bytes justify; make it smaller"
+            ),
         }
     }
 }

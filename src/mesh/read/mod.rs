@@ -9,22 +9,24 @@
 //! | `stream` | bytes, and words and numbers of text |
 //! | `stl` | STL, binary and text |
 //! | `ply` | PLY, binary of either order and text |
-//! | `text` | OBJ and OFF |
+//! | `obj`, `text` | OBJ with MTL; OFF, and what text has in common |
 //! | `gltf` | glTF, binary and text |
 //! | `threemf`, `zip`, `xml` | 3MF, its archive and its text |
 //! | `beside`, `look` | files that a mesh names; colours and textures |
-//! | `vertices` | vertices by number |
+//! | `vertices`, `vertex_looks` | vertices, and what they carry, by number |
 //! | `stop` | what stops a reader |
 
 mod beside;
 mod gltf;
 mod look;
+mod obj;
 mod ply;
 mod stl;
 mod stop;
 mod stream;
 mod text;
 mod threemf;
+mod vertex_looks;
 mod vertices;
 mod xml;
 mod zip;
@@ -33,7 +35,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use crate::facts::{Fault, MeshFault, SourceError};
-pub(super) use look::{Look, Material};
+pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 use stop::{Each, EachLook, Stop};
 
 /// Most memory that a reader holds.
@@ -129,8 +131,9 @@ pub(super) struct Limits<'a> {
     pub(super) most_bytes: u64,
     /// May links lead from a file that a mesh names out of its folder?
     pub(super) follow_links: bool,
-    /// Are colours, textures and normals wanted?
+    /// Is what vertices carry wanted, and are colours and textures?
     pub(super) looks: bool,
+    pub(super) colors: bool,
     /// Millimetres of a unit that callers take the coordinates to be in: where a file states its unit, its
     /// coordinates are brought to that.
     pub(super) unit_mm: f64,
@@ -139,7 +142,7 @@ pub(super) struct Limits<'a> {
 impl<'a> Limits<'a> {
     /// Shapes in millimetres, and a few MiB.
     pub(super) fn plain(scratch: &'a Path) -> Self {
-        Self { scratch, most_bytes: 4 << 20, follow_links: false, looks: false, unit_mm: 1.0 }
+        Self { scratch, most_bytes: 4 << 20, follow_links: false, looks: false, colors: false, unit_mm: 1.0 }
     }
 }
 
@@ -156,7 +159,8 @@ enum Kind {
     StlBinary { file: File, triangles: u64 },
     StlText { file: File },
     Ply(ply::Ply),
-    Faces(text::Faces),
+    Off(text::Faces),
+    Obj(Box<obj::Obj>),
     Gltf(Box<gltf::Gltf>),
     ThreeMf(Box<threemf::ThreeMf>),
 }
@@ -183,9 +187,9 @@ impl MeshFile {
                 None if stl::is_text(&head) => Ok(Kind::StlText { file }),
                 None => Err(stl::count_lies(&head, bytes).into()),
             },
-            Some(Format::Ply) => Ok(Kind::Ply(ply::Ply::open(file, bytes, scratch)?)),
-            Some(Format::Off) => Ok(Kind::Faces(text::Faces::off(&file, bytes, scratch)?)),
-            Some(Format::Obj) => Ok(Kind::Faces(text::Faces::obj(&file, bytes, scratch)?)),
+            Some(Format::Ply) => Ok(Kind::Ply(ply::Ply::open(file, bytes, limits)?)),
+            Some(Format::Off) => Ok(Kind::Off(text::Faces::off(&file, bytes, scratch)?)),
+            Some(Format::Obj) => obj::Obj::open(&file, path, limits).map(|open| Kind::Obj(Box::new(open))),
             Some(Format::Gltf) => {
                 gltf::Gltf::open(file, bytes, path, limits).map(|open| Kind::Gltf(Box::new(open)))
             }
@@ -199,6 +203,7 @@ impl MeshFile {
     /// Memory that it holds for what it says of its parts.
     pub(super) fn held_bytes(&self) -> u64 {
         match &self.kind {
+            Kind::Obj(open) => open.held_bytes(),
             Kind::Gltf(open) => open.held_bytes(),
             Kind::ThreeMf(open) => open.held_bytes(),
             _ => 0,
@@ -208,6 +213,7 @@ impl MeshFile {
     /// Files beside it that it is read from, too.
     pub(super) fn beside(&self) -> &[PathBuf] {
         match &self.kind {
+            Kind::Obj(open) => open.beside(),
             Kind::Gltf(open) => open.beside(),
             _ => &[],
         }
@@ -222,7 +228,8 @@ impl MeshFile {
             Kind::StlBinary { file, triangles } => stl::for_each_binary(file, *triangles, each),
             Kind::StlText { file } => stl::for_each_text(file, each),
             Kind::Ply(ply) => ply.for_each(each),
-            Kind::Faces(faces) => faces.for_each(each),
+            Kind::Off(faces) => faces.for_each(each),
+            Kind::Obj(open) => open.for_each(each),
             Kind::Gltf(_) | Kind::ThreeMf(_) => {
                 return self.for_each_look(scratch, &mut |t, _| each(t));
             }
@@ -245,6 +252,8 @@ impl MeshFile {
             }
         };
         let read = match &self.kind {
+            Kind::Ply(open) => open.for_each_look(each),
+            Kind::Obj(open) => open.for_each_look(each),
             Kind::Gltf(open) => open.for_each(&mut in_units),
             Kind::ThreeMf(open) => open.for_each(&mut in_units),
             _ => return self.for_each(scratch, &mut |t| each(t, &Look::NONE)),
@@ -255,9 +264,21 @@ impl MeshFile {
     /// What triangles' materials are.
     pub(super) fn materials(&self) -> &[Material] {
         match &self.kind {
+            Kind::Obj(open) => open.materials(),
             Kind::Gltf(open) => open.materials(),
             Kind::ThreeMf(open) => open.materials(),
             _ => &[],
+        }
+    }
+
+    /// Has it colours, and normals of vertices? Asked of a mesh that was opened with looks.
+    pub(super) fn has_looks(&self) -> [bool; 2] {
+        match &self.kind {
+            Kind::Ply(open) => [open.looks().colors.is_some(), open.looks().normals.is_some()],
+            Kind::Obj(open) => open.has_looks(),
+            Kind::Gltf(open) => open.has_looks(),
+            Kind::ThreeMf(open) => [open.has_colors(), false],
+            _ => [false; 2],
         }
     }
 }

@@ -42,6 +42,7 @@ pub(super) struct Gltf {
     materials: Vec<Material>,
     beside: Vec<PathBuf>,
     with_looks: bool,
+    with_colors: bool,
 }
 
 impl std::fmt::Debug for Gltf {
@@ -145,25 +146,41 @@ impl Gltf {
         let head = super::stream::head(&file).map_err(Stop::Read)?;
         let (json, binary) = if is_binary(&head) { chunks(&file, bytes)? } else { ((0, bytes), None) };
         let described = json::read(&file, json.0, json.1, limits)?;
-        check_extensions(&described.root.extensions_required, limits.looks)?;
+        check_extensions(&described.root.extensions_required, limits.colors)?;
         let own = Arc::new(file);
         let binary = binary.map(|(offset, bytes)| Run { file: own.clone(), offset, bytes });
         let mut place = Place { path, own, binary, limits, beside: Vec::new() };
         let mut decoded = Decoded::new(limits.scratch);
         let buffers = Buffers::open(&described, &mut place, &mut decoded)?;
-        let materials = if limits.looks {
+        let materials = if limits.colors {
             looks::materials(&described, &buffers, &mut place, &mut decoded)?
         } else {
             Vec::new()
         };
         let all: u64 = described.root.buffers.iter().map(|b| b.byte_length).fold(bytes, u64::saturating_add);
-        let open = Self { described, buffers, materials, beside: place.beside, with_looks: limits.looks };
+        let open = Self {
+            described,
+            buffers,
+            materials,
+            beside: place.beside,
+            with_looks: limits.looks,
+            with_colors: limits.colors,
+        };
         open.check(all)?;
         Ok(open)
     }
 
     pub(super) fn materials(&self) -> &[Material] {
         &self.materials
+    }
+
+    /// Has it colours, and normals of vertices?
+    pub(super) fn has_looks(&self) -> [bool; 2] {
+        let plain = |m: &Material| m.color == [1.0; 3] && m.texture.is_none();
+        let primitives = || self.described.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+        let colored = primitives().any(|p| p.attributes.color.is_some());
+        let smooth = primitives().any(|p| p.attributes.normal.is_some());
+        [colored || !self.materials.iter().all(plain), smooth]
     }
 
     pub(super) fn beside(&self) -> &[PathBuf] {
@@ -278,7 +295,7 @@ impl Gltf {
             let attributes = &primitive.attributes;
             prepared.normals = fitting(attributes.normal, &[Shape::Three])?;
             prepared.colors = fitting(attributes.color, &[Shape::Three, Shape::Four])?;
-            if let Some(at) = primitive.material {
+            if let Some(at) = primitive.material.filter(|_| self.with_colors) {
                 item(&self.materials, at, Part::Material)?;
                 prepared.material = at;
                 let set = looks::texcoord(&self.described, at);

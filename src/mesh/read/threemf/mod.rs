@@ -71,11 +71,6 @@ pub(super) struct ThreeMf {
     held_bytes: u64,
 }
 
-/// Does it begin as an archive?
-pub(super) fn is_archive(head: &[u8]) -> bool {
-    head.starts_with(b"PK\x03\x04")
-}
-
 /// Looks at the list of the archive alone.
 pub(super) fn check(file: &File, bytes: u64) -> Result<(), Stop> {
     archive::root(file, bytes).map(drop)
@@ -84,13 +79,18 @@ pub(super) fn check(file: &File, bytes: u64) -> Result<(), Stop> {
 impl ThreeMf {
     pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<Self, Stop> {
         let (contents, held_bytes, inflated) = archive::read(file, bytes, limits)?;
-        let open = Self { contents, looks: limits.looks, held_bytes };
+        let open = Self { contents, looks: limits.colors, held_bytes };
         open.check(inflated)?;
         Ok(open)
     }
 
     pub(super) fn materials(&self) -> &[Material] {
         &self.contents.materials
+    }
+
+    /// Has it colours?
+    pub(super) fn has_colors(&self) -> bool {
+        self.contents.values.count > 0 || !self.contents.materials.is_empty()
     }
 
     pub(super) fn held_bytes(&self) -> u64 {

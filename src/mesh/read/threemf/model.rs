@@ -183,7 +183,7 @@ impl<'a> Reader<'a> {
                     self.items.push(placed);
                 }
                 b"beamlattice" => return Err(MeshFault::Unsupported(Feature::BeamLattice).into()),
-                _ if !self.limits.looks => {}
+                _ if !self.limits.colors => {}
                 b"basematerials" | b"colorgroup" | b"texture2dgroup" => {
                     let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
                     let kind = match xml.whole(b"texid")? {
@@ -255,7 +255,7 @@ impl<'a> Reader<'a> {
         if t.iter().any(|at| u64::from(*at) >= vertices) {
             return Err(MeshFault::BadIndex { face: self.triangles.count + 1, vertices }.into());
         }
-        if !self.limits.looks {
+        if !self.limits.colors {
             return self.triangles.triangle(t);
         }
         let id = xml.whole(b"pid")?.or(own.group);
