@@ -20,6 +20,20 @@ pub(in crate::mesh) struct Look {
 }
 
 impl Look {
+    /// The same for corners that begin with another one: the second, where `by` is 1, or the third.
+    pub(in crate::mesh) fn turned(mut self, by: usize) -> Self {
+        if let Some(colors) = &mut self.colors {
+            colors.rotate_left(by % 3);
+        }
+        if let Some(places) = &mut self.places {
+            places.rotate_left(by % 3);
+        }
+        if let Some(normals) = &mut self.normals {
+            normals.rotate_left(by % 3);
+        }
+        self
+    }
+
     /// Nothing.
     pub(in crate::mesh) const NONE: Self =
         Self { colors: None, places: None, normals: None, material: NO_MATERIAL };
