@@ -128,7 +128,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         threshold: args.selection.threshold(),
         surface: args.skin.surface,
         connectivity: args.skin.connectivity,
-        channels: args.skin.channels,
+        channels: args.skin.channels.unwrap_or_default(),
         gradient: args.skin.gradient,
         normal_bits: args.skin.normal_bits,
         visible_from: args.visible_from.clone(),
@@ -145,6 +145,8 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         }
         let bars = Bars::new(args.quiet || args.json);
         let mesh = args.mesh.options(args.raw.dims, &args.which.links);
+        let channels = args.skin.channels.unwrap_or(jobs::mesh::usual_channels());
+        let options = BuildOptions { channels, ..options };
         let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
         bars.finish();
         let summary = summary?;
@@ -219,7 +221,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             threshold: args.selection.threshold(),
             surface: args.skin.surface,
             connectivity: args.skin.connectivity,
-            channels: args.skin.channels,
+            channels: args.skin.channels.unwrap_or_default(),
             gradient: args.skin.gradient,
             normal_bits: args.skin.normal_bits,
             visible_from: Vec::new(),

@@ -220,9 +220,10 @@ pub(crate) struct SkinArgs {
     /// of a voxel
     #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
     pub(crate) surface: SurfaceKind,
-    /// Attributes per skin voxel: normal, value, or none; offset means --surface cells
-    #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
-    pub(crate) channels: Channels,
+    /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of meshes normal,
+    /// color (also kept by default where they have colours), and material, the number of the file
+    #[arg(long, value_name = "LIST", value_parser = parse::channels)]
+    pub(crate) channels: Option<Channels>,
     /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), label5 (for
     /// two values), or auto, which takes the best of them where it is, at three times the time of normals
     #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]

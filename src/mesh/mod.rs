@@ -394,16 +394,21 @@ impl Front<'_> {
         let mut stopped = None;
         for (number, file) in files.iter().enumerate() {
             let read = file.for_each_look(&self.scratch, &mut |t, look| {
-                let mut corners = [[0; 3]; 3];
-                for (out, p) in corners.iter_mut().zip(t) {
-                    *out = grid.point(self.placed.as_ref().map_or(*p, |placed| placed.apply(*p)))?;
+                let corners = t;
+                let t = match &self.placed {
+                    Some(placed) => grid.triangle(&t.map(|p| placed.apply(p)))?,
+                    None => grid.triangle(t)?,
+                };
+                let mut look = *look;
+                if look != Look::NONE {
+                    // What corners carry turns with them.
+                    let begins = |p: &[f64; 3]| grid.point(*p).is_ok_and(|corner| t.starts_with(&corner));
+                    look = look.turned(corners.iter().position(begins).unwrap_or(0));
                 }
-                let t = turned(corners);
-                let by = corners.iter().position(|corner| t.starts_with(corner)).unwrap_or(0);
                 counted.triangles += 1;
                 counted.flat += u64::from(t[0..3] == t[3..6] || t[3..6] == t[6..9] || t[0..3] == t[6..9]);
                 counted.census.add(&t);
-                each(&t, &look.turned(by), number).map_err(|failed| {
+                each(&t, &look, number).map_err(|failed| {
                     stopped = Some(failed);
                     MeshFault::CutShort
                 })

@@ -630,13 +630,17 @@ impl Run<'_> {
     ) -> Result<(BuildSummary, u64, u64), Error> {
         let inputs = [path.to_path_buf()];
         let mesh = self.request.mesh.as_ref();
-        let grant = self.grant(&data(path), mesh.map_or(0, |mesh| least_share(mesh, &template)))?;
         // What is asked for of the volumes beside it does not stand in its way.
         let channels = template.channels.iter().filter(|c| ![Channel::Value, Channel::Offset].contains(c));
-        let channels = channels.fold(Channels::NONE, Channels::with);
+        let channels = match channels.fold(Channels::NONE, Channels::with) {
+            usual if usual == Channels::default() => super::mesh::usual_channels(),
+            other => other,
+        };
         let surface = SurfaceKind::Skin;
+        let template = BuildOptions { surface, channels, ..template };
+        let grant = self.grant(&data(path), mesh.map_or(0, |mesh| least_share(mesh, &template)))?;
         let memory = MemoryCap::Share(grant.bytes());
-        let options = BuildOptions { memory, surface, channels, ..template };
+        let options = BuildOptions { memory, ..template };
         let built = super::mesh::convert(&inputs, mesh, &options, model, progress)?;
         Ok((built, grant.bytes(), 0))
     }
