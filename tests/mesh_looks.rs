@@ -61,7 +61,11 @@ fn voxels(bytes: &[u8]) -> Vec<Voxel> {
         if at.get() < model.node_count() {
             for octant in Octant::ALL {
                 let o = u32::from(octant.get());
-                let half = [corner[0] + (o & 1) * edge / 2, corner[1] + (o >> 1 & 1) * edge / 2, corner[2] + (o >> 2) * edge / 2];
+                let half = [
+                    corner[0] + (o & 1) * edge / 2,
+                    corner[1] + (o >> 1 & 1) * edge / 2,
+                    corner[2] + (o >> 2) * edge / 2,
+                ];
                 left.extend(model.child(at.node(), octant).map(|child| (child, half, edge / 2)));
             }
             continue;
@@ -103,7 +107,11 @@ fn place([_, y, z]: [f64; 3]) -> [f64; 2] {
 }
 
 fn corners(body: &Body) -> Vec<[f64; 3]> {
-    body.faces.iter().flatten().map(|at| body.vertices[*at].map(|c| c as f64 / meshes::STEPS as f64)).collect()
+    body.faces
+        .iter()
+        .flatten()
+        .map(|at| body.vertices[*at].map(|c| c as f64 / meshes::STEPS as f64))
+        .collect()
 }
 
 fn textured_obj(body: &Body) -> String {
@@ -155,7 +163,11 @@ fn a_texture_stands_upright_whichever_way_its_format_counts() {
     let folder = tempfile::tempdir().unwrap();
     let body = Body::cuboid(LOW, HIGH);
     put(folder.path(), "image of it.png", &image());
-    put(folder.path(), "looks.mtl", b"newmtl other\nKd 1 0 0\nnewmtl the look\nKd 1 1 1\nmap_Kd -s 1 1 1 image of it.png\n");
+    put(
+        folder.path(),
+        "looks.mtl",
+        b"newmtl other\nKd 1 0 0\nnewmtl the look\nKd 1 1 1\nmap_Kd -s 1 1 1 image of it.png\n",
+    );
     let channels = Channels::from([Channel::Normal, Channel::Color]);
     let obj = put(folder.path(), "a.obj", textured_obj(&body).as_bytes());
     let obj = build(&[obj], channels, 1, 8).unwrap();
@@ -228,7 +240,8 @@ fn colours_of_vertices_are_the_same_from_every_format() {
         binary.push(3);
         [a, b, c].iter().for_each(|at| binary.extend(u32::try_from(**at).unwrap().to_le_bytes()));
     }
-    let build = |name: &str, bytes: &[u8]| build(&[put(folder.path(), name, bytes)], all_channels(), 1, 8).unwrap();
+    let build =
+        |name: &str, bytes: &[u8]| build(&[put(folder.path(), name, bytes)], all_channels(), 1, 8).unwrap();
     let wanted = build("a.ply", ply.as_bytes());
     assert!(build("b.ply", &binary) == wanted, "binary");
     assert!(build("c.obj", obj.as_bytes()) == wanted, "OBJ");
