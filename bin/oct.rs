@@ -128,7 +128,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         threshold: args.selection.threshold(),
         surface: args.skin.surface,
         connectivity: args.skin.connectivity,
-        channels: args.skin.channels,
+        channels: args.skin.channels.unwrap_or_default(),
         gradient: args.skin.gradient,
         normal_bits: args.skin.normal_bits,
         visible_from: args.visible_from.clone(),
@@ -144,7 +144,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
             return Err(Refusal::ForVolumes(flag).into());
         }
         let bars = Bars::new(args.quiet || args.json);
-        let mesh = args.mesh.options(args.raw.dims);
+        let mesh = args.mesh.options(args.raw.dims, &args.which.links);
+        let channels = args.skin.channels.unwrap_or(jobs::mesh::usual_channels());
+        let options = BuildOptions { channels, ..options };
         let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
         bars.finish();
         let summary = summary?;
@@ -154,7 +156,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     if jobs::csg::is_csg(&args.input) {
         return build_tree(args, &options);
     }
-    if let Some(flag) = args.mesh.flag() {
+    if let Some(flag) = args.mesh.grid.flag() {
         return Err(Refusal::ForMeshes(flag).into());
     }
     let raw = raw_options(&args.raw)?;
@@ -188,7 +190,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
 }
 
 fn build_tree(args: &args::BuildArgs, options: &BuildOptions) -> Result<ExitCode, Failure> {
-    if let Some(flag) = args.volume_flag().or(args.mesh.fill.map(|_| "--fill")) {
+    if let Some(flag) = args.volume_flag().or(args.mesh.grid.fill.map(|_| "--fill")) {
         return Err(Refusal::ForOthers(flag).into());
     }
     let csg = args.mesh.tree_options(args.raw.dims);
@@ -219,7 +221,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             threshold: args.selection.threshold(),
             surface: args.skin.surface,
             connectivity: args.skin.connectivity,
-            channels: args.skin.channels,
+            channels: args.skin.channels.unwrap_or_default(),
             gradient: args.skin.gradient,
             normal_bits: args.skin.normal_bits,
             visible_from: Vec::new(),
@@ -233,6 +235,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
+        mesh: args.mesh.options(&args.search.links),
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
@@ -290,6 +293,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         opening_bytes: Some(SCAN_OPENING_BYTES),
         follow_links: args.search.links.follow_links,
         all_volumes: args.search.all_volumes,
+        meshes: args.mesh.options(&args.search.links).is_some(),
         ..OpenOptions::default()
     };
     let report = jobs::scan::scan(&args.input, &how, &mut |listed| {

@@ -39,6 +39,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "facts",
             "geom",
             "mark",
+            "mesh",
             "progress",
             "scratch",
             "source",
@@ -52,7 +53,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
         &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "resident", "scratch", "volume"],
     ),
     ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "volume"]),
-    ("mesh", &["budget", "builder", "facts", "format", "geom", "scratch", "stamp"]),
+    ("mesh", &["budget", "builder", "facts", "format", "geom", "scratch", "source", "stamp"]),
     (
         "csg",
         &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "resident", "stamp", "volume"],

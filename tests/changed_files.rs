@@ -123,7 +123,12 @@ fn cells_and_meshes_notice_it_too() {
     };
     let facets: String = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]].map(facet).concat();
     fs::write(&mesh, format!("solid a\n{facets}endsolid a\n")).unwrap();
-    let options = MeshOptions { grid: GridChoice::Side { voxels: 16, margin: 1 }, unit_mm: 1.0, fill: None };
+    let options = MeshOptions {
+        grid: GridChoice::Side { voxels: 16, margin: 1 },
+        unit_mm: 1.0,
+        fill: None,
+        follow_links: false,
+    };
     let mesh_built = |progress: &dyn Progress| {
         build_mesh(std::slice::from_ref(&mesh), &options, &BuildOptions::default(), &output, progress)
     };

@@ -106,3 +106,52 @@ fn a_mesh_is_built_within_a_small_cap_of_the_whole_process() {
         assert!(peak <= limit, "{peak:?} of {limit:?}");
     }
 }
+
+#[test]
+fn scan_and_batch_take_meshes_where_a_grid_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::create_dir(at("in")).unwrap();
+    let put = |name: &str, bytes: &[u8]| std::fs::write(at(&format!("in/{name}")), bytes).unwrap();
+    put("ball.stl", &ball().stl());
+    put("again.stl", &ball().stl());
+    put("ball.obj", &ball().obj());
+    put("cut.stl", &ball().stl()[..700]);
+    put("notes.txt", b"nothing");
+    let (input, out) = (at("in"), at("out"));
+    // Without a grid they are left out, and it is said what takes them.
+    let scan = oct(&["scan", &input, "--json"]).json();
+    assert_eq!((&scan["items"], scan["left_out"][0]["count"].as_u64()), (&serde_json::json!([]), Some(4)));
+    assert!(scan["left_out"][0]["reason"].as_str().unwrap().contains("--grid N or --voxel MM"));
+    let scan = oct(&["scan", &input, "--grid", "40", "--json"]).json();
+    let said = |key: &str| scan[key].as_u64().unwrap();
+    assert_eq!((said("usable"), said("refused"), said("copies")), (2, 1, 1));
+    let names = |report: &serde_json::Value| {
+        let named = |item: &serde_json::Value| {
+            let input = std::path::Path::new(item["input"].as_str().unwrap());
+            (input.file_name().unwrap().to_str().unwrap().to_owned(), item["name"].to_string())
+        };
+        report["items"].as_array().unwrap().iter().map(named).collect::<Vec<_>>()
+    };
+    let batch = |grid: &str| {
+        let args = ["batch", &input, "--out", &out, "--grid", grid, "--memory", "24MiB", "--json"];
+        let run = oct(&args);
+        assert_eq!(run.code, 8, "{}", run.stderr);
+        serde_json::from_str::<serde_json::Value>(&run.stdout).unwrap()
+    };
+    let report = batch("40");
+    assert_eq!(names(&report), names(&scan));
+    let counts = |r: &serde_json::Value| ["converted", "skipped", "failed"].map(|k| r[k].as_u64().unwrap());
+    assert_eq!(counts(&report), [2, 1, 1]);
+    // The same bytes as one by one.
+    let model = at("one.oct");
+    for item in report["items"].as_array().unwrap().iter().filter(|i| i["status"] == "converted") {
+        assert!(item["name"].as_str().unwrap().len() == 16 && item["kind"] == "triangle mesh", "{item}");
+        oct(&["build", item["input"].as_str().unwrap(), "-o", &model, "--grid", "40", "--json"]).json();
+        let beside = |key: &str| at(&format!("out/{}", item["model"][key].as_str().unwrap()));
+        assert!(std::fs::read(beside("file")).unwrap() == std::fs::read(&model).unwrap(), "{item}");
+        assert!(std::path::Path::new(&beside("thumbnail")).is_file());
+    }
+    assert_eq!(counts(&batch("40")), [0, 3, 1]);
+    assert_eq!(counts(&batch("48")), [2, 1, 1]);
+}

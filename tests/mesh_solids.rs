@@ -23,6 +23,7 @@ fn exact(dims: [u32; 3]) -> MeshOptions {
         grid: GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims },
         unit_mm: 1.0,
         fill: None,
+        follow_links: false,
     }
 }
 
@@ -344,7 +345,12 @@ fn fault(refused: BuildError) -> MeshFault {
 #[test]
 fn huge_coordinates_and_offsets_are_fitted_or_refused() {
     let place = Place::new();
-    let side = MeshOptions { grid: GridChoice::Side { voxels: 64, margin: 1 }, unit_mm: 1.0, fill: None };
+    let side = MeshOptions {
+        grid: GridChoice::Side { voxels: 64, margin: 1 },
+        unit_mm: 1.0,
+        fill: None,
+        follow_links: false,
+    };
     let text = |low: f64, high: f64| {
         let corner = |i: usize, a: usize| if i >> a & 1 == 1 { high } else { low };
         let mut out = String::from("OFF 8 12 0\n");
@@ -466,7 +472,12 @@ fn normals_point_out_of_the_nearest_triangle() {
 fn the_grid_is_placed_in_millimetres() {
     let place = Place::new();
     let file = place.put("a.stl", &Body::cuboid([10.0, 20.0, 30.0], [20.0, 24.0, 31.0]).stl());
-    let mesh = MeshOptions { grid: GridChoice::Voxel { edge_mm: 0.5, margin: 2 }, unit_mm: 10.0, fill: None };
+    let mesh = MeshOptions {
+        grid: GridChoice::Voxel { edge_mm: 0.5, margin: 2 },
+        unit_mm: 10.0,
+        fill: None,
+        follow_links: false,
+    };
     let facts = place.build(&[file], &mesh, &options(16, 2)).unwrap().facts;
     assert_eq!((facts.voxel_mm, facts.origin_mm), (0.5, [99.0, 199.0, 299.0]));
     let model = place.model();

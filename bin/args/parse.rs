@@ -91,7 +91,12 @@ pub(super) fn surface(text: &str) -> Result<SurfaceKind, String> {
 }
 
 /// Channels that this version can build of a volume.
-const BUILT: Channels = Channels::NONE.with(Channel::Normal).with(Channel::Value).with(Channel::Offset);
+const BUILT: Channels = Channels::NONE
+    .with(Channel::Normal)
+    .with(Channel::Value)
+    .with(Channel::Offset)
+    .with(Channel::Color)
+    .with(Channel::Material);
 
 pub(super) fn channels(text: &str) -> Result<Channels, String> {
     if text == "none" {

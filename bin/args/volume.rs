@@ -132,6 +132,8 @@ pub(crate) struct BatchArgs {
     pub(crate) quiet: bool,
     #[command(flatten)]
     pub(crate) clean: CleanArgs,
+    #[command(flatten)]
+    pub(crate) mesh: GridArgs,
 }
 
 #[derive(Debug, Args)]
@@ -149,6 +151,8 @@ pub(crate) struct ScanArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) mesh: GridArgs,
 }
 
 #[derive(Debug, Args)]
@@ -216,9 +220,10 @@ pub(crate) struct SkinArgs {
     /// of a voxel
     #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
     pub(crate) surface: SurfaceKind,
-    /// Attributes per skin voxel: normal, value, or none; offset means --surface cells
-    #[arg(long, value_name = "LIST", default_value = "normal", value_parser = parse::channels)]
-    pub(crate) channels: Channels,
+    /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of meshes normal,
+    /// color (also kept by default where they have colours), and material, the number of the file
+    #[arg(long, value_name = "LIST", value_parser = parse::channels)]
+    pub(crate) channels: Option<Channels>,
     /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), label5 (for
     /// two values), or auto, which takes the best of them where it is, at three times the time of normals
     #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
@@ -363,7 +368,7 @@ impl BuildArgs {
             ("--orientation", raw.orientation.is_some()),
             ("--volume", which.volume.is_some()),
             // With both it is the size of the grid.
-            ("--dims", raw.dims.is_some() && (mesh.voxel.is_none() || mesh.origin.is_none())),
+            ("--dims", raw.dims.is_some() && (mesh.grid.voxel.is_none() || mesh.origin.is_none())),
         ];
         given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }
@@ -371,21 +376,31 @@ impl BuildArgs {
 
 /// How a mesh becomes a solid.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Meshes (STL, PLY, OBJ, OFF) and trees of solids (.csg) only")]
 pub(crate) struct MeshArgs {
-    /// Voxels along the longest side of the mesh, margins included
+    #[command(flatten)]
+    pub(crate) grid: GridArgs,
+    /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims", help_heading = MESHES)]
+    pub(crate) origin: Option<[f64; 3]>,
+}
+
+/// Heading of the options of meshes.
+const MESHES: &str = "Meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees of solids (.csg) only";
+
+/// The grid of a mesh, and what is inside of it.
+#[derive(Debug, Args)]
+#[command(next_help_heading = MESHES)]
+pub(crate) struct GridArgs {
+    /// Voxels along the longest side of a mesh, margins included
     #[arg(long, value_name = "N", value_parser = parse::grid_side, conflicts_with = "voxel")]
     pub(crate) grid: Option<u32>,
     /// Edge of a voxel in mm
     #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = parse::positive)]
     pub(crate) voxel: Option<f64>,
-    /// Low corner of the grid in mm; with --voxel and --dims nothing is moved or scaled
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, requires = "voxel", requires = "dims")]
-    pub(crate) origin: Option<[f64; 3]>,
     /// Voxels left free at every side of the mesh; 1 by default
     #[arg(long, value_name = "N")]
     pub(crate) margin: Option<u16>,
-    /// Unit of the file's coordinates: um, mm (the default), cm, m or in
+    /// Unit of the file's coordinates: um, mm (the default), cm, m or in; glTF and 3MF state theirs
     #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
     pub(crate) unit: Option<f64>,
     /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what fits
@@ -401,7 +416,7 @@ pub(crate) enum FillRule {
     Parity,
 }
 
-impl MeshArgs {
+impl GridArgs {
     /// A flag that was given.
     pub(crate) fn flag(&self) -> Option<&'static str> {
         let given = [
@@ -415,31 +430,42 @@ impl MeshArgs {
     }
 
     /// How fine the grid is, if anything says it.
-    fn choice(&self, dims: Option<Dims>) -> Option<GridChoice> {
+    fn choice(&self, whole: Option<([f64; 3], Dims)>) -> Option<GridChoice> {
         let margin = self.margin.unwrap_or(1).into();
-        match (self.grid, self.voxel, self.origin, dims) {
-            (_, Some(edge_mm), Some(origin_mm), Some(dims)) => {
+        match (self.grid, self.voxel, whole) {
+            (_, Some(edge_mm), Some((origin_mm, dims))) => {
                 Some(GridChoice::Exact { edge_mm, origin_mm, dims })
             }
-            (_, Some(edge_mm), ..) => Some(GridChoice::Voxel { edge_mm, margin }),
+            (_, Some(edge_mm), None) => Some(GridChoice::Voxel { edge_mm, margin }),
             (Some(voxels), ..) => Some(GridChoice::Side { voxels, margin }),
             _ => None,
         }
     }
 
-    /// The options of a tree of solids.
-    pub(crate) fn tree_options(&self, dims: Option<Dims>) -> CsgOptions {
-        CsgOptions { grid: self.choice(dims), unit_mm: self.unit.unwrap_or(1.0) }
-    }
-
-    /// The options of the library, if anything says how fine the grid is.
-    pub(crate) fn options(&self, dims: Option<Dims>) -> Option<MeshOptions> {
-        let grid = self.choice(dims)?;
+    fn within(&self, whole: Option<([f64; 3], Dims)>, follow_links: bool) -> Option<MeshOptions> {
+        let grid = self.choice(whole)?;
         let fill = self.fill.map(|rule| match rule {
             FillRule::Winding => Fill::Winding,
             FillRule::Parity => Fill::Parity,
         });
-        Some(MeshOptions { grid, unit_mm: self.unit.unwrap_or(1.0), fill })
+        Some(MeshOptions { grid, unit_mm: self.unit.unwrap_or(1.0), fill, follow_links })
+    }
+
+    /// The options of the library, each mesh on a grid of its own, if anything says how fine that is.
+    pub(crate) fn options(&self, links: &LinkArgs) -> Option<MeshOptions> {
+        self.within(None, links.follow_links)
+    }
+}
+
+impl MeshArgs {
+    /// The options of a tree of solids.
+    pub(crate) fn tree_options(&self, dims: Option<Dims>) -> CsgOptions {
+        CsgOptions { grid: self.grid.choice(self.origin.zip(dims)), unit_mm: self.grid.unit.unwrap_or(1.0) }
+    }
+
+    /// The options of the library, if anything says how fine the grid is.
+    pub(crate) fn options(&self, dims: Option<Dims>, links: &LinkArgs) -> Option<MeshOptions> {
+        self.grid.within(self.origin.zip(dims), links.follow_links)
     }
 }
 

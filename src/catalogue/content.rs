@@ -78,6 +78,9 @@ fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHas
 /// # Errors
 /// A file cannot be read.
 pub(super) fn is_copy(a: &Finding, b: &Finding) -> io::Result<bool> {
+    if a.mesh && b.mesh {
+        return Ok(a.format == b.format && same_bytes(&a.path, &b.path)?);
+    }
     let (Ok(one), Ok(other)) = (&a.volume, &b.volume) else { return Ok(false) };
     if !alike(one.info(), other.info()) {
         return Ok(false);

@@ -16,15 +16,18 @@ mod walk;
 pub use open::{open, open_unprepared, open_unprepared_in};
 
 use std::fs::File;
+use std::io::Read;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use crate::budget::costs;
 use crate::facts::dicom::DicomFault;
-use crate::facts::{Fault, NotVolume, Note, StatedBy};
+use crate::facts::{Fault, Misuse, NotVolume, Note, StatedBy};
+use crate::mesh;
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
-    FORMATS, FileList, Finding, InputFiles, OpenOptions, RawVolume, STACKS, Slices, StableHash, natural_cmp,
+    FORMATS, FileList, Finding, HEAD_BYTES, InputFiles, OpenOptions, RawVolume, STACKS, Slices, StableHash,
+    natural_cmp,
 };
 use crate::stamp::stamp;
 use crate::synthetic;
@@ -101,6 +104,8 @@ enum What {
     Stack(u8),
     Sidecar,
     Raw,
+    /// A triangle mesh.
+    Mesh,
     /// Not a file: the description of a volume that is computed.
     Synthetic,
 }
@@ -234,6 +239,7 @@ impl Catalogue {
                 burned_in: None,
                 at: 0,
                 more: 0,
+                mesh: false,
                 volume: Err(error),
                 path: path.clone(),
             }]
@@ -246,7 +252,8 @@ impl Catalogue {
         }
         // From here on the volumes watch their files themselves.
         if self.stamp(item) != before {
-            for finding in findings.iter_mut().filter(|finding| finding.volume.is_ok()) {
+            for finding in findings.iter_mut().filter(|finding| finding.volume.is_ok() || finding.mesh) {
+                finding.mesh = false;
                 finding.volume = Err(changed_meanwhile(&finding.path));
             }
         }
@@ -434,6 +441,20 @@ impl Catalogue {
                 }
                 None => Vec::new(),
             },
+            What::Mesh => {
+                let format = mesh_format(&path, first.size).map_err(failed)?;
+                let id = name(format, only);
+                // Whoever takes meshes knows by the field that it is one.
+                let no_grid = || SourceError::Usage { path: path.clone(), misuse: Misuse::NoGrid };
+                let checked = mesh::check(&path, self.options.follow_links);
+                let usable = checked.is_ok();
+                let mut found = findings(&path, format, id, one(), checked.and_then(|()| Err(no_grid())));
+                for finding in &mut found {
+                    finding.kind = "triangle mesh".into();
+                    finding.mesh = usable;
+                }
+                found
+            }
             What::Synthetic => Vec::new(),
         })
     }
@@ -576,6 +597,14 @@ fn precedes(inputs: &[PathBuf], a: &Record, b: &Record) -> std::cmp::Ordering {
     natural_cmp(bytes(a).as_bytes(), bytes(b).as_bytes())
 }
 
+/// The format of a mesh, which was one when its folder was searched.
+fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str, SourceError> {
+    let mut head = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
+    read.map_err(|cause| SourceError::Unreadable { path: path.to_path_buf(), cause })?;
+    mesh::format_of(&head, bytes, path).ok_or_else(|| changed_meanwhile(path))
+}
+
 fn changed_meanwhile(path: &Path) -> SourceError {
     SourceError::Unusable { path: path.to_path_buf(), fault: Fault::Changed }
 }
@@ -600,6 +629,7 @@ fn findings(
             burned_in: None,
             at: 0,
             more: 0,
+            mesh: false,
             volume,
         };
     match opened {

@@ -312,7 +312,7 @@ fn refuse_file(path: &Path) -> SourceError {
     if ["dcm", "dicom", "ima"].iter().any(|e| promises(e)) {
         return unusable(Fault::NotDicom);
     }
-    if ["stl", "obj", "off", "ply", "gltf", "glb"].iter().any(|e| promises(e)) {
+    if ["stl", "obj", "off", "ply", "gltf", "glb", "3mf"].iter().any(|e| promises(e)) {
         return unusable(Fault::Mesh);
     }
     SourceError::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed }

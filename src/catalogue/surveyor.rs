@@ -14,6 +14,7 @@ use super::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
 use super::{placing, sidecar};
 use crate::facts::{NotVolume, SyntheticFault};
 use crate::mark::is_own_picture;
+use crate::mesh;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::natural_cmp;
@@ -184,6 +185,13 @@ impl<'a> Surveyor<'a> {
             let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
             let key = StableHash::new().part(folder).finish();
             return Ok(Class::Item(What::Stack(index(at)), Some(key), Weight::FILE));
+        }
+        if mesh::format_of(&head, meta.len(), path).is_some() {
+            return if self.options.meshes {
+                Ok(Class::Item(What::Mesh, None, Weight::FILE))
+            } else {
+                left_out(NotVolume::Mesh)
+            };
         }
         if let Some(what) = known(&head) {
             return left_out(NotVolume::Known(what));

@@ -19,6 +19,8 @@ pub enum NotVolume {
     ModelPicture,
     /// One picture alone.
     SinglePicture,
+    /// A triangle mesh, where only volumes are taken.
+    Mesh,
     /// Of a kind that is known, but not read.
     Known(Known),
     /// A side-car of data that another one describes.

@@ -55,11 +55,159 @@ pub enum MeshFault {
         /// The most that can be.
         most_edges: u64,
     },
+    /// It states more bytes of data than there are.
+    BufferLies {
+        /// Bytes that it states.
+        stated: u64,
+        /// Bytes that there are.
+        held: u64,
+    },
+    /// It is of another version of glTF than 2.
+    GltfVersion {
+        /// What it states.
+        version: String,
+    },
+    /// It names something by a number or a name that does not exist.
+    BadReference {
+        /// What it names.
+        part: Part,
+    },
+    /// It cannot be read without something that is not supported.
+    Unsupported(Feature),
+    /// Its parts contain themselves, or nest too deep.
+    Recursion,
+    /// A part is placed by numbers that are infinite.
+    Transform,
+    /// It has more triangles than its size justifies, as it repeats its parts.
+    TooManyTriangles {
+        /// The most.
+        most: u64,
+    },
+    /// What it says of its parts takes more memory than there is.
+    Description {
+        /// Bytes that it takes.
+        needed_bytes: u64,
+        /// Bytes that there are.
+        allowed_bytes: u64,
+    },
+    /// The archive cannot be read.
+    BadArchive,
+    /// A part of the archive would grow to far more than its bytes.
+    Bomb {
+        /// Bytes that it states.
+        stated: u64,
+        /// Bytes that it takes in the archive.
+        stored: u64,
+    },
+    /// It names a file outside its folder.
+    Outside {
+        /// The name.
+        name: String,
+    },
+    /// A link leads from a file that it names out of its folder.
+    Linked {
+        /// The name.
+        name: String,
+    },
+    /// A file that it names cannot be read.
+    Missing {
+        /// The name.
+        name: String,
+        /// What the system said.
+        why: std::io::ErrorKind,
+    },
+    /// An image that it names, or holds, cannot be read.
+    Image {
+        /// What it is called.
+        name: String,
+        /// What is wrong with it.
+        fault: ImageFault,
+    },
     /// The grid would have this many voxels along a side.
     GridSize {
         /// Along the longest side.
         side: f64,
     },
+}
+
+/// What is wrong with the image of a texture.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageFault {
+    /// It is neither PNG nor JPEG, or of a kind of these that is not read.
+    Unknown,
+    /// It is damaged or cut short.
+    Damaged,
+    /// It has more texels than its size justifies, or than are read.
+    TooLarge {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+}
+
+/// What a mesh names.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// A chunk of a binary file.
+    Chunk,
+    /// A buffer.
+    Buffer,
+    /// A view of a buffer.
+    View,
+    /// An accessor.
+    Accessor,
+    /// A mesh.
+    Mesh,
+    /// A node.
+    Node,
+    /// A scene.
+    Scene,
+    /// A material, or a value of one.
+    Material,
+    /// A texture.
+    Texture,
+    /// An image.
+    Image,
+    /// An object.
+    Object,
+    /// A text of the archive.
+    Text,
+}
+
+/// What is not supported.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Feature {
+    /// Draco compression.
+    Draco,
+    /// Meshopt compression.
+    Meshopt,
+    /// KTX2 textures with Basis Universal.
+    Basis,
+    /// Accessors of which some items stand elsewhere.
+    SparseAccessor,
+    /// Accessors without bytes.
+    EmptyAccessor,
+    /// Data in a text in another way than base64.
+    DataUri,
+    /// Another extension that the file requires.
+    Extension(String),
+    /// Beams in place of triangles.
+    BeamLattice,
+    /// Archives of more than 4 GiB or 65,534 members.
+    Zip64,
+    /// Encrypted archives.
+    Encrypted,
+    /// Archives packed otherwise than by deflate.
+    Packing {
+        /// The method's number.
+        method: u16,
+    },
+    /// Texts in 16 bits a character.
+    Utf16,
 }
 
 /// How a mesh bounds its solid.

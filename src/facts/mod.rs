@@ -46,7 +46,7 @@ pub use dicom::DicomNote;
 pub use error::{Fault, Instead, Misuse, OtherVolume, SourceError};
 pub use found::{Candidate, Choice, Refusal};
 pub use left_out::{Known, NotVolume};
-pub use mesh::{Boundary, Fill, MeshFacts, MeshFault};
+pub use mesh::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, Part};
 pub use note::Note;
 pub use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
 pub use synthetic::{SyntheticFault, SyntheticValue};

@@ -9,11 +9,12 @@ use super::wording::foreign::data;
 use crate::builder::{BuildOptions, Progress};
 use crate::error::Error;
 use crate::facts::{Misuse, SourceError};
+use crate::format::{Channel, Channels};
 use crate::mesh::{MeshOptions, build_mesh};
 use crate::resident::give_back;
 
 /// Suffixes of the formats that are read.
-const SUFFIXES: [&str; 4] = ["stl", "ply", "obj", "off"];
+const SUFFIXES: [&str; 7] = ["stl", "ply", "obj", "off", "gltf", "glb", "3mf"];
 
 /// Are these meshes, by their names? Several are parts of one model.
 pub fn are_meshes(inputs: &[PathBuf]) -> bool {
@@ -22,6 +23,11 @@ pub fn are_meshes(inputs: &[PathBuf]) -> bool {
         path.extension().is_some_and(named) && !path.is_dir()
     };
     !inputs.is_empty() && inputs.iter().all(is_mesh)
+}
+
+/// What is stored of a mesh where nothing else is asked for: normals, and colours if it has them.
+pub fn usual_channels() -> Channels {
+    Channels::default().with(Channel::Color)
 }
 
 /// Builds the model of a mesh.

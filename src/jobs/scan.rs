@@ -35,10 +35,12 @@ pub struct Listed {
     pub copy_of: Option<String>,
     /// Facts, or why it is refused.
     pub facts: Result<ListedFacts, String>,
+    /// Is it a mesh, whose size follows from the grid that is asked for?
+    pub mesh: bool,
 }
 
-/// Facts of a usable volume.
-#[derive(Clone, Debug)]
+/// Facts of a usable volume; those of a mesh follow from its grid.
+#[derive(Clone, Debug, Default)]
 pub struct ListedFacts {
     /// Size in voxels.
     pub dims: [u32; 3],
@@ -118,7 +120,9 @@ fn list(number: usize, finding: &Finding) -> Listed {
         burned_in: finding.burned_in,
         copy_of: None,
         files: (finding.files.count, finding.files.bytes),
+        mesh: finding.mesh,
         facts: match &finding.volume {
+            _ if finding.mesh => Ok(ListedFacts::default()),
             Err(e) => Err(e.to_string()),
             Ok(source) => {
                 let info = source.info();
@@ -185,6 +189,7 @@ impl Listed {
             "files": self.files.0, "input_bytes": self.files.1,
         });
         let more = match &self.facts {
+            Ok(f) if self.mesh => json!({ "usable": true, "warnings": f.warnings }),
             Ok(f) => json!({
                 "usable": true, "dims": f.dims, "spacing_mm": f.spacing_mm, "dtype": f.dtype,
                 "scratch_bytes": f.scratch_bytes, "warnings": f.warnings,
@@ -206,10 +211,12 @@ impl Listed {
             Ok(f) => {
                 let [x, y, z] = f.dims;
                 let [a, b, c] = f.spacing_mm;
-                let mut text = format!(
-                    "{head}\n  {x}x{y}x{z} {}, {a:.4} x {b:.4} x {c:.4} mm -> {}\n",
-                    f.dtype, self.name
-                );
+                let mut text = if self.mesh {
+                    format!("{head}\n  a mesh, on the grid that is asked for -> {}\n", self.name)
+                } else {
+                    let size = format!("{x}x{y}x{z} {}, {a:.4} x {b:.4} x {c:.4} mm", f.dtype);
+                    format!("{head}\n  {size} -> {}\n", self.name)
+                };
                 for warning in &f.warnings {
                     text += &format!("  note: {warning}\n");
                 }

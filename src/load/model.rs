@@ -217,6 +217,7 @@ impl<D: AsRef<[u8]>> Model<D> {
             }),
             node_normals: codes(&self.node_normals),
             fine: self.section_bytes(SectionKind::Voxels(Channel::Fine)),
+            colors: self.section_bytes(SectionKind::Voxels(Channel::Color)).map(|b| b.as_chunks::<3>().0),
         }
     }
 }
@@ -258,6 +259,7 @@ pub struct ModelView<'a> {
     node_normals: Option<&'a [[u8; 2]]>,
     cells: Option<CellItems<'a>>,
     fine: Option<&'a [u8]>,
+    colors: Option<&'a [[u8; 3]]>,
 }
 
 #[inline]
@@ -315,6 +317,11 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline]
+    fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
+        self.colors?.get(voxel.index()?).copied()
+    }
+
+    #[inline]
     fn cells(&self) -> Option<CellItems<'_>> {
         self.cells
     }
@@ -361,6 +368,11 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     #[inline]
     fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8> {
         self.view().voxel_fine(voxel)
+    }
+
+    #[inline]
+    fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
+        self.view().voxel_color(voxel)
     }
 
     #[inline]

@@ -60,6 +60,13 @@ pub trait NodeView: Sync {
     /// Mean normal code of a node with an edge of 4 cells or more, if the model has them.
     fn node_normal(&self, node: NodeIndex) -> Option<u16>;
 
+    /// Colour of a voxel (sRGB), if the model has colours.
+    #[inline]
+    fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
+        let _ = voxel;
+        None
+    }
+
     /// The surface within the boxes of the finest level, if those are cells; then normals are of index space.
     #[inline]
     fn cells(&self) -> Option<CellItems<'_>> {

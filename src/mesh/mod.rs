@@ -23,6 +23,7 @@
 //! | `bins` | triangles sorted by place, in a nameless file |
 //! | `raster` | rows that cross triangles, bits from crossings |
 //! | `resident`, `nearest` | triangles at hand; the nearest of a voxel |
+//! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `solid` | all of it as a solid of the builder |
 //!
 //! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one
@@ -35,6 +36,7 @@ mod boundary;
 mod census;
 mod lattice;
 mod nearest;
+mod paint;
 mod raster;
 mod read;
 mod resident;
@@ -53,11 +55,14 @@ use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Tile, build_solid};
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
+use crate::format::{Channel, Channels};
 use crate::geom::{Affine, Dims};
 use crate::stamp::stamp;
 use bins::{BINNING_BYTES, Binner, Bins};
 use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
-use read::{MeshFile, READER_BYTES};
+use paint::{COLLECTING_BYTES, Collector, Painter, Wanted};
+use read::{Limits, Look, MeshFile, READER_BYTES};
+pub(crate) use read::{check, format_of};
 use resident::Resident;
 pub(crate) use solid::MeshSolid;
 use solid::fixed_bytes;
@@ -71,6 +76,8 @@ pub struct MeshOptions {
     pub unit_mm: f64,
     /// What is inside; what fits the mesh, if not given.
     pub fill: Option<Fill>,
+    /// May links lead from files that a mesh names out of its folder?
+    pub follow_links: bool,
 }
 
 /// What was built, and what was found about the mesh.
@@ -89,6 +96,9 @@ const COLUMN_BYTES: u64 = 768 << 10;
 
 /// Builds the skin octree of a mesh, which several files may hold together, into `output`.
 ///
+/// Channels: normals, smooth where files have normals of vertices; colours, left out where files have none; and as
+/// material the number of the file, from 0, those beyond 255 as 255.
+///
 /// # Errors
 /// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
 pub fn build_mesh(
@@ -106,11 +116,15 @@ pub fn build_mesh(
     // In a share nobody else counts what the solid holds.
     let memory = match options.memory {
         MemoryCap::Share(bytes) => {
-            MemoryCap::Share(bytes.saturating_sub(Bins::memory_bytes(solid.grid.dims)))
+            let painted = solid.paint.as_ref().map_or(0, paint::Paint::bytes);
+            MemoryCap::Share(bytes.saturating_sub(Bins::memory_bytes(solid.grid.dims) + painted))
         }
         whole => whole,
     };
-    let options = BuildOptions { memory, ..options.clone() };
+    // A mesh without colours has none to store.
+    let colored = solid.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
+    let stored = options.channels.iter().filter(|channel| *channel != Channel::Color || colored);
+    let options = BuildOptions { memory, channels: stored.collect(), ..options.clone() };
     let mut build = build_solid(&solid, &options, output, progress)?;
     build.scratch_bytes += solid.bins.bytes();
     build.seconds.scan += reading_s;
@@ -132,7 +146,7 @@ pub(crate) fn mesh_part(
     progress: &dyn Progress,
 ) -> Result<(MeshSolid, MeshFacts), BuildError> {
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false };
     let inputs = [path.to_path_buf()];
     let scratch = scratch.to_path_buf();
     let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed: Some(placed) };
@@ -141,13 +155,29 @@ pub(crate) fn mesh_part(
     Ok((solid, facts))
 }
 
+/// Least memory of a share in which a mesh of nearly any kind is built.
+pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
+    let side = match mesh.grid {
+        GridChoice::Side { voxels, .. } => voxels,
+        GridChoice::Voxel { .. } => 1024,
+        GridChoice::Exact { dims, .. } => dims.to_array().into_iter().max().unwrap_or(1),
+    };
+    let bins = Dims::new(side.max(1), side.max(1), side.max(1)).map_or(0, Bins::memory_bytes);
+    let tile = Tile { columns: side.min(1024), channels: options.channels };
+    let painted = options.channels.contains(Channel::Color) || options.channels.contains(Channel::Material);
+    let (collecting, painter) = if painted { (COLLECTING_BYTES, Painter::BYTES) } else { (0, 0) };
+    let column = COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32) + painter;
+    bins + (READER_BYTES + collecting + BINNING_BYTES.max(BOUNDARY_BYTES))
+        .max(column.max(LEAST_WORKER) + WORKER_OVERHEAD)
+}
+
 /// The bounds of a mesh at another place.
 ///
 /// # Errors
 /// It cannot be read.
 pub(crate) fn mesh_bounds(path: &Path, placed: &Affine, scratch: &Path) -> Result<Bounds, SourceError> {
     let mut bounds = Bounds::EMPTY;
-    MeshFile::open(path, scratch)?.for_each(scratch, &mut |t| {
+    MeshFile::open(path, &Limits::plain(scratch))?.for_each(scratch, &mut |t| {
         t.iter().for_each(|p| bounds.add(placed.apply(*p)));
         Ok(())
     })?;
@@ -184,15 +214,36 @@ impl Front<'_> {
     }
 
     fn solid(&self) -> Result<(MeshSolid, MeshFacts), BuildError> {
-        let inputs = self.inputs.iter().map(|path| (path.clone(), stamp(path))).collect();
         let budget = Budget::of_job(self.options.memory);
         let reading = self.reserve(&budget, READER_BYTES)?;
-        let files = self.open()?;
+        let files = self.open(budget.left_bytes() / 2)?;
+        let described = self.reserve(&budget, files.iter().map(MeshFile::held_bytes).sum())?;
+        let beside = files.iter().flat_map(|file| file.beside().iter().cloned());
+        let inputs: Vec<_> =
+            self.inputs.iter().cloned().chain(beside).map(|p| (p.clone(), stamp(&p))).collect();
         let grid = self.grid(&files)?;
         let held = self.reserve(&budget, Bins::memory_bytes(grid.dims))?;
         let binning = self.reserve(&budget, BINNING_BYTES)?;
         let mut binner = Binner::new(grid.dims, &self.scratch)?;
-        let counted = self.count(&files, &grid, &mut |t| binner.add(t))?;
+        let wanted = self.wanted(&files);
+        let collecting = self.reserve(&budget, if wanted.anything() { COLLECTING_BYTES } else { 0 })?;
+        let mut collector =
+            if wanted.anything() { Some(Collector::new(wanted, grid.dims, &self.scratch)?) } else { None };
+        let mut known = 0;
+        let counted = self.count(&files, &grid, &mut |t, look, file| {
+            if let Some(collector) = &mut collector {
+                if known == file {
+                    known += 1;
+                    collector
+                        .file(file, files[file].materials())
+                        .map_err(|fault| self.of_paint(fault, file))?;
+                }
+                collector.add(t, look)?;
+            }
+            binner.add(t)
+        })?;
+        let paint = collector.map(Collector::finish).transpose()?;
+        drop(collecting);
         if counted.triangles == 0 {
             return Err(self.unusable(MeshFault::NoTriangles).into());
         }
@@ -232,7 +283,8 @@ impl Front<'_> {
             }
         };
         let bins = binner.finish()?;
-        drop((reading, held));
+        drop(files);
+        drop((reading, held, described));
         let fill = |rule| if rule == Rule::NonZero { Fill::Winding } else { Fill::Parity };
         let (rule, asked_for) = match self.mesh.fill {
             Some(Fill::Winding) => {
@@ -253,8 +305,11 @@ impl Front<'_> {
             voxel_mm: grid.voxel_mm,
             origin_mm: grid.origin_mm,
         };
-        let resident = self.resident(&bins, &grid);
-        Ok((MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident, inputs }, facts))
+        let resident = self.resident(&bins, &grid, paint.as_ref());
+        Ok((
+            MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident, inputs, paint },
+            facts,
+        ))
     }
 
     /// Takes memory for a part of the work.
@@ -272,8 +327,39 @@ impl Front<'_> {
         budget.reserve(bytes).map_err(refused)
     }
 
-    fn open(&self) -> Result<Vec<MeshFile>, SourceError> {
-        self.inputs.iter().map(|path| MeshFile::open(path, &self.scratch)).collect()
+    fn open(&self, most_bytes: u64) -> Result<Vec<MeshFile>, SourceError> {
+        let MeshOptions { unit_mm, follow_links, .. } = *self.mesh;
+        let [colors, looks] =
+            [Channel::Color, Channel::Normal].map(|channel| self.channels().contains(channel));
+        let scratch = &self.scratch;
+        let limits = Limits { scratch, most_bytes, follow_links, looks: looks || colors, colors, unit_mm };
+        self.inputs.iter().map(|path| MeshFile::open(path, &limits)).collect()
+    }
+
+    /// Channels that are asked for; parts of something else have only normals of their own triangles.
+    fn channels(&self) -> Channels {
+        if self.placed.is_some() { Channels::NONE } else { self.options.channels }
+    }
+
+    /// What is asked for and there.
+    fn wanted(&self, files: &[MeshFile]) -> Wanted {
+        let has = |k: usize| files.iter().any(|file| file.has_looks()[k]);
+        let channels = self.channels();
+        Wanted {
+            colors: channels.contains(Channel::Color) && has(0),
+            parts: channels.contains(Channel::Material),
+            normals: channels.contains(Channel::Normal) && has(1),
+        }
+    }
+
+    fn of_paint(&self, fault: paint::Fault, file: usize) -> SourceError {
+        match fault {
+            paint::Fault::Mesh(fault) => SourceError::Unusable {
+                path: self.inputs.get(file).cloned().unwrap_or_default(),
+                fault: Fault::MeshFile(fault),
+            },
+            paint::Fault::Source(error) => error,
+        }
     }
 
     /// The grid of the choice; the bounds are those of triangles, not of vertices that no face names.
@@ -302,21 +388,28 @@ impl Front<'_> {
         &self,
         files: &[MeshFile],
         grid: &Grid,
-        each: &mut dyn FnMut(&Triangle) -> Result<(), SourceError>,
+        each: &mut dyn FnMut(&Triangle, &Look, usize) -> Result<(), SourceError>,
     ) -> Result<Counted, SourceError> {
         self.progress.stage("triangles", files.len() as u64);
         let mut counted = Counted::default();
         let mut stopped = None;
-        for file in files {
-            let read = file.for_each(&self.scratch, &mut |t| {
+        for (number, file) in files.iter().enumerate() {
+            let read = file.for_each_look(&self.scratch, &mut |t, look| {
+                let corners = t;
                 let t = match &self.placed {
                     Some(placed) => grid.triangle(&t.map(|p| placed.apply(p)))?,
                     None => grid.triangle(t)?,
                 };
+                let mut look = *look;
+                if look != Look::NONE {
+                    // What corners carry turns with them.
+                    let begins = |p: &[f64; 3]| grid.point(*p).is_ok_and(|corner| t.starts_with(&corner));
+                    look = look.turned(corners.iter().position(begins).unwrap_or(0));
+                }
                 counted.triangles += 1;
                 counted.flat += u64::from(t[0..3] == t[3..6] || t[3..6] == t[6..9] || t[0..3] == t[6..9]);
                 counted.census.add(&t);
-                each(&t).map_err(|failed| {
+                each(&t, &look, number).map_err(|failed| {
                     stopped = Some(failed);
                     MeshFault::CutShort
                 })
@@ -339,7 +432,7 @@ impl Front<'_> {
     ) -> Result<Option<(Vec<OpenEdge>, Sums)>, SourceError> {
         let find = |sums| {
             let mut table = Table::new(sums);
-            self.count(files, grid, &mut |t| {
+            self.count(files, grid, &mut |t, _, _| {
                 table.add(t);
                 Ok(())
             })?;
@@ -357,9 +450,10 @@ impl Front<'_> {
     }
 
     /// How many triangles a worker may have at hand: those of the fullest bin, if the budget has room.
-    fn resident(&self, bins: &Bins, grid: &Grid) -> usize {
+    fn resident(&self, bins: &Bins, grid: &Grid, paint: Option<&paint::Paint>) -> usize {
         let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels };
         let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(LEAST_WORKER) + WORKER_OVERHEAD;
+        let own = own + paint.map_or(0, |_| Painter::BYTES);
         let left = Budget::of_job(self.options.memory).left_bytes();
         let each = (left / self.options.threads.max(1) as u64).saturating_sub(own);
         let bytes = Resident::bytes(1 << 10, 0) >> 10;

@@ -18,6 +18,7 @@ use std::path::PathBuf;
 use super::bins::{BEYOND, Bins, BlockBuffers, held};
 use super::lattice::{Grid, HALF, STEPS, Triangle, centres, first_centre, last_centre, span};
 use super::nearest::{Facet, Nearest};
+use super::paint::{Paint, Painter};
 use super::raster::{Crossings, Rule, cross_slice};
 use super::resident::Resident;
 use crate::builder::{
@@ -52,6 +53,8 @@ pub(crate) struct MeshSolid {
     pub(super) resident: usize,
     /// The files, and what they were before they were read.
     pub(super) inputs: Vec<(PathBuf, u64)>,
+    /// Colours, parts and smooth normals, if there are any.
+    pub(super) paint: Option<Paint>,
 }
 
 /// Words of a row of a tile, with one on either side.
@@ -103,11 +106,19 @@ impl Solid for MeshSolid {
     }
 
     fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
-        (channel == Channel::Normal).then_some(ItemForm::AsIs { bytes: 2 })
+        let wanted = self.paint.as_ref().map(|paint| paint.wanted);
+        let bytes = match channel {
+            Channel::Normal => Some(2),
+            Channel::Color => wanted.filter(|wanted| wanted.colors).map(|_| 3),
+            Channel::Material => wanted.filter(|wanted| wanted.parts).map(|_| 1),
+            _ => None,
+        };
+        bytes.map(|bytes| ItemForm::AsIs { bytes })
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        fixed_bytes(tile) + Resident::bytes(self.resident, tile.columns.div_ceil(32) as usize)
+        let paint = if self.paint.is_some() { Painter::BYTES } else { 0 };
+        paint + fixed_bytes(tile) + Resident::bytes(self.resident, tile.columns.div_ceil(32) as usize)
     }
 
     fn worker(&self, tile: &Tile) -> MeshWorker<'_> {
@@ -124,6 +135,7 @@ impl Solid for MeshSolid {
             gathered: None,
             nearest: vec![Nearest::within(0.0); SkinSlice::MOST],
             codes: Vec::with_capacity(2 * SkinSlice::MOST),
+            painter: self.paint.as_ref().map(Painter::new),
         }
     }
 }
@@ -144,6 +156,7 @@ pub(crate) struct MeshWorker<'a> {
     gathered: Option<u32>,
     nearest: Vec<Nearest>,
     codes: Vec<u8>,
+    painter: Option<Painter<'a>>,
 }
 
 impl MeshWorker<'_> {
@@ -354,11 +367,18 @@ impl SolidWorker for MeshWorker<'_> {
                 self.codes.extend(last.1);
             });
         }
-        Ok(())
+        match &mut self.painter {
+            Some(painter) => painter.describe(skin, &mut self.codes),
+            None => Ok(()),
+        }
     }
 
-    fn items(&self, _: Channel) -> &[u8] {
-        &self.codes
+    fn items(&self, channel: Channel) -> &[u8] {
+        match (channel, &self.painter) {
+            (Channel::Color, Some(painter)) => painter.colors(),
+            (Channel::Material, Some(painter)) => painter.parts(),
+            _ => &self.codes,
+        }
     }
 }
 

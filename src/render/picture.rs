@@ -12,6 +12,7 @@ use crate::load::NodeView;
 use super::around::Surroundings;
 use super::cells::Cells;
 use super::coherence::{Band, Look, Sample, Tolerance};
+use super::colors::color_of;
 use super::discrete::DiscreteRays;
 use super::form::Form;
 use super::image::Image;
@@ -323,10 +324,13 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         (image, Counts { ambient, ..counts })
     }
 
-    /// Linear RGB of a pixel whose surface has this normal.
+    /// Linear RGB of a pixel that saw a surface with this normal.
     #[inline]
-    fn light(&self, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
-        let light = self.shader.light(normal, line.1);
+    fn light(&self, seen: Seen, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
+        let light = match color_of(self.view, &self.shader, seen) {
+            Some(color) => Shader::lit(color, normal, line.1),
+            None => self.shader.light(normal, line.1),
+        };
         match self.open.get(y * self.canvas.width as usize + x) {
             Some(open) => light.map(|c| c * (f64::from(*open) / 255.0)),
             None => light,
@@ -439,8 +443,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     fn shade_band(&self, seen: &[Seen], image: &mut Image, top: usize, rows: usize) -> Duration {
         let start = Instant::now();
         let width = self.canvas.width as usize;
-        self.fill(seen, &mut image.rgba, top, rows, |normal, line, at| {
-            let [r, g, b] = self.light(normal, line, at).map(|c| self.shader.encode(c));
+        self.fill(seen, &mut image.rgba, top, rows, |pixel, normal, line, at| {
+            let [r, g, b] = self.light(pixel, normal, line, at).map(|c| self.shader.encode(c));
             [r, g, b, 255]
         });
         if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
@@ -458,19 +462,19 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             });
         }
         if let Some(normals) = &mut image.normals {
-            self.fill(seen, normals, top, rows, |normal, _, _| normal.map(normal_code));
+            self.fill(seen, normals, top, rows, |_, normal, _, _| normal.map(normal_code));
         }
         start.elapsed()
     }
 
-    /// Gives each pixel of a traced band that hit something its bytes, from its normal, line of sight and place.
+    /// Gives each pixel of a traced band that hit something its bytes, from what it saw, its normal, line of sight and place.
     fn fill<const N: usize>(
         &self,
         seen: &[Seen],
         out: &mut [u8],
         top: usize,
         rows: usize,
-        bytes: impl Fn([f64; 3], Line, [usize; 2]) -> [u8; N] + Sync,
+        bytes: impl Fn(Seen, [f64; 3], Line, [usize; 2]) -> [u8; N] + Sync,
     ) {
         let width = self.canvas.width as usize;
         let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
@@ -484,7 +488,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                 // Tiles at the border reach over it; what is there may be of an earlier band.
                 if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
                     let line = self.sight.line(x as f64 + 0.5, (top + n * TILE + y) as f64 + 0.5);
-                    *out = bytes(self.normal_of(kept, *pixel, line), line, [x, top + n * TILE + y]);
+                    let normal = self.normal_of(kept, *pixel, line);
+                    *out = bytes(*pixel, normal, line, [x, top + n * TILE + y]);
                 }
             }
         });
@@ -526,8 +531,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     if seen.is_hit() {
                         hits += 1;
                         let line = self.sight.line(x + dx, y + dy);
-                        let light =
-                            self.light(self.normals.normal(around, seen, line), line, [i % width, i / width]);
+                        let normal = self.normals.normal(around, seen, line);
+                        let light = self.light(seen, normal, line, [i % width, i / width]);
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
@@ -600,7 +605,7 @@ impl<V: NodeView, S: Surface<V>> Looks<'_, '_, V, S> {
         let line = painter.sight.line(x as f64 + 0.5, y as f64 + 0.5);
         let normal = painter.normals.normal(around, seen, line);
         Sample {
-            color: painter.light(normal, line, [x, y]).map(|c| painter.shader.encode(c)),
+            color: painter.light(seen, normal, line, [x, y]).map(|c| painter.shader.encode(c)),
             depth: seen.depth(),
             normal: normal.map(normal_code),
         }

@@ -21,6 +21,8 @@ const STEPS: usize = 4096;
 #[derive(Clone, Debug)]
 pub struct Shader {
     srgb: Vec<u8>,
+    /// Linear light of every sRGB code.
+    lights: Vec<f64>,
 }
 
 impl Default for Shader {
@@ -45,7 +47,8 @@ impl Shader {
             }
             srgb.push(code);
         }
-        Self { srgb }
+        let lights = (0..=255_u8).map(|code| linear(f64::from(code) / 255.0)).collect();
+        Self { srgb, lights }
     }
 
     /// Linear RGB of a surface with this unit normal, seen along `sight` (any length, not null).
@@ -53,12 +56,24 @@ impl Shader {
     /// Both sides of a surface are lit alike, so that a model can be looked at from within.
     #[inline]
     pub fn light(&self, normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
+        Self::lit(SURFACE, normal, sight)
+    }
+
+    /// Linear light of a colour (sRGB).
+    #[inline]
+    pub fn decode(&self, color: [u8; 3]) -> [f64; 3] {
+        color.map(|code| self.lights.get(usize::from(code)).copied().unwrap_or_default())
+    }
+
+    /// As [`Shader::light`], of a surface of this colour (linear RGB).
+    #[inline]
+    pub fn lit(color: [f64; 3], normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
         let along = normal[0] * sight[0] + normal[1] * sight[1] + normal[2] * sight[2];
         let length = (sight[0] * sight[0] + sight[1] * sight[1] + sight[2] * sight[2]).sqrt();
         let cosine = (along / length).abs().min(1.0);
         let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
         let strength = AMBIENT + (1.0 - AMBIENT) * falloff;
-        SURFACE.map(|c| c * strength)
+        color.map(|c| c * strength)
     }
 
     /// sRGB code of linear light 0..=1.

@@ -63,6 +63,11 @@ impl Seen {
         self.box_number
     }
 
+    /// Is it a voxel or cell, not a coarser box?
+    pub(super) fn is_finest(self) -> bool {
+        self.kind != SeenKind::Node
+    }
+
     /// Depth in mm; NaN for background.
     pub(super) fn depth(self) -> f32 {
         self.depth

@@ -37,6 +37,8 @@ pub struct Finding {
     pub at: usize,
     /// Volumes like it in the same input that are passed over for it.
     pub more: usize,
+    /// Is it a triangle mesh, to be built on a grid of the caller's choice? It has no volume then.
+    pub mesh: bool,
     /// The volume, not prepared yet.
     pub volume: Result<Box<dyn VolumeSource>, SourceError>,
 }

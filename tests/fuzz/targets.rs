@@ -59,7 +59,7 @@ macro_rules! targets {
     ($($name:ident: $run:expr),* $(,)?) => { [$(Target { name: stringify!($name), run: $run }),*] };
 }
 
-pub(crate) const TARGETS: [Target; 19] = targets! {
+pub(crate) const TARGETS: [Target; 22] = targets! {
     oct: |bytes| model(bytes),
     packed: |bytes| archive(bytes),
     dicom: |bytes| volume("case.dcm", bytes, MOST_BUILT),
@@ -79,6 +79,9 @@ pub(crate) const TARGETS: [Target; 19] = targets! {
     obj: |bytes| mesh("case.obj", bytes),
     off: |bytes| mesh("case.off", bytes),
     csg: |bytes| solids(bytes),
+    glb: |bytes| mesh("case.glb", bytes),
+    gltf: |bytes| mesh("case.gltf", bytes),
+    threemf: |bytes| mesh("case.3mf", bytes),
 };
 
 /// A folder in memory, if the system has one.
@@ -156,7 +159,12 @@ fn read(mut source: Box<dyn VolumeSource>, built: u64) -> bool {
 /// Reads a mesh and builds it in a small grid.
 fn mesh(name: &str, bytes: &[u8]) -> bool {
     let path = put(name, bytes);
-    let how = MeshOptions { grid: GridChoice::Side { voxels: 12, margin: 1 }, unit_mm: 1.0, fill: None };
+    let how = MeshOptions {
+        grid: GridChoice::Side { voxels: 12, margin: 1 },
+        unit_mm: 1.0,
+        fill: None,
+        follow_links: false,
+    };
     let output = folder().join("mesh.oct");
     match build_mesh(&[path], &how, &options(), &output, &Silent) {
         Ok(_) => {

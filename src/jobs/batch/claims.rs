@@ -109,6 +109,7 @@ mod tests {
             burned_in: None,
             at: 0,
             more: 0,
+            mesh: false,
             volume: Err(crate::volume::SourceError::Usage {
                 path: "x".into(),
                 misuse: crate::facts::Misuse::NoInput,

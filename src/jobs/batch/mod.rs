@@ -36,7 +36,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::build::convert_reshaped;
+use super::build::{BuildSummary, convert_reshaped};
 use super::picture::thumbnail_file;
 use super::wording::foreign::data;
 use super::wording::sentences;
@@ -46,8 +46,9 @@ use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::catalogue::Catalogue;
 use crate::clean::{CleanError, CleanOptions};
 use crate::error::Error;
-use crate::facts::Instead;
-use crate::format::Channel;
+use crate::facts::{Instead, Note};
+use crate::format::{Channel, Channels, SurfaceKind};
+use crate::mesh::{MeshOptions, least_share};
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
 use crate::resident::give_back;
@@ -81,6 +82,8 @@ pub struct BatchRequest {
     pub thumbnails_of_all: bool,
     /// Volumes of fewer slices are left alone: scouts, scanned documents, single pictures.
     pub min_slices: u32,
+    /// How meshes are built; they are left out without it.
+    pub mesh: Option<MeshOptions>,
     /// Only DICOM series of these modalities (`CT`, `MR`, ...) are taken; all volumes if there are none.
     pub modalities: Vec<String>,
     /// Only volumes of these ids, or whose ids begin with one of these and a hyphen, are taken; all if there are none.
@@ -138,7 +141,8 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let lock = FolderLock::take(&request.out)?;
     sweep(&request.out);
     let scratch = request.build.scratch_folder(&request.out.join("x"));
-    let how = OpenOptions { skip: request.out.canonicalize().ok(), ..request.how.clone() };
+    let skip = request.out.canonicalize().ok();
+    let how = OpenOptions { skip, meshes: request.mesh.is_some(), ..request.how.clone() };
     let mut catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
@@ -388,8 +392,9 @@ impl Run<'_> {
                 Some(format!("has {slices} slice(s), fewer than --min-slices {}", self.request.min_slices));
             return Named::Settled(item);
         }
-        let source = match &finding.volume {
-            Ok(source) => source,
+        let notes: &[Note] = match &finding.volume {
+            Ok(source) => &source.info().notes,
+            Err(_) if finding.mesh => &[],
             Err(e) => {
                 item.cause = Some(Cause::of(e.kind()));
                 item.reason = Some(e.to_string());
@@ -400,7 +405,7 @@ impl Run<'_> {
                 return Named::Settled(item);
             }
         };
-        item.warnings = sentences(&source.info().notes);
+        item.warnings = sentences(notes);
         let is_copy = |finding: &Finding, owner| {
             let _turn = self.opening.lock().unwrap_or_else(PoisonError::into_inner);
             catch_unwind(AssertUnwindSafe(|| self.catalogue.is_copy(finding, owner))).unwrap_or(false)
@@ -446,7 +451,11 @@ impl Run<'_> {
 
     /// One volume: skipped, built, or the reason why not.
     fn convert(&self, slot: usize, mut item: Item, finding: Finding) -> Item {
-        let Ok(source) = finding.volume else { return item };
+        let content = match finding.volume {
+            Ok(source) => Content::Volume(source),
+            Err(_) if finding.mesh => Content::Mesh(finding.path),
+            Err(_) => return item,
+        };
         let inputs = self.key.hidden(finding.files.fingerprint);
         let thumbnails = self.thumbnails(&item);
         if let Some(done) = Record::read(&self.request.out, &item.name)
@@ -456,13 +465,15 @@ impl Run<'_> {
             && !self.lacks_thumbnail(&done, thumbnails)
         {
             let preset = self.request.clean.preset;
-            let doubt = preset.and_then(|preset| preset.doubt(source.modality()));
-            item.warnings.extend(doubt.map(|doubt| doubt.to_string()));
+            if let Content::Volume(source) = &content {
+                let doubt = preset.and_then(|preset| preset.doubt(source.modality()));
+                item.warnings.extend(doubt.map(|doubt| doubt.to_string()));
+            }
             return self.skipped(done, item, thumbnails);
         }
         let progress = self.watcher.begin(slot, &item.name);
         // A defect in one volume's way must not take the others along.
-        let built = catch_unwind(AssertUnwindSafe(|| self.build(source, &item.name, thumbnails, progress)));
+        let built = catch_unwind(AssertUnwindSafe(|| self.build(content, &item.name, thumbnails, progress)));
         let built = built.unwrap_or(Err(Error::Internal));
         match built {
             Ok((facts, thumbnail_bytes, warnings)) => {
@@ -536,7 +547,7 @@ impl Run<'_> {
     /// Model and thumbnail of one volume within the memory that it is granted.
     fn build(
         &self,
-        source: Box<dyn VolumeSource>,
+        content: Content,
         name: &str,
         thumbnails: u32,
         progress: &dyn Progress,
@@ -551,22 +562,10 @@ impl Run<'_> {
             scratch: Some(self.scratch()),
             ..self.request.build.clone()
         };
-        let cleaning = &self.request.clean;
-        let source = cleaning.reshape(source)?;
-        let least = cleaning.smallest_share(&*source, &template).max(source.preparation().memory_bytes);
-        let needed = least.max(self.share);
-        let Ok(grant) = self.builds.wait_for(needed.min(self.builds.limit_bytes()).max(least)) else {
-            return Err(Error::Build(BuildError::BudgetTooSmall {
-                name: source.info().description.name.clone(),
-                limit_bytes: self.request.build.memory.bytes(),
-                minimum_bytes: self.with_all_jobs.smallest_limit_with(least),
-            }));
+        let (built, memory_bytes, prepared) = match content {
+            Content::Volume(source) => self.build_volume(source, template, &model, progress, started)?,
+            Content::Mesh(path) => self.build_mesh(&path, template, &model, progress)?,
         };
-        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..template };
-        let prepared = source.preparation().scratch_bytes;
-        let built = convert_reshaped(source, String::new(), cleaning, &options, &model, progress, started)?;
-        let memory_bytes = grant.bytes();
-        drop(grant);
         let mut warnings = built.warnings;
         let mut thumbnail = None;
         let mut thumbnail_bytes = 0;
@@ -602,6 +601,62 @@ impl Run<'_> {
         Ok((facts, thumbnail_bytes, warnings))
     }
 
+    /// Also tells the memory that was granted, and the scratch space that unrolling the volume took.
+    fn build_volume(
+        &self,
+        source: Box<dyn VolumeSource>,
+        template: BuildOptions,
+        model: &Path,
+        progress: &dyn Progress,
+        started: Instant,
+    ) -> Result<(BuildSummary, u64, u64), Error> {
+        let cleaning = &self.request.clean;
+        let source = cleaning.reshape(source)?;
+        let least = cleaning.smallest_share(&*source, &template).max(source.preparation().memory_bytes);
+        let grant = self.grant(&source.info().description.name, least)?;
+        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..template };
+        let prepared = source.preparation().scratch_bytes;
+        let built = convert_reshaped(source, String::new(), cleaning, &options, model, progress, started)?;
+        Ok((built, grant.bytes(), prepared))
+    }
+
+    /// As [`Run::build_volume`], of a mesh.
+    fn build_mesh(
+        &self,
+        path: &Path,
+        template: BuildOptions,
+        model: &Path,
+        progress: &dyn Progress,
+    ) -> Result<(BuildSummary, u64, u64), Error> {
+        let inputs = [path.to_path_buf()];
+        let mesh = self.request.mesh.as_ref();
+        // What is asked for of the volumes beside it does not stand in its way.
+        let channels = template.channels.iter().filter(|c| ![Channel::Value, Channel::Offset].contains(c));
+        let channels = match channels.fold(Channels::NONE, Channels::with) {
+            usual if usual == Channels::default() => super::mesh::usual_channels(),
+            other => other,
+        };
+        let surface = SurfaceKind::Skin;
+        let template = BuildOptions { surface, channels, ..template };
+        let grant = self.grant(&data(path), mesh.map_or(0, |mesh| least_share(mesh, &template)))?;
+        let memory = MemoryCap::Share(grant.bytes());
+        let options = BuildOptions { memory, ..template };
+        let built = super::mesh::convert(&inputs, mesh, &options, model, progress)?;
+        Ok((built, grant.bytes(), 0))
+    }
+
+    /// Waits for memory for a build: a job's share, or `least` where that is more.
+    fn grant(&self, name: &str, least: u64) -> Result<Reservation, Error> {
+        let needed = least.max(self.share);
+        self.builds.wait_for(needed.min(self.builds.limit_bytes()).max(least)).map_err(|_| {
+            Error::Build(BuildError::BudgetTooSmall {
+                name: name.to_owned(),
+                limit_bytes: self.request.build.memory.bytes(),
+                minimum_bytes: self.with_all_jobs.smallest_limit_with(least),
+            })
+        })
+    }
+
     fn scratch(&self) -> PathBuf {
         self.request.build.scratch_folder(&self.request.out.join("x"))
     }
@@ -620,6 +675,12 @@ pub(super) fn numbered(n: u32) -> String {
     )
 }
 
+/// What a model is made of.
+enum Content {
+    Volume(Box<dyn VolumeSource>),
+    Mesh(PathBuf),
+}
+
 /// A volume on its way.
 enum Named {
     /// What became of it is known.
@@ -634,7 +695,7 @@ fn options_fingerprint(request: &BatchRequest) -> String {
     // Which volumes are taken changes none of them.
     let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
     let text = format!(
-        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?}",
+        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?}",
         b.threshold,
         b.volume_surface(),
         b.connectivity,
@@ -642,7 +703,8 @@ fn options_fingerprint(request: &BatchRequest) -> String {
         b.gradient,
         b.lod,
         request.thumbnails,
-        request.clean
+        request.clean,
+        request.mesh
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }

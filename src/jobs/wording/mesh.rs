@@ -2,12 +2,16 @@
 
 use std::fmt;
 
-use crate::facts::{Boundary, Fill, MeshFacts, MeshFault};
+use super::foreign::shown;
+use crate::budget::Bytes;
+use crate::facts::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, Part};
 
 impl fmt::Display for MeshFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unknown => f.write_str("is no mesh of a known format; STL, PLY, OBJ and OFF are read"),
+            Self::Unknown => {
+                f.write_str("is no mesh of a known format; STL, PLY, OBJ, OFF, glTF and 3MF are read")
+            }
             Self::NoTriangles => f.write_str("does not hold a triangle"),
             Self::CountLies { stated, held } => write!(
                 f,
@@ -39,9 +43,116 @@ impl fmt::Display for MeshFault {
                 f,
                 "has more than {most_edges} open edges, too many to close; repair the mesh, or say what is inside with --fill winding or --fill parity"
             ),
+            Self::BufferLies { stated, held } => write!(
+                f,
+                "states {stated} bytes of data where there are {held}; it was cut short or damaged, copy it again"
+            ),
+            Self::GltfVersion { version } => {
+                write!(f, "is glTF of version {}; write it as glTF 2.0", shown(version))
+            }
+            Self::BadReference { part } => {
+                write!(f, "names {part} that does not exist or cannot hold; repair the file")
+            }
+            Self::Unsupported(feature) => feature.fmt(f),
+            Self::Recursion => {
+                f.write_str("has parts that contain themselves, or nest too deep; repair the file")
+            }
+            Self::Transform => f.write_str("places a part by numbers that are infinite; repair the file"),
+            Self::TooManyTriangles { most } => write!(
+                f,
+                "repeats its parts to more than {most} triangles, far more than its size justifies; write the parts out"
+            ),
+            Self::Description { needed_bytes, allowed_bytes } => write!(
+                f,
+                "describes so many parts that {} of memory are needed for them, and {} are there; raise --memory, or join parts",
+                Bytes(*needed_bytes),
+                Bytes(*allowed_bytes)
+            ),
+            Self::BadArchive => f.write_str("is an archive that is damaged or cut short; copy it again"),
+            Self::Bomb { stated, stored } => write!(
+                f,
+                "holds a part that would grow from {} to {}, which no mesh does; it is refused",
+                Bytes(*stored),
+                Bytes(*stated)
+            ),
+            Self::Outside { name } => {
+                write!(f, "names {}, which is not below its own folder; copy it there", shown(name))
+            }
+            Self::Linked { name } => write!(
+                f,
+                "names {}, from which a link leads out of its folder; --follow-links reads it",
+                shown(name)
+            ),
+            Self::Missing { name, why } => {
+                write!(f, "names {}, which cannot be read ({why}); put it beside the file", shown(name))
+            }
+            Self::Image { name, fault } => {
+                write!(f, "has a texture, {}, which {fault}, or build it with --channels normal", shown(name))
+            }
             Self::GridSize { side } => {
                 write!(f, "its grid would be {side} voxels long; choose 1 to 16384 with --grid or --voxel")
             }
+        }
+    }
+}
+
+impl fmt::Display for ImageFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown => {
+                f.write_str("is not read: it is no PNG or JPEG of 8 bits in grey or colour; convert it")
+            }
+            Self::Damaged => f.write_str("is damaged or cut short; copy it again"),
+            Self::TooLarge { width, height } => write!(
+                f,
+                "would have {width} x {height} texels, which is more than 32768 along a side or than its bytes justify; make it smaller"
+            ),
+        }
+    }
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Chunk => "a chunk",
+            Self::Buffer => "a buffer",
+            Self::View => "a view of a buffer",
+            Self::Accessor => "an accessor",
+            Self::Mesh => "a mesh",
+            Self::Node => "a node",
+            Self::Scene => "a scene",
+            Self::Material => "a material",
+            Self::Texture => "a texture",
+            Self::Image => "an image",
+            Self::Object => "an object",
+            Self::Text => "a part of the archive",
+        })
+    }
+}
+
+impl fmt::Display for Feature {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Draco => f.write_str("is packed with Draco, which is not read; write it without"),
+            Self::Meshopt => f.write_str("is packed with meshopt, which is not read; write it without"),
+            Self::Basis => f.write_str("has KTX2 textures, which are not read; write them as PNG or JPEG"),
+            Self::SparseAccessor => f.write_str("has sparse accessors, which are not read; write them out"),
+            Self::EmptyAccessor => {
+                f.write_str("has accessors without bytes, which are not read; write them out")
+            }
+            Self::DataUri => f.write_str(
+                "holds data that are not well-formed base64; write them to a file beside it, or as GLB",
+            ),
+            Self::Extension(name) => {
+                write!(f, "requires the extension {}, which is not read; write it without", shown(name))
+            }
+            Self::BeamLattice => f.write_str("is made of beams, which are not read; write it as triangles"),
+            Self::Zip64 => f.write_str("is an archive of more than 4 GiB, which is not read; write several"),
+            Self::Encrypted => f.write_str("is encrypted; decrypt it first"),
+            Self::Packing { method } => {
+                write!(f, "is an archive packed by method {method}, which is not read; pack it by deflate")
+            }
+            Self::Utf16 => f.write_str("is written in UTF-16, which is not read; write it in UTF-8"),
         }
     }
 }

@@ -9,30 +9,148 @@
 //! | `stream` | bytes, and words and numbers of text |
 //! | `stl` | STL, binary and text |
 //! | `ply` | PLY, binary of either order and text |
-//! | `text` | OBJ and OFF |
-//! | `vertices` | vertices by number |
+//! | `obj`, `text` | OBJ with MTL; OFF, and what text has in common |
+//! | `gltf` | glTF, binary and text |
+//! | `threemf`, `zip`, `xml` | 3MF, its archive and its text |
+//! | `beside`, `look` | files that a mesh names; colours and textures |
+//! | `vertices`, `vertex_looks` | vertices, and what they carry, by number |
 //! | `stop` | what stops a reader |
 
+mod beside;
+mod gltf;
+mod look;
+mod obj;
 mod ply;
 mod stl;
 mod stop;
 mod stream;
 mod text;
+mod threemf;
+mod vertex_looks;
 mod vertices;
+mod xml;
+mod zip;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use crate::facts::{Fault, MeshFault, SourceError};
-use stop::{Each, Stop};
+pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
+use stop::{Each, EachLook, Stop};
 
 /// Most memory that a reader holds.
 pub(super) const READER_BYTES: u64 = 512 << 10;
+
+/// A format that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Stl,
+    Ply,
+    Obj,
+    Off,
+    Gltf,
+    ThreeMf,
+}
+
+impl Format {
+    /// By the first bytes and the length of a file; where these do not tell, by its name.
+    fn of(head: &[u8], bytes: u64, path: &Path) -> Option<Self> {
+        let named = |suffix: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix));
+        if stl::binary_triangles(head, bytes).is_some() {
+            return Some(Self::Stl);
+        }
+        if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
+            return Some(Self::Ply);
+        }
+        if text::is_off(head) {
+            return Some(Self::Off);
+        }
+        if stl::is_text(head) || named("stl") {
+            return Some(Self::Stl);
+        }
+        if gltf::is_binary(head) || named("gltf") {
+            return Some(Self::Gltf);
+        }
+        // Other archives are no meshes.
+        if named("3mf") {
+            return Some(Self::ThreeMf);
+        }
+        named("obj").then_some(Self::Obj)
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Stl => "stl",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+            Self::Off => "off",
+            Self::Gltf => "gltf",
+            Self::ThreeMf => "3mf",
+        }
+    }
+}
+
+/// The format of a mesh, by its first bytes (512 are enough), its length, and its name where these do not tell.
+pub(crate) fn format_of(head: &[u8], bytes: u64, path: &Path) -> Option<&'static str> {
+    Format::of(head.get(..stream::HEAD).unwrap_or(head), bytes, path).map(Format::name)
+}
+
+/// Looks at what a mesh states at its beginning, without reading it.
+///
+/// # Errors
+/// It would be refused.
+pub(crate) fn check(path: &Path, follow_links: bool) -> Result<(), SourceError> {
+    let look = || -> Result<(), Stop> {
+        let file = File::open(path).map_err(Stop::Read)?;
+        let bytes = file.metadata().map_err(Stop::Read)?.len();
+        let head = stream::head(&file).map_err(Stop::Read)?;
+        match Format::of(&head, bytes, path) {
+            Some(Format::Stl) if stl::binary_triangles(&head, bytes).is_none() && !stl::is_text(&head) => {
+                Err(stl::count_lies(&head, bytes).into())
+            }
+            Some(Format::Ply) => ply::check(file, bytes),
+            Some(Format::Gltf) => {
+                let scratch = std::env::temp_dir();
+                gltf::Gltf::open(file, bytes, path, &Limits { follow_links, ..Limits::plain(&scratch) })
+                    .map(drop)
+            }
+            Some(Format::ThreeMf) => threemf::check(&file, bytes),
+            Some(Format::Stl | Format::Obj | Format::Off) => Ok(()),
+            None => Err(MeshFault::Unknown.into()),
+        }
+    };
+    look().map_err(|stop| told(path, path, stop))
+}
+
+/// Within what a mesh is read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits<'a> {
+    /// Folder of nameless files.
+    pub(super) scratch: &'a Path,
+    /// Memory for what a file says of its parts, beside [`READER_BYTES`].
+    pub(super) most_bytes: u64,
+    /// May links lead from a file that a mesh names out of its folder?
+    pub(super) follow_links: bool,
+    /// Is what vertices carry wanted, and are colours and textures?
+    pub(super) looks: bool,
+    pub(super) colors: bool,
+    /// Millimetres of a unit that callers take the coordinates to be in: where a file states its unit, its
+    /// coordinates are brought to that.
+    pub(super) unit_mm: f64,
+}
+
+impl<'a> Limits<'a> {
+    /// Shapes in millimetres, and a few MiB.
+    pub(super) fn plain(scratch: &'a Path) -> Self {
+        Self { scratch, most_bytes: 4 << 20, follow_links: false, looks: false, colors: false, unit_mm: 1.0 }
+    }
+}
 
 /// An open mesh.
 #[derive(Debug)]
 pub(super) struct MeshFile {
     path: PathBuf,
+    unit_mm: f64,
     kind: Kind,
 }
 
@@ -41,7 +159,10 @@ enum Kind {
     StlBinary { file: File, triangles: u64 },
     StlText { file: File },
     Ply(ply::Ply),
-    Faces(text::Faces),
+    Off(text::Faces),
+    Obj(Box<obj::Obj>),
+    Gltf(Box<gltf::Gltf>),
+    ThreeMf(Box<threemf::ThreeMf>),
 }
 
 impl MeshFile {
@@ -49,36 +170,53 @@ impl MeshFile {
     ///
     /// # Errors
     /// It cannot be read, or is no mesh of a format that is known.
-    pub(super) fn open(path: &Path, scratch: &Path) -> Result<Self, SourceError> {
-        Self::open_kind(path, scratch)
-            .map(|kind| Self { path: path.to_path_buf(), kind })
-            .map_err(|stop| told(path, scratch, stop))
+    pub(super) fn open(path: &Path, limits: &Limits<'_>) -> Result<Self, SourceError> {
+        Self::open_kind(path, limits)
+            .map(|kind| Self { path: path.to_path_buf(), unit_mm: limits.unit_mm, kind })
+            .map_err(|stop| told(path, limits.scratch, stop))
     }
 
-    fn open_kind(path: &Path, scratch: &Path) -> Result<Kind, Stop> {
+    fn open_kind(path: &Path, limits: &Limits<'_>) -> Result<Kind, Stop> {
+        let scratch = limits.scratch;
         let file = File::open(path).map_err(Stop::Read)?;
         let bytes = file.metadata().map_err(Stop::Read)?.len();
         let head = stream::head(&file).map_err(Stop::Read)?;
-        if let Some(triangles) = stl::binary_triangles(&head, bytes) {
-            return Ok(Kind::StlBinary { file, triangles });
+        match Format::of(&head, bytes, path) {
+            Some(Format::Stl) => match stl::binary_triangles(&head, bytes) {
+                Some(triangles) => Ok(Kind::StlBinary { file, triangles }),
+                None if stl::is_text(&head) => Ok(Kind::StlText { file }),
+                None => Err(stl::count_lies(&head, bytes).into()),
+            },
+            Some(Format::Ply) => Ok(Kind::Ply(ply::Ply::open(file, bytes, limits)?)),
+            Some(Format::Off) => Ok(Kind::Off(text::Faces::off(&file, bytes, scratch)?)),
+            Some(Format::Obj) => obj::Obj::open(&file, path, limits).map(|open| Kind::Obj(Box::new(open))),
+            Some(Format::Gltf) => {
+                gltf::Gltf::open(file, bytes, path, limits).map(|open| Kind::Gltf(Box::new(open)))
+            }
+            Some(Format::ThreeMf) => {
+                threemf::ThreeMf::open(file, bytes, limits).map(|open| Kind::ThreeMf(Box::new(open)))
+            }
+            None => Err(MeshFault::Unknown.into()),
         }
-        if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
-            return Ok(Kind::Ply(ply::Ply::open(file, bytes, scratch)?));
+    }
+
+    /// Memory that it holds for what it says of its parts.
+    pub(super) fn held_bytes(&self) -> u64 {
+        match &self.kind {
+            Kind::Obj(open) => open.held_bytes(),
+            Kind::Gltf(open) => open.held_bytes(),
+            Kind::ThreeMf(open) => open.held_bytes(),
+            _ => 0,
         }
-        if text::is_off(&head) {
-            return Ok(Kind::Faces(text::Faces::off(&file, bytes, scratch)?));
+    }
+
+    /// Files beside it that it is read from, too.
+    pub(super) fn beside(&self) -> &[PathBuf] {
+        match &self.kind {
+            Kind::Obj(open) => open.beside(),
+            Kind::Gltf(open) => open.beside(),
+            _ => &[],
         }
-        if stl::is_text(&head) {
-            return Ok(Kind::StlText { file });
-        }
-        let named = |suffix: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix));
-        if named("obj") {
-            return Ok(Kind::Faces(text::Faces::obj(&file, bytes, scratch)?));
-        }
-        if named("stl") {
-            return Err(stl::count_lies(&head, bytes).into());
-        }
-        Err(MeshFault::Unknown.into())
     }
 
     /// Calls `each` with every triangle; faces with more vertices are cut into a fan.
@@ -90,9 +228,58 @@ impl MeshFile {
             Kind::StlBinary { file, triangles } => stl::for_each_binary(file, *triangles, each),
             Kind::StlText { file } => stl::for_each_text(file, each),
             Kind::Ply(ply) => ply.for_each(each),
-            Kind::Faces(faces) => faces.for_each(each),
+            Kind::Off(faces) => faces.for_each(each),
+            Kind::Obj(open) => open.for_each(each),
+            Kind::Gltf(_) | Kind::ThreeMf(_) => {
+                return self.for_each_look(scratch, &mut |t, _| each(t));
+            }
         };
         read.map_err(|stop| told(&self.path, scratch, stop))
+    }
+}
+
+impl MeshFile {
+    /// As [`MeshFile::for_each`], with what each triangle carries, if that was asked for.
+    ///
+    /// # Errors
+    /// As [`MeshFile::for_each`].
+    pub(super) fn for_each_look(&self, scratch: &Path, each: &mut EachLook<'_>) -> Result<(), SourceError> {
+        let mut in_units = |t: &[[f64; 3]; 3], look: &Look| {
+            if self.unit_mm == 1.0 {
+                each(t, look)
+            } else {
+                each(&t.map(|p| p.map(|c| c / self.unit_mm)), look)
+            }
+        };
+        let read = match &self.kind {
+            Kind::Ply(open) => open.for_each_look(each),
+            Kind::Obj(open) => open.for_each_look(each),
+            Kind::Gltf(open) => open.for_each(&mut in_units),
+            Kind::ThreeMf(open) => open.for_each(&mut in_units),
+            _ => return self.for_each(scratch, &mut |t| each(t, &Look::NONE)),
+        };
+        read.map_err(|stop| told(&self.path, scratch, stop))
+    }
+
+    /// What triangles' materials are.
+    pub(super) fn materials(&self) -> &[Material] {
+        match &self.kind {
+            Kind::Obj(open) => open.materials(),
+            Kind::Gltf(open) => open.materials(),
+            Kind::ThreeMf(open) => open.materials(),
+            _ => &[],
+        }
+    }
+
+    /// Has it colours, and normals of vertices? Asked of a mesh that was opened with looks.
+    pub(super) fn has_looks(&self) -> [bool; 2] {
+        match &self.kind {
+            Kind::Ply(open) => [open.looks().colors.is_some(), open.looks().normals.is_some()],
+            Kind::Obj(open) => open.has_looks(),
+            Kind::Gltf(open) => open.has_looks(),
+            Kind::ThreeMf(open) => [open.has_colors(), false],
+            _ => [false; 2],
+        }
     }
 }
 

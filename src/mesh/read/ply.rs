@@ -1,12 +1,13 @@
 //! PLY: a header of text, then elements in binary of either order or in text.
 
 use std::fs::File;
-use std::path::Path;
 
-use super::stop::{Each, Stop};
+use super::Limits;
+use super::stop::{Each, EachLook, Stop};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan};
-use super::vertices::{MOST_RECORD, Number, Pages, Spool, Vertices};
+use super::vertex_looks::VertexLooks;
+use super::vertices::{MOST_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
 
 /// Longest header, in bytes.
@@ -23,6 +24,7 @@ pub(super) enum Ply {
 #[derive(Debug)]
 pub(super) struct Binary {
     vertices: Vertices,
+    looks: VertexLooks,
     /// Where faces begin, how many there are, and what each holds.
     offset: u64,
     faces: u64,
@@ -67,8 +69,18 @@ enum Name {
     Y,
     Z,
     Corners,
+    Red,
+    Green,
+    Blue,
+    NormalX,
+    NormalY,
+    NormalZ,
     Other,
 }
+
+const PLACE: [Name; 3] = [Name::X, Name::Y, Name::Z];
+const COLOR: [Name; 3] = [Name::Red, Name::Green, Name::Blue];
+const NORMAL: [Name; 3] = [Name::NormalX, Name::NormalY, Name::NormalZ];
 
 impl Element {
     /// Bytes of one, if all are equally long.
@@ -161,6 +173,12 @@ impl Header {
                         b"x" => Name::X,
                         b"y" => Name::Y,
                         b"z" => Name::Z,
+                        b"red" | b"diffuse_red" => Name::Red,
+                        b"green" | b"diffuse_green" => Name::Green,
+                        b"blue" | b"diffuse_blue" => Name::Blue,
+                        b"nx" => Name::NormalX,
+                        b"ny" => Name::NormalY,
+                        b"nz" => Name::NormalZ,
                         b"vertex_indices" | b"vertex_index" => Name::Corners,
                         _ => Name::Other,
                     };
@@ -179,11 +197,21 @@ impl Header {
     }
 }
 
+/// Looks at the header alone.
+pub(super) fn check(file: File, bytes: u64) -> Result<(), Stop> {
+    let header = Header::read(&file)?;
+    match header.form {
+        // Of text the header holds nothing that its length could contradict.
+        Form::Text => Ok(()),
+        form => Binary::open(file, bytes, header, form == Form::Big).map(drop),
+    }
+}
+
 impl Ply {
-    pub(super) fn open(file: File, bytes: u64, scratch: &Path) -> Result<Self, Stop> {
+    pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<Self, Stop> {
         let header = Header::read(&file)?;
         match header.form {
-            Form::Text => read_text(&file, bytes, &header, scratch).map(Self::Text),
+            Form::Text => read_text(&file, bytes, &header, *limits).map(Self::Text),
             form => Binary::open(file, bytes, header, form == Form::Big).map(Self::Binary),
         }
     }
@@ -194,22 +222,52 @@ impl Ply {
             Self::Text(faces) => faces.for_each(each),
         }
     }
+
+    /// What vertices carry.
+    pub(super) fn looks(&self) -> &VertexLooks {
+        match self {
+            Self::Binary(binary) => &binary.looks,
+            Self::Text(faces) => faces.looks(),
+        }
+    }
+
+    /// Calls `each` with every triangle and what its vertices carry.
+    pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
+        match self {
+            Self::Binary(binary) => binary.for_each_look(each),
+            Self::Text(faces) => faces.for_each_look(each),
+        }
+    }
 }
 
-/// Where x, y and z stand in a record of single values.
-fn coordinates(element: &Element) -> Result<[(usize, Number); 3], Stop> {
+/// Where three values of these names stand in a record of single values.
+fn fields(element: &Element, names: [Name; 3]) -> Option<[(usize, Number); 3]> {
     let mut fields = [None; 3];
     let mut at = 0;
     for property in &element.properties {
-        let place = [Name::X, Name::Y, Name::Z].iter().position(|n| *n == property.name);
+        let place = names.iter().position(|n| *n == property.name);
         if let (Some(place), None) = (place, property.length) {
             fields[place] = Some((at, property.value));
         }
         at += usize::try_from(property.value.bytes()).unwrap_or(0);
     }
     match fields {
-        [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
-        _ => Err(MeshFault::NoCoordinates.into()),
+        [Some(x), Some(y), Some(z)] => Some([x, y, z]),
+        _ => None,
+    }
+}
+
+/// Where x, y and z stand.
+fn coordinates(element: &Element) -> Result<[(usize, Number); 3], Stop> {
+    Ok(fields(element, PLACE).ok_or(MeshFault::NoCoordinates)?)
+}
+
+/// By what stored colours become 0 to 1.
+fn color_scale([(_, number), ..]: [(usize, Number); 3]) -> f64 {
+    match number {
+        Number::I8 | Number::U8 => 1.0 / 255.0,
+        Number::I16 | Number::U16 => 1.0 / 65_535.0,
+        _ => 1.0,
     }
 }
 
@@ -217,6 +275,7 @@ impl Binary {
     fn open(file: File, bytes: u64, header: Header, big: bool) -> Result<Self, Stop> {
         let mut at = header.end;
         let mut vertices = None;
+        let mut looks = VertexLooks::default();
         for element in header.elements {
             let left = bytes.saturating_sub(at);
             // Every element fits, or the file lies.
@@ -230,9 +289,16 @@ impl Binary {
                     let fields = coordinates(&element)?;
                     let record = element.record().filter(|r| *r <= MOST_RECORD);
                     let record = record.ok_or(MeshFault::NoCoordinates)?;
-                    let file = file.try_clone().map_err(Stop::Read)?;
                     let count = element.count;
-                    vertices = Some(Vertices { file, offset: at, record, fields, big, count });
+                    let of = |fields| -> Result<Vertices, Stop> {
+                        let file = file.try_clone().map_err(Stop::Read)?;
+                        Ok(Vertices { file, offset: at, record, fields, big, count })
+                    };
+                    if let Some(fields) = self::fields(&element, COLOR) {
+                        looks.colors = Some((of(fields)?, color_scale(fields)));
+                    }
+                    looks.normals = self::fields(&element, NORMAL).map(of).transpose()?;
+                    vertices = Some(of(fields)?);
                 }
                 Kind::Face => {
                     let corners = element.properties.iter().position(|p| {
@@ -244,6 +310,7 @@ impl Binary {
                         return Err(MeshFault::NoFaces.into());
                     };
                     return Ok(Self {
+                        looks,
                         vertices,
                         offset: at,
                         faces: element.count,
@@ -262,7 +329,7 @@ impl Binary {
 
     fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
-        let mut pages = Pages::new(&self.vertices);
+        let mut pages = Pages::new(&self.vertices, PAGES);
         let big = self.vertices.big;
         let mut triangles = 0;
         // Nearly all files: faces are lists of 32 bits with a count of 8, and nothing else.
@@ -317,6 +384,46 @@ impl Binary {
     }
 }
 
+impl Binary {
+    /// As [`Binary::for_each`], with what the vertices carry.
+    fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
+        let mut stream = Stream::new(&self.file, self.offset);
+        let mut pages = Pages::new(&self.vertices, PAGES);
+        let mut looks = self.looks.open();
+        let big = self.vertices.big;
+        let mut triangles = 0;
+        for face in 0..self.faces {
+            let bad = || MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count };
+            for (at, property) in self.properties.iter().enumerate() {
+                let Some(length) = property.length else {
+                    stream.skip(property.value.bytes());
+                    continue;
+                };
+                let count = u64::try_from(whole(&mut stream, length, big)?).map_err(|_| bad())?;
+                if at != self.corners {
+                    stream.skip(property.value.bytes().saturating_mul(count));
+                    continue;
+                }
+                let mut fan = Fan::new();
+                for _ in 0..count {
+                    let index = whole(&mut stream, property.value, big)?;
+                    let Some(corners) = fan.next(u32::try_from(index).map_err(|_| bad())?) else { continue };
+                    triangles += 1;
+                    let mut t = [[0.0; 3]; 3];
+                    for (out, corner) in t.iter_mut().zip(corners) {
+                        *out = pages.get(corner.into(), face)?;
+                    }
+                    if !t.iter().flatten().all(|c| c.is_finite()) {
+                        return Err(MeshFault::NotFinite { triangle: triangles }.into());
+                    }
+                    each(&t, &looks.look(corners, face)?)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 /// The next whole number.
 #[inline]
 fn whole(stream: &mut Stream<'_>, number: Number, big: bool) -> Result<i64, Stop> {
@@ -342,9 +449,15 @@ fn whole(stream: &mut Stream<'_>, number: Number, big: bool) -> Result<i64, Stop
     })
 }
 
-fn read_text(file: &File, bytes: u64, header: &Header, scratch: &Path) -> Result<Faces, Stop> {
+fn read_text(
+    file: &File,
+    bytes: u64,
+    header: &Header,
+    Limits { scratch, looks, .. }: Limits<'_>,
+) -> Result<Faces, Stop> {
     let mut words = Words::new(file, header.end);
     let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
+    let (mut colors, mut normals) = (None, None);
     let mut seen = false;
     for element in &header.elements {
         // Every value takes two bytes at least.
@@ -355,6 +468,12 @@ fn read_text(file: &File, bytes: u64, header: &Header, scratch: &Path) -> Result
         match element.kind {
             Kind::Vertex => {
                 coordinates(element)?;
+                if let (true, Some(fields)) = (looks, fields(element, COLOR)) {
+                    colors = Some((Spool::new(scratch)?, color_scale(fields)));
+                }
+                if looks && fields(element, NORMAL).is_some() {
+                    normals = Some(Spool::new(scratch)?);
+                }
                 seen = true;
             }
             Kind::Face => {
@@ -366,17 +485,17 @@ fn read_text(file: &File, bytes: u64, header: &Header, scratch: &Path) -> Result
             Kind::Other => {}
         }
         for at in 0..element.count {
-            let mut point = [0.0; 3];
+            let (mut point, mut color, mut normal) = ([0.0; 3], [0.0; 3], [0.0; 3]);
             for property in &element.properties {
                 words.must_anywhere()?;
                 if property.length.is_none() {
                     if element.kind == Kind::Vertex {
                         let value = words.as_number()?;
-                        match property.name {
-                            Name::X => point[0] = value,
-                            Name::Y => point[1] = value,
-                            Name::Z => point[2] = value,
-                            _ => {}
+                        let kinds = [(PLACE, &mut point), (COLOR, &mut color), (NORMAL, &mut normal)];
+                        for (names, values) in kinds {
+                            if let Some(at) = names.iter().position(|name| *name == property.name) {
+                                values[at] = value;
+                            }
                         }
                     }
                     continue;
@@ -397,10 +516,21 @@ fn read_text(file: &File, bytes: u64, header: &Header, scratch: &Path) -> Result
             }
             if element.kind == Kind::Vertex {
                 vertices.vertex(point)?;
+                if let Some((colors, _)) = &mut colors {
+                    colors.vertex(color)?;
+                }
+                if let Some(normals) = &mut normals {
+                    normals.vertex(normal)?;
+                }
             }
         }
         if element.kind == Kind::Face {
-            return Faces::of(vertices, triangles);
+            let colors = match colors {
+                Some((spool, scale)) => Some((spool.into_vertices()?, scale)),
+                None => None,
+            };
+            let normals = normals.map(Spool::into_vertices).transpose()?;
+            return Faces::of(vertices, triangles, VertexLooks { colors, normals });
         }
     }
     Err(MeshFault::NoFaces.into())

@@ -1,9 +1,13 @@
 //! What is called with triangles, and what stops a reader.
 
+use super::look::Look;
 use crate::facts::MeshFault;
 
 /// Is called with the vertices of one triangle after the other.
 pub(in crate::mesh) type Each<'a> = dyn FnMut(&[[f64; 3]; 3]) -> Result<(), MeshFault> + 'a;
+
+/// The same with what each triangle carries.
+pub(in crate::mesh) type EachLook<'a> = dyn FnMut(&[[f64; 3]; 3], &Look) -> Result<(), MeshFault> + 'a;
 
 /// What stops a reader: the file is wrong, or it cannot be read, or the scratch file cannot.
 #[derive(Debug)]

@@ -190,6 +190,22 @@ impl<'a> Words<'a> {
         Ok(())
     }
 
+    /// What is left of this line, at most so many bytes of it, without blanks around it.
+    pub(super) fn rest_of_line(&mut self, most: usize) -> Result<String, Stop> {
+        let mut rest = Vec::new();
+        while let Some(byte) = self.stream.byte()? {
+            if byte == b'\n' {
+                // It is met again as the end of the line.
+                self.stream.at -= 1;
+                break;
+            }
+            if rest.len() < most {
+                rest.push(byte);
+            }
+        }
+        Ok(String::from_utf8_lossy(&rest).trim().to_owned())
+    }
+
     /// The last word as a number.
     #[inline]
     pub(super) fn as_number(&self) -> Result<f64, Stop> {

@@ -1,11 +1,12 @@
-//! OBJ and OFF: text, read once; vertices and triangles wait in nameless files.
+//! OFF, and what it has in common with other text: vertices and triangles wait in nameless files.
 
 use std::fs::File;
 use std::path::Path;
 
-use super::stop::{Each, Stop};
-use super::stream::{Stream, Token, Words};
-use super::vertices::{Pages, Spool, Vertices};
+use super::stop::{Each, EachLook, Stop};
+use super::stream::{Stream, Words};
+use super::vertex_looks::VertexLooks;
+use super::vertices::{PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
 
 /// Vertices, and triangles that name them.
@@ -14,6 +15,7 @@ pub(super) struct Faces {
     vertices: Vertices,
     triangles: File,
     count: u64,
+    looks: VertexLooks,
 }
 
 /// Triangles that fan out from the first vertex of a face.
@@ -47,58 +49,13 @@ pub(super) fn is_off(head: &[u8]) -> bool {
     [&b"OFF"[..], b"COFF", b"NOFF", b"CNOFF", b"STOFF"].contains(&word)
 }
 
-fn index(words: &Words<'_>, vertices: u64, face: u64, at: i64) -> Result<u32, Stop> {
-    let _ = words;
+/// A vertex by its number from 0.
+pub(super) fn index(vertices: u64, face: u64, at: i64) -> Result<u32, Stop> {
     let bad = || Stop::from(MeshFault::BadIndex { face: face + 1, vertices });
     u32::try_from(at).map_err(|_| bad())
 }
 
 impl Faces {
-    /// Reads an OBJ file; of its many statements vertices and faces count.
-    pub(super) fn obj(file: &File, _: u64, scratch: &Path) -> Result<Self, Stop> {
-        let mut words = Words::new(file, 0);
-        let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
-        let mut faces = 0;
-        let mut understood = false;
-        loop {
-            match words.next()? {
-                Token::End => break,
-                Token::LineEnd => continue,
-                Token::Word => {}
-            }
-            match words.word() {
-                b"v" => {
-                    vertices.vertex([words.number()?, words.number()?, words.number()?])?;
-                    words.skip_line()?;
-                    understood = true;
-                }
-                b"f" => {
-                    let mut fan = Fan::new();
-                    let mut continued = false;
-                    loop {
-                        match words.next()? {
-                            Token::Word if words.word() == b"\\" => continued = true,
-                            Token::LineEnd if continued => continued = false,
-                            Token::LineEnd | Token::End => break,
-                            Token::Word => {
-                                let at = obj_index(&words, vertices.count, faces)?;
-                                if let Some(t) = fan.next(at) {
-                                    triangles.triangle(t)?;
-                                }
-                            }
-                        }
-                    }
-                    faces += 1;
-                }
-                _ => words.skip_line()?,
-            }
-        }
-        if !understood {
-            return Err(MeshFault::Unknown.into());
-        }
-        Self::done(vertices, triangles)
-    }
-
     /// Reads an OFF file, with or without colours behind its vertices and faces.
     pub(super) fn off(file: &File, bytes: u64, scratch: &Path) -> Result<Self, Stop> {
         let mut words = Words::new(file, 0);
@@ -126,28 +83,55 @@ impl Faces {
             let mut fan = Fan::new();
             for _ in 0..corners {
                 words.must()?;
-                let at = index(&words, vertex_count, face, words.as_whole()?)?;
+                let at = index(vertex_count, face, words.as_whole()?)?;
                 if let Some(t) = fan.next(at) {
                     triangles.triangle(t)?;
                 }
             }
             words.skip_line()?;
         }
-        Self::done(vertices, triangles)
+        Self::of(vertices, triangles, VertexLooks::default())
     }
 
-    /// Reads the text of a PLY file from its first vertex on; see [`super::ply`].
-    pub(super) fn of(vertices: Spool, triangles: Spool) -> Result<Self, Stop> {
-        Self::done(vertices, triangles)
-    }
-
-    fn done(vertices: Spool, triangles: Spool) -> Result<Self, Stop> {
+    /// Vertices and triangles that were written, and what vertices carry.
+    pub(super) fn of(vertices: Spool, triangles: Spool, looks: VertexLooks) -> Result<Self, Stop> {
         let (triangles, count) = triangles.finish()?;
-        Ok(Self { vertices: vertices.into_vertices()?, triangles, count })
+        Ok(Self { vertices: vertices.into_vertices()?, triangles, count, looks })
+    }
+
+    pub(super) fn looks(&self) -> &VertexLooks {
+        &self.looks
+    }
+
+    /// Calls `each` with every triangle and what its vertices carry.
+    pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
+        let mut looks = self.looks.open();
+        let mut corners = Stream::new(&self.triangles, 0);
+        let mut face = 0;
+        // Triangles come in the order in which they were written.
+        let mut stopped = None;
+        let done = self.for_each(&mut |t| {
+            let carried = corners.take::<12>().and_then(|record| {
+                let mut at = [0; 3];
+                for (out, bytes) in at.iter_mut().zip(record.as_chunks::<4>().0) {
+                    *out = u32::from_le_bytes(*bytes);
+                }
+                face += 1;
+                looks.look(at, face)
+            });
+            match carried {
+                Ok(look) => each(t, &look),
+                Err(stop) => {
+                    stopped = Some(stop);
+                    Err(MeshFault::CutShort)
+                }
+            }
+        });
+        stopped.map_or(done, Err)
     }
 
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
-        let mut pages = Pages::new(&self.vertices);
+        let mut pages = Pages::new(&self.vertices, PAGES);
         let mut stream = Stream::new(&self.triangles, 0);
         for face in 0..self.count {
             let record: [u8; 12] = stream.take()?;
@@ -162,21 +146,4 @@ impl Faces {
         }
         Ok(())
     }
-}
-
-/// The vertex of a corner `7`, `7/1`, `7//3` or `-1`, counted from 0.
-#[inline]
-fn obj_index(words: &Words<'_>, vertices: u64, face: u64) -> Result<u32, Stop> {
-    let word = words.word();
-    let end = word.iter().position(|b| *b == b'/').unwrap_or(word.len());
-    let (negative, digits) = match word[..end].split_first() {
-        Some((b'-', rest)) => (true, rest),
-        _ => (false, &word[..end]),
-    };
-    if digits.is_empty() || digits.len() > 18 || !digits.iter().all(u8::is_ascii_digit) {
-        return Err(words.wrong());
-    }
-    let value = digits.iter().fold(0, |n, d| 10 * n + i64::from(d - b'0'));
-    let at = if negative { i64::try_from(vertices).unwrap_or(i64::MAX) - value } else { value - 1 };
-    index(words, vertices, face, at)
 }

@@ -11,7 +11,9 @@ use crate::facts::MeshFault;
 /// Vertices of a page, and pages that are held; a prime number, so that runs of pages at even distances do not
 /// fall upon each other.
 const PAGE: u64 = 128;
-const PAGES: u64 = 61;
+pub(super) const PAGES: u64 = 61;
+/// Pages of what is beside the coordinates.
+pub(super) const FEW_PAGES: u64 = 17;
 /// Longest record of a vertex.
 pub(super) const MOST_RECORD: u64 = 256;
 
@@ -141,6 +143,7 @@ impl Spool {
 /// A cache of pages.
 pub(super) struct Pages<'a> {
     vertices: &'a Vertices,
+    places: u64,
     /// Page in each place; a number beyond any for none.
     held: Vec<u64>,
     points: Vec<[f64; 3]>,
@@ -148,11 +151,13 @@ pub(super) struct Pages<'a> {
 }
 
 impl<'a> Pages<'a> {
-    pub(super) fn new(vertices: &'a Vertices) -> Self {
-        let places = usize::try_from(PAGES).unwrap_or(1);
+    /// With so many pages: a prime number.
+    pub(super) fn new(vertices: &'a Vertices, pages: u64) -> Self {
+        let places = usize::try_from(pages).unwrap_or(1);
         let page = usize::try_from(PAGE).unwrap_or(1);
         Self {
             vertices,
+            places: pages,
             held: vec![u64::MAX; places],
             points: vec![[0.0; 3]; places * page],
             bytes: Vec::new(),
@@ -165,7 +170,7 @@ impl<'a> Pages<'a> {
         if at >= self.vertices.count {
             return Err(MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count }.into());
         }
-        let (page, place) = (at / PAGE, at / PAGE % PAGES);
+        let (page, place) = (at / PAGE, at / PAGE % self.places);
         #[expect(clippy::cast_possible_truncation, reason = "places in memory")]
         let (place, within) = (place as usize, (at % PAGE) as usize);
         if self.held[place] != page {
@@ -181,11 +186,14 @@ impl<'a> Pages<'a> {
         let v = self.vertices;
         let count = (v.count - page * PAGE).min(PAGE);
         let record = usize::try_from(v.record).unwrap_or(usize::MAX).max(1);
-        self.bytes.resize(record * usize::try_from(count).unwrap_or(0), 0);
+        // Nothing needs to stand behind the last number of the last vertex.
+        let last = v.fields.iter().map(|(at, number)| *at as u64 + number.bytes()).max().unwrap_or(0);
+        let bytes = count.saturating_sub(1) * v.record + last.min(v.record);
+        self.bytes.resize(usize::try_from(bytes).unwrap_or(0), 0);
         v.file.read_exact_at(&mut self.bytes, v.offset + page * PAGE * v.record).map_err(Stop::reading)?;
         let first = place * usize::try_from(PAGE).unwrap_or(0);
         let simple = !v.big && v.fields.iter().all(|f| f.1 == Number::F32);
-        for (out, bytes) in self.points[first..].iter_mut().zip(self.bytes.chunks_exact(record)) {
+        for (out, bytes) in self.points[first..].iter_mut().zip(self.bytes.chunks(record)) {
             *out = if simple {
                 v.fields.map(|(at, _)| {
                     bytes[at..].first_chunk::<4>().map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(*b)))

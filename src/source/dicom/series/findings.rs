@@ -51,6 +51,7 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             burned_in: None,
             at: 0,
             more: 0,
+            mesh: false,
             volume: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
         });
     }
@@ -136,6 +137,7 @@ fn finding(
         burned_in: shared.burned_in,
         at: 0,
         more: 0,
+        mesh: false,
         volume: volume.map(|v| Box::new(v) as Box<dyn VolumeSource>),
     }
 }

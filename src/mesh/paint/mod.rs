@@ -1,0 +1,414 @@
+//! What a mesh's surface looks like: the colour, the part and the smooth normal at the nearest point of a triangle.
+//!
+//! ```text
+//! triangles with looks --numbered--> columns (scratch)     images --linear light, halved--> levels (scratch)
+//!                                        └── nearest point of triangle N ──> colour, part, normal <──┘
+//! ```
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | `store` | what triangles carry, by their numbers |
+//! | `image` | PNG and JPEG, row by row |
+//! | `texture` | images in halving sizes, and their colours at a place |
+//! | `near` | triangles that may be near, by boxes of voxels |
+//! | `point` | the nearest point of a triangle, and texels per voxel there |
+//!
+//! Colours are mixed in linear light and stored as sRGB. Of two triangles that are as near the one counts that faces
+//! the voxel more, then the first. The search is its own, so that meshes without colours do not pay for it.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "coordinates are below 2^16, rows of a brick few"
+)]
+
+mod image;
+mod near;
+mod point;
+mod store;
+mod texture;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
+use super::read::{Look, Material, NO_MATERIAL};
+use crate::builder::SkinSlice;
+use crate::facts::SourceError;
+use crate::format::normal;
+use crate::geom::Dims;
+use near::{Near, Numbered, SORTING_BYTES, Sorter};
+use point::{nearest_point, squared_distance, texels_per_voxel};
+use store::{Columns, Record};
+pub(super) use texture::Fault;
+use texture::{Pages, Texture};
+
+/// What is wanted of a mesh beside its shape.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    pub(super) colors: bool,
+    pub(super) parts: bool,
+    pub(super) normals: bool,
+}
+
+impl Wanted {
+    pub(super) fn anything(self) -> bool {
+        self.colors || self.parts || self.normals
+    }
+}
+
+/// Number of no triangle.
+const UNKNOWN: u32 = u32::MAX;
+/// Memory while triangles are gathered, beside textures.
+pub(super) const COLLECTING_BYTES: u64 = SORTING_BYTES + (1 << 20);
+/// Colour of what has none (sRGB): as models without colours are shown.
+const UNCOLORED: [u8; 3] = [236, 226, 208];
+/// Highest number of a part; later ones share it.
+const LAST_PART: usize = 255;
+
+/// Colours and texture of a material.
+#[derive(Debug)]
+struct Coat {
+    color: [f32; 3],
+    texture: Option<Texture>,
+}
+
+/// Triangles with what they carry.
+#[derive(Debug)]
+pub(super) struct Paint {
+    pub(super) wanted: Wanted,
+    near: Near,
+    columns: Columns,
+    coats: Vec<Coat>,
+    folder: PathBuf,
+}
+
+impl Paint {
+    /// Memory that is held beside that of workers.
+    pub(super) fn bytes(&self) -> u64 {
+        self.near.bytes() + (self.coats.len() * size_of::<Coat>()) as u64
+    }
+}
+
+/// What is at a point of the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Painted {
+    /// sRGB.
+    pub(super) color: [u8; 3],
+    pub(super) part: u8,
+    /// Unit vector, on either side.
+    pub(super) normal: Option<[f32; 3]>,
+}
+
+impl Painted {
+    pub(super) const NOTHING: Self = Self { color: UNCOLORED, part: 0, normal: None };
+}
+
+/// Gathers what triangles carry, in their order.
+pub(super) struct Collector {
+    wanted: Wanted,
+    sorter: Sorter,
+    columns: Columns,
+    coats: Vec<Coat>,
+    folder: PathBuf,
+    next: u32,
+    part: u8,
+    first_coat: u32,
+}
+
+impl Collector {
+    pub(super) fn new(wanted: Wanted, dims: Dims, folder: &Path) -> Result<Self, SourceError> {
+        let sorter = Sorter::new(dims, folder).map_err(|cause| scratch(folder, cause))?;
+        let columns = Columns::new(folder);
+        let folder = folder.to_path_buf();
+        Ok(Self { wanted, sorter, columns, coats: Vec::new(), folder, next: 0, part: 0, first_coat: 0 })
+    }
+
+    /// Begins a file: a part of its own, with these materials.
+    ///
+    /// # Errors
+    /// An image is wrong or too large, or cannot be read, or the scratch file cannot.
+    pub(super) fn file(&mut self, number: usize, materials: &[Material]) -> Result<(), Fault> {
+        self.part = u8::try_from(number.min(LAST_PART)).unwrap_or(u8::MAX);
+        self.first_coat = u32::try_from(self.coats.len()).unwrap_or(u32::MAX);
+        if !self.wanted.colors {
+            return Ok(());
+        }
+        let mut images = Vec::new();
+        for material in materials {
+            let texture = match &material.texture {
+                Some(texture) => Some(Texture::open(texture, &self.folder, &mut images)?),
+                None => None,
+            };
+            self.coats.push(Coat { color: material.color, texture });
+        }
+        Ok(())
+    }
+
+    /// Keeps the next triangle and what it carries.
+    pub(super) fn add(&mut self, t: &Triangle, look: &Look) -> Result<(), SourceError> {
+        let mut look = *look;
+        if !self.wanted.normals {
+            look.normals = None;
+        }
+        if !self.wanted.colors {
+            look = Look { normals: look.normals, ..Look::NONE };
+        }
+        if look.material != NO_MATERIAL {
+            look.material = self.first_coat.saturating_add(look.material);
+        }
+        let record = Record { material: look.material, part: self.part, look };
+        let number = self.next;
+        // Beyond so many the numbers end; what follows looks like the last.
+        self.next = (number + 1).min(UNKNOWN - 1);
+        self.columns
+            .put(&record)
+            .and_then(|()| self.sorter.add(t, number))
+            .map_err(|cause| scratch(&self.folder, cause))
+    }
+
+    pub(super) fn finish(mut self) -> Result<Paint, SourceError> {
+        let failed = |cause| scratch(&self.folder, cause);
+        self.columns.flush().map_err(failed)?;
+        let near = self.sorter.finish(&self.folder).map_err(failed)?;
+        let Self { wanted, columns, coats, folder, .. } = self;
+        Ok(Paint { wanted, near, columns, coats, folder })
+    }
+}
+
+fn scratch(folder: &Path, cause: std::io::Error) -> SourceError {
+    SourceError::Scratch { path: folder.to_path_buf(), cause }
+}
+
+/// The best triangle of a voxel so far.
+#[derive(Clone, Copy, Debug)]
+struct Best {
+    /// Squared distance in lattice steps, rounded.
+    squared: f64,
+    /// The negative of how far the voxel lies from its plane, squared and rounded: the larger, the more it faces it.
+    height: f64,
+    record: Numbered,
+}
+
+impl Best {
+    const NONE: Self = Self { squared: WITHIN, height: 0.0, record: [-1; 10] };
+
+    fn number(&self) -> u32 {
+        self.record[9].cast_unsigned()
+    }
+}
+
+/// How far triangles are sought, in lattice steps, squared: two voxels.
+const WITHIN: f64 = 4.0 * STEPS as f64 * STEPS as f64;
+/// Added to a square of lattice steps and taken away again, it rounds to 2^-28 voxel^2.
+const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
+/// Voxels along a side of a brick.
+const BRICK: usize = 32;
+/// Most triangles of a box that are held.
+const HELD: usize = 4 * near::BLOCK;
+
+/// A worker's view of the paint.
+pub(super) struct Painter<'a> {
+    paint: &'a Paint,
+    pages: Pages,
+    /// Triangles of a box, if they fit.
+    held: Option<usize>,
+    records: Vec<Numbered>,
+    best: Vec<Best>,
+    last: Option<(u32, Record)>,
+    colors: Vec<u8>,
+    parts: Vec<u8>,
+}
+
+impl<'a> Painter<'a> {
+    /// Memory of one.
+    pub(super) const BYTES: u64 = Pages::BYTES
+        + (HELD * size_of::<Numbered>() + SkinSlice::MOST * (size_of::<Best>() + 4)) as u64
+        + 4096;
+
+    pub(super) fn new(paint: &'a Paint) -> Self {
+        Self {
+            paint,
+            pages: Pages::new(),
+            held: None,
+            records: Vec::with_capacity(HELD),
+            best: vec![Best::NONE; SkinSlice::MOST],
+            last: None,
+            colors: Vec::with_capacity(3 * SkinSlice::MOST),
+            parts: Vec::with_capacity(SkinSlice::MOST),
+        }
+    }
+
+    /// Colours of the voxels that were described last, three bytes each.
+    pub(super) fn colors(&self) -> &[u8] {
+        &self.colors
+    }
+
+    /// Parts of the voxels that were described last.
+    pub(super) fn parts(&self) -> &[u8] {
+        &self.parts
+    }
+
+    /// Finds what the voxels of a brick's slice look like; `codes` are their normals, on the side of the outside.
+    pub(super) fn describe(&mut self, skin: &SkinSlice<'_>, codes: &mut [u8]) -> Result<(), SourceError> {
+        self.seek(skin).map_err(|cause| scratch(&self.paint.folder, cause))?;
+        self.colors.clear();
+        self.parts.clear();
+        let [x0, y0, z] = skin.corner();
+        let mut codes = codes.as_chunks_mut::<2>().0.iter_mut();
+        for (y, row) in skin.rows().iter().enumerate() {
+            let mut left = *row;
+            while left != 0 {
+                let x = left.trailing_zeros();
+                left &= left - 1;
+                let best = self.best[BRICK * y + x as usize];
+                let p = [x0 + x, y0 + y as u32, z].map(centre);
+                let [t @ .., _] = best.record;
+                let painted = self.at(best.number(), &t, p)?;
+                self.colors.extend(painted.color);
+                self.parts.push(painted.part);
+                if let (Some(code), Some(smooth)) = (codes.next(), painted.normal) {
+                    let own = normal::decode_l1(u16::from_le_bytes(*code));
+                    #[expect(clippy::cast_precision_loss, reason = "at most 127")]
+                    let along: f32 = own.iter().zip(smooth).map(|(a, b)| *a as f32 * b).sum();
+                    let out = if along < 0.0 { smooth.map(|c| -c) } else { smooth };
+                    *code = normal::encode(out).to_le_bytes();
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Finds the nearest triangles of the voxels of a brick's slice.
+    fn seek(&mut self, skin: &SkinSlice<'_>) -> io::Result<()> {
+        self.best.fill(Best::NONE);
+        let near = &self.paint.near;
+        let at = near.box_of(skin.corner());
+        let Self { records, best, held, .. } = self;
+        if near.count(at) <= HELD as u64 {
+            if *held != Some(at) {
+                *held = None;
+                near.read(at, 0, records, HELD)?;
+                *held = Some(at);
+            }
+            records.iter().for_each(|record| offer(record, skin, best));
+            return Ok(());
+        }
+        *held = None;
+        let mut from = 0;
+        while from < near.count(at) {
+            near.read(at, from, records, HELD)?;
+            records.iter().for_each(|record| offer(record, skin, best));
+            from += HELD as u64;
+        }
+        Ok(())
+    }
+
+    /// What a triangle looks like at its point nearest to `p` (lattice steps).
+    fn at(&mut self, number: u32, t: &Triangle, p: [f64; 3]) -> Result<Painted, SourceError> {
+        if number == UNKNOWN {
+            return Ok(Painted::NOTHING);
+        }
+        let failed = |cause| scratch(&self.paint.folder, cause);
+        let record = match &self.last {
+            Some((at, record)) if *at == number => *record,
+            _ => self.paint.columns.get(number).map_err(failed)?,
+        };
+        self.last = Some((number, record));
+        let weights = nearest_point(t, p);
+        let normal = record.look.normals.and_then(|normals| {
+            let n: [f32; 3] = mixed(&normals, weights);
+            let length = n.iter().map(|c| c * c).sum::<f32>().sqrt();
+            (length > 1e-6).then(|| n.map(|c| c / length))
+        });
+        let coat = self.paint.coats.get(record.material as usize);
+        if coat.is_none() && record.look.colors.is_none() {
+            return Ok(Painted { part: record.part, normal, ..Painted::NOTHING });
+        }
+        let mut light = record.look.colors.map_or([1.0; 3], |colors| mixed(&colors, weights));
+        let times = |light: &mut [f32; 3], more: [f32; 3]| {
+            light.iter_mut().zip(more).for_each(|(c, more)| *c *= more);
+        };
+        if let Some(coat) = coat {
+            times(&mut light, coat.color);
+            if let (Some(texture), Some(places)) = (&coat.texture, record.look.places) {
+                let places = places.map(|place| texture.texels(place));
+                let (rate, at) = (texels_per_voxel(t, &places), mixed(&places, weights));
+                times(&mut light, texture.color(at, rate, &mut self.pages).map_err(failed)?);
+            }
+        }
+        Ok(Painted { color: light.map(texture::encoded), part: record.part, normal })
+    }
+}
+
+/// The centre of a voxel along an axis.
+fn centre(voxel: u32) -> f64 {
+    f64::from(voxel) * f64::from(STEPS) + f64::from(HALF)
+}
+
+/// Offers a triangle to the voxels of a brick's slice.
+fn offer(record: &Numbered, skin: &SkinSlice<'_>, best: &mut [Best]) {
+    let [t @ .., number] = record;
+    let corner = skin.corner().map(|c| c as i32);
+    let mut ranges = [(0, 0); 3];
+    for (axis, out) in ranges.iter_mut().enumerate() {
+        let (low, high) = span(t, axis);
+        let last = if axis == 2 { 0 } else { BRICK as i32 - 1 };
+        let first = first_centre(low - 2 * STEPS) - corner[axis];
+        *out = (first.max(0), (last_centre(high + 2 * STEPS) - corner[axis]).min(last));
+        if out.0 > out.1 {
+            return;
+        }
+    }
+    let columns = u32::MAX << ranges[0].0 & u32::MAX >> (31 - ranges[0].1);
+    let mut ready = None;
+    for y in ranges[1].0..=ranges[1].1 {
+        let mut left = skin.rows()[y as usize] & columns;
+        while left != 0 {
+            let x = left.trailing_zeros();
+            left &= left - 1;
+            let f = ready.get_or_insert_with(|| Plane::new(t));
+            let p = [skin.corner()[0] + x, skin.corner()[1] + y as u32, skin.corner()[2]].map(centre);
+            let height = f.squared_height(p);
+            let best = &mut best[BRICK * y as usize + x as usize];
+            if height > best.squared {
+                continue;
+            }
+            let squared = (squared_distance(t, p) + ROUNDER) - ROUNDER;
+            let taken = squared < best.squared
+                || squared == best.squared
+                    && (height > best.height
+                        || height == best.height && number.cast_unsigned() < best.number());
+            if taken {
+                *best = Best { squared, height, record: *record };
+            }
+        }
+    }
+}
+
+/// A triangle's plane.
+struct Plane {
+    normal: [f64; 3],
+    at: [f64; 3],
+}
+
+impl Plane {
+    fn new(t: &Triangle) -> Self {
+        let f = t.map(f64::from);
+        let (b, c) = ([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
+        let n = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let normal = if length > 0.0 { n.map(|c| c / length) } else { [0.0; 3] };
+        Self { normal, at: [f[0], f[1], f[2]] }
+    }
+
+    /// Squared distance of a point, rounded.
+    fn squared_height(&self, p: [f64; 3]) -> f64 {
+        let along: f64 = (0..3).map(|k| self.normal[k] * (p[k] - self.at[k])).sum();
+        (along * along + ROUNDER) - ROUNDER
+    }
+}
+
+/// The mean of three values with these weights.
+fn mixed<const N: usize>(of: &[[f32; N]; 3], weights: [f32; 3]) -> [f32; N] {
+    std::array::from_fn(|k| (0..3).map(|corner| weights[corner] * of[corner][k]).sum())
+}

@@ -1,0 +1,167 @@
+//! What triangles carry, by their numbers: a nameless file for each kind, with holes where triangles lack it.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use super::super::read::Look;
+
+/// What is kept of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Record {
+    pub(super) material: u32,
+    pub(super) part: u8,
+    pub(super) look: Look,
+}
+
+/// Numbers of a triangle's kinds: material with part and kinds, colours, places and normals.
+const NUMBERS: [usize; 4] = [2, 9, 6, 9];
+/// Bytes written at a time.
+const BUFFER: usize = 32 << 10;
+
+/// One kind.
+#[derive(Debug, Default)]
+struct Column {
+    file: Option<File>,
+    buffer: Vec<u8>,
+    /// Triangle that the buffer begins with.
+    first: u64,
+}
+
+impl Column {
+    fn flush(&mut self, record: usize) -> io::Result<()> {
+        if let (Some(file), false) = (&self.file, self.buffer.is_empty()) {
+            file.write_all_at(&self.buffer, self.first * record as u64)?;
+        }
+        self.buffer.clear();
+        Ok(())
+    }
+
+    fn put(&mut self, number: u64, values: &[u32], folder: &Path) -> io::Result<()> {
+        let record = 4 * values.len();
+        if self.file.is_none() {
+            self.file = Some(crate::scratch::nameless(folder)?);
+        }
+        let next = self.first + (self.buffer.len() / record) as u64;
+        if next != number || self.buffer.len() + record > BUFFER {
+            self.flush(record)?;
+        }
+        if self.buffer.is_empty() {
+            self.first = number;
+        }
+        self.buffer.extend_from_slice(bytemuck::cast_slice(values));
+        Ok(())
+    }
+
+    fn get<const N: usize>(&self, number: u32) -> io::Result<[f32; N]> {
+        let mut values = [0.0_f32; N];
+        if let Some(file) = &self.file {
+            let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut values);
+            file.read_exact_at(bytes, u64::from(number) * 4 * N as u64)?;
+        }
+        Ok(values)
+    }
+}
+
+/// All kinds.
+#[derive(Debug)]
+pub(super) struct Columns {
+    kinds: [Column; 4],
+    count: u64,
+    folder: PathBuf,
+}
+
+fn three<const N: usize>(flat: &[f32]) -> [[f32; N]; 3] {
+    std::array::from_fn(|corner| {
+        std::array::from_fn(|k| flat.get(N * corner + k).copied().unwrap_or_default())
+    })
+}
+
+impl Columns {
+    pub(super) fn new(folder: &Path) -> Self {
+        Self { kinds: Default::default(), count: 0, folder: folder.to_path_buf() }
+    }
+
+    /// Appends what the next triangle carries.
+    pub(super) fn put(&mut self, record: &Record) -> io::Result<()> {
+        let Look { colors, places, normals, .. } = &record.look;
+        let kinds = u32::from(colors.is_some())
+            | u32::from(places.is_some()) << 1
+            | u32::from(normals.is_some()) << 2;
+        let bits = |v: &f32| v.to_bits();
+        let number = self.count;
+        self.count += 1;
+        let [base, of_colors, of_places, of_normals] = &mut self.kinds;
+        base.put(number, &[record.material, u32::from(record.part) | kinds << 8], &self.folder)?;
+        if let Some(colors) = colors {
+            let values: Vec<u32> = colors.iter().flatten().map(bits).collect();
+            of_colors.put(number, &values, &self.folder)?;
+        }
+        if let Some(places) = places {
+            let values: Vec<u32> = places.iter().flatten().map(bits).collect();
+            of_places.put(number, &values, &self.folder)?;
+        }
+        if let Some(normals) = normals {
+            let values: Vec<u32> = normals.iter().flatten().map(bits).collect();
+            of_normals.put(number, &values, &self.folder)?;
+        }
+        Ok(())
+    }
+
+    /// Writes what still waits.
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        for (column, numbers) in self.kinds.iter_mut().zip(NUMBERS) {
+            column.flush(4 * numbers)?;
+            column.buffer = Vec::new();
+        }
+        Ok(())
+    }
+
+    /// What a triangle carries.
+    pub(super) fn get(&self, number: u32) -> io::Result<Record> {
+        let [base, colors, places, normals] = &self.kinds;
+        let [material, more] = base.get::<2>(number)?.map(f32::to_bits);
+        let has = |kind: u32| more >> (8 + kind) & 1 == 1;
+        let look = Look {
+            colors: if has(0) { Some(three(&colors.get::<9>(number)?)) } else { None },
+            places: if has(1) { Some(three(&places.get::<6>(number)?)) } else { None },
+            normals: if has(2) { Some(three(&normals.get::<9>(number)?)) } else { None },
+            material,
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "written from a byte")]
+        let part = more as u8;
+        Ok(Record { material, part, look })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::read::NO_MATERIAL;
+    use super::*;
+
+    #[test]
+    fn triangles_get_back_what_they_carry() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut columns = Columns::new(folder.path());
+        let record = |at: u32| {
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            let v = at as f32;
+            let look = Look {
+                colors: (at % 3 == 0).then_some([[v, 0.5, 0.25], [1.0, v, 0.0], [0.0, 0.0, v]]),
+                places: (at % 7 == 0).then_some([[v, -v], [0.0, 1.0], [v, v]]),
+                normals: (at % 2 == 0).then_some([[v; 3], [1.0; 3], [-v; 3]]),
+                material: if at % 5 == 0 { NO_MATERIAL } else { at },
+            };
+            Record { material: look.material, part: (at % 256) as u8, look }
+        };
+        for at in 0..5000 {
+            columns.put(&record(at)).unwrap();
+        }
+        columns.flush().unwrap();
+        for at in [0, 1, 6, 7, 42, 4095, 4998, 4999] {
+            assert_eq!(columns.get(at).unwrap(), record(at));
+        }
+        assert!(columns.get(5000).is_err());
+    }
+}

@@ -1,0 +1,253 @@
+//! Bytes of a glTF file: its own, those of files beside it, and those written into its text.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::super::Limits;
+use super::super::beside::{open_beside, unescaped};
+use super::super::look::Image;
+use super::super::stop::Stop;
+use super::super::stream::Stream;
+use super::super::vertices::{Number, Vertices};
+use super::json::{Accessor, Described, Embedded, Shape};
+use crate::facts::{Feature, MeshFault, Part};
+
+/// Longest distance of two items.
+const MOST_STRIDE: u64 = 252;
+
+/// A run of bytes of a file.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    pub(super) file: Arc<File>,
+    pub(super) offset: u64,
+    pub(super) bytes: u64,
+}
+
+/// Items in a file.
+#[derive(Clone, Debug)]
+pub(super) struct Items {
+    pub(super) run: Run,
+    pub(super) stride: u64,
+    pub(super) count: u64,
+    pub(super) number: Number,
+    pub(super) shape: Shape,
+    /// What a stored number is multiplied with, where whole numbers stand for parts of 1.
+    pub(super) scale: f64,
+}
+
+/// The buffers, opened.
+pub(super) struct Buffers {
+    runs: Vec<Run>,
+}
+
+pub(super) fn out_of_range(part: Part) -> Stop {
+    MeshFault::BadReference { part }.into()
+}
+
+/// An item of a list by its number.
+pub(super) fn item<T>(list: &[T], at: u32, part: Part) -> Result<&T, Stop> {
+    list.get(at as usize).ok_or_else(|| out_of_range(part))
+}
+
+/// Where data from texts go.
+pub(super) struct Decoded<'a> {
+    scratch: &'a Path,
+    file: Option<(Arc<File>, u64)>,
+}
+
+impl<'a> Decoded<'a> {
+    pub(super) fn new(scratch: &'a Path) -> Self {
+        Self { scratch, file: None }
+    }
+
+    /// Decodes a `data:` string (RFC 2397, base64 only) into a nameless file.
+    fn put(&mut self, own: &File, at: Embedded) -> Result<Run, Stop> {
+        let mut stream = Stream::new(own, at.offset);
+        let mut left = at.bytes;
+        let mut head = Vec::new();
+        loop {
+            if left == 0 || head.len() > 256 {
+                return Err(MeshFault::Unsupported(Feature::DataUri).into());
+            }
+            let [byte] = stream.take()?;
+            left -= 1;
+            if byte == b',' {
+                break;
+            }
+            head.push(byte);
+        }
+        if !head.ends_with(b";base64") {
+            return Err(MeshFault::Unsupported(Feature::DataUri).into());
+        }
+        let (file, offset) = match self.file.take() {
+            Some(known) => known,
+            None => (Arc::new(crate::scratch::nameless(self.scratch).map_err(Stop::Scratch)?), 0),
+        };
+        let mut out = std::io::BufWriter::with_capacity(32 << 10, &*file);
+        let (mut bits, mut held, mut written) = (0_u32, 0, 0_u64);
+        for _ in 0..left {
+            let [byte] = stream.take()?;
+            let value = match byte {
+                b'A'..=b'Z' => byte - b'A',
+                b'a'..=b'z' => byte - b'a' + 26,
+                b'0'..=b'9' => byte - b'0' + 52,
+                b'+' | b'-' => 62,
+                b'/' | b'_' => 63,
+                // Of a slash that the text escapes, and what fills the last group.
+                b'\\' | b'=' => continue,
+                _ => return Err(MeshFault::Unsupported(Feature::DataUri).into()),
+            };
+            bits = bits << 6 | u32::from(value);
+            held += 6;
+            if held >= 8 {
+                held -= 8;
+                out.write_all(&[(bits >> held).to_le_bytes()[0]]).map_err(Stop::Scratch)?;
+                bits &= (1 << held) - 1;
+                written += 1;
+            }
+        }
+        out.flush().map_err(Stop::Scratch)?;
+        drop(out);
+        self.file = Some((file.clone(), offset + written));
+        Ok(Run { file, offset, bytes: written })
+    }
+}
+
+/// What is needed to find bytes.
+pub(super) struct Place<'a> {
+    pub(super) path: &'a Path,
+    pub(super) own: Arc<File>,
+    /// The bytes behind the description of a binary file.
+    pub(super) binary: Option<Run>,
+    pub(super) limits: &'a Limits<'a>,
+    /// Every file that is read beside the mesh.
+    pub(super) beside: Vec<PathBuf>,
+}
+
+impl Place<'_> {
+    /// The bytes that a URI leads to.
+    pub(super) fn of_uri(
+        &mut self,
+        uri: &str,
+        described: &Described,
+        decoded: &mut Decoded<'_>,
+    ) -> Result<Run, Stop> {
+        if let Some(number) = uri.strip_prefix("data:") {
+            let at = number.parse().ok().and_then(|at: usize| described.embedded.get(at));
+            let at = at.ok_or_else(|| out_of_range(Part::Buffer))?;
+            return decoded.put(&self.own, *at);
+        }
+        if uri.contains("://") {
+            return Err(MeshFault::Outside { name: uri.to_owned() }.into());
+        }
+        let (file, path, bytes) = open_beside(self.path, &unescaped(uri), self.limits.follow_links)?;
+        self.beside.push(path);
+        Ok(Run { file: Arc::new(file), offset: 0, bytes })
+    }
+}
+
+impl Buffers {
+    pub(super) fn open(
+        described: &Described,
+        place: &mut Place<'_>,
+        decoded: &mut Decoded<'_>,
+    ) -> Result<Self, Stop> {
+        let mut runs = Vec::new();
+        for (at, buffer) in described.root.buffers.iter().enumerate() {
+            let run = match &buffer.uri {
+                Some(uri) => place.of_uri(uri, described, decoded)?,
+                None if at == 0 => place.binary.clone().ok_or_else(|| out_of_range(Part::Buffer))?,
+                None => return Err(out_of_range(Part::Buffer)),
+            };
+            if run.bytes < buffer.byte_length {
+                let (stated, held) = (buffer.byte_length, run.bytes);
+                return Err(MeshFault::BufferLies { stated, held }.into());
+            }
+            runs.push(Run { bytes: buffer.byte_length, ..run });
+        }
+        Ok(Self { runs })
+    }
+
+    /// The bytes of a view.
+    pub(super) fn view(&self, described: &Described, at: u32) -> Result<(Run, Option<u64>), Stop> {
+        let view = item(&described.root.buffer_views, at, Part::View)?;
+        if view.extensions.meshopt.is_some() {
+            return Err(MeshFault::Unsupported(Feature::Meshopt).into());
+        }
+        let run = item(&self.runs, view.buffer, Part::Buffer)?;
+        let end = view.byte_offset.checked_add(view.byte_length);
+        if end.is_none_or(|end| end > run.bytes) {
+            return Err(out_of_range(Part::View));
+        }
+        let run = Run { offset: run.offset + view.byte_offset, bytes: view.byte_length, ..run.clone() };
+        Ok((run, view.byte_stride))
+    }
+
+    /// The items of an accessor.
+    pub(super) fn items(&self, described: &Described, at: u32) -> Result<Items, Stop> {
+        let accessor: &Accessor = item(&described.root.accessors, at, Part::Accessor)?;
+        if accessor.sparse.is_some() {
+            return Err(MeshFault::Unsupported(Feature::SparseAccessor).into());
+        }
+        let Some(view) = accessor.buffer_view else {
+            return Err(MeshFault::Unsupported(Feature::EmptyAccessor).into());
+        };
+        let (number, most) = match accessor.component_type {
+            5120 => (Number::I8, 127.0),
+            5121 => (Number::U8, 255.0),
+            5122 => (Number::I16, 32_767.0),
+            5123 => (Number::U16, 65_535.0),
+            5125 => (Number::U32, 1.0),
+            5126 => (Number::F32, 1.0),
+            _ => return Err(out_of_range(Part::Accessor)),
+        };
+        let parts = match accessor.shape {
+            Shape::Scalar => 1,
+            Shape::Two => 2,
+            Shape::Three => 3,
+            Shape::Four => 4,
+            Shape::Other => return Err(out_of_range(Part::Accessor)),
+        };
+        let own = parts * number.bytes();
+        let (run, stride) = self.view(described, view)?;
+        let stride = stride.unwrap_or(own);
+        if stride < own || stride > MOST_STRIDE {
+            return Err(out_of_range(Part::View));
+        }
+        let end = accessor
+            .count
+            .checked_sub(1)
+            .and_then(|last| last.checked_mul(stride)?.checked_add(own)?.checked_add(accessor.byte_offset));
+        if end.is_none_or(|end| end > run.bytes) {
+            let held = run.bytes.saturating_sub(accessor.byte_offset) / stride.max(1);
+            return Err(MeshFault::CountLies { stated: accessor.count, held }.into());
+        }
+        let run = Run { offset: run.offset + accessor.byte_offset, ..run };
+        let scale = if accessor.normalized { 1.0 / most } else { 1.0 };
+        Ok(Items { run, stride, count: accessor.count, number, shape: accessor.shape, scale })
+    }
+
+    /// An image, whose bytes stand in a view.
+    pub(super) fn image(&self, described: &Described, view: u32, name: String) -> Result<Image, Stop> {
+        let (run, _) = self.view(described, view)?;
+        Ok(Image { name, file: run.file, offset: run.offset, bytes: run.bytes })
+    }
+}
+
+impl Items {
+    /// As vertices of three numbers, of two the last twice.
+    pub(super) fn vertices(&self) -> Result<Vertices, Stop> {
+        let width = usize::try_from(self.number.bytes()).unwrap_or(4);
+        let last = if self.shape == Shape::Two { 1 } else { 2 };
+        Ok(Vertices {
+            file: self.run.file.try_clone().map_err(Stop::Read)?,
+            offset: self.run.offset,
+            record: self.stride,
+            fields: [0, 1, last].map(|at| (at * width, self.number)),
+            big: false,
+            count: self.count,
+        })
+    }
+}

@@ -1,0 +1,301 @@
+//! The description of a glTF file (Khronos glTF 2.0, section 5), as far as it tells of triangles and their looks.
+//!
+//! Data that are written into it stay where they are: of such a string only its place is kept.
+
+use std::fs::File;
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+use super::super::Limits;
+use super::super::stop::Stop;
+use super::super::stream::Stream;
+use crate::facts::MeshFault;
+
+/// Memory of an object of the description, and of an item of a list, at most.
+const OBJECT_BYTES: u64 = 320;
+const ITEM_BYTES: u64 = 16;
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Root {
+    pub(super) asset: Asset,
+    pub(super) scene: Option<u32>,
+    #[serde(default)]
+    pub(super) scenes: Vec<Scene>,
+    #[serde(default)]
+    pub(super) nodes: Vec<Node>,
+    #[serde(default)]
+    pub(super) meshes: Vec<Mesh>,
+    #[serde(default)]
+    pub(super) accessors: Vec<Accessor>,
+    #[serde(default)]
+    pub(super) buffer_views: Vec<BufferView>,
+    #[serde(default)]
+    pub(super) buffers: Vec<Buffer>,
+    #[serde(default)]
+    pub(super) materials: Vec<Material>,
+    #[serde(default)]
+    pub(super) textures: Vec<Texture>,
+    #[serde(default)]
+    pub(super) images: Vec<Image>,
+    #[serde(default)]
+    pub(super) samplers: Vec<Sampler>,
+    #[serde(default)]
+    pub(super) extensions_required: Vec<String>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Asset {
+    pub(super) version: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Scene {
+    #[serde(default)]
+    pub(super) nodes: Vec<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Node {
+    #[serde(default)]
+    pub(super) children: Vec<u32>,
+    pub(super) mesh: Option<u32>,
+    pub(super) matrix: Option<Box<[f64; 16]>>,
+    pub(super) translation: Option<[f64; 3]>,
+    pub(super) rotation: Option<[f64; 4]>,
+    pub(super) scale: Option<[f64; 3]>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Mesh {
+    #[serde(default)]
+    pub(super) primitives: Vec<Primitive>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Primitive {
+    pub(super) attributes: Attributes,
+    pub(super) indices: Option<u32>,
+    pub(super) material: Option<u32>,
+    pub(super) mode: Option<u32>,
+    #[serde(default)]
+    pub(super) extensions: PrimitiveExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub(super) draco: Option<IgnoredAny>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Attributes {
+    #[serde(rename = "POSITION")]
+    pub(super) position: Option<u32>,
+    #[serde(rename = "NORMAL")]
+    pub(super) normal: Option<u32>,
+    #[serde(rename = "COLOR_0")]
+    pub(super) color: Option<u32>,
+    #[serde(rename = "TEXCOORD_0")]
+    pub(super) texcoord_0: Option<u32>,
+    #[serde(rename = "TEXCOORD_1")]
+    pub(super) texcoord_1: Option<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Accessor {
+    pub(super) buffer_view: Option<u32>,
+    #[serde(default)]
+    pub(super) byte_offset: u64,
+    pub(super) component_type: u32,
+    #[serde(default)]
+    pub(super) normalized: bool,
+    pub(super) count: u64,
+    #[serde(rename = "type")]
+    pub(super) shape: Shape,
+    pub(super) sparse: Option<IgnoredAny>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+pub(super) enum Shape {
+    #[serde(rename = "SCALAR")]
+    Scalar,
+    #[serde(rename = "VEC2")]
+    Two,
+    #[serde(rename = "VEC3")]
+    Three,
+    #[serde(rename = "VEC4")]
+    Four,
+    #[serde(other)]
+    Other,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct BufferView {
+    pub(super) buffer: u32,
+    #[serde(default)]
+    pub(super) byte_offset: u64,
+    pub(super) byte_length: u64,
+    pub(super) byte_stride: Option<u64>,
+    #[serde(default)]
+    pub(super) extensions: ViewExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct ViewExtensions {
+    #[serde(rename = "EXT_meshopt_compression", alias = "KHR_meshopt_compression")]
+    pub(super) meshopt: Option<IgnoredAny>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Buffer {
+    pub(super) uri: Option<String>,
+    pub(super) byte_length: u64,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Material {
+    #[serde(default)]
+    pub(super) pbr_metallic_roughness: Surface,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Surface {
+    pub(super) base_color_factor: Option<[f32; 4]>,
+    pub(super) base_color_texture: Option<TextureUse>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct TextureUse {
+    pub(super) index: u32,
+    #[serde(default)]
+    pub(super) tex_coord: u32,
+    #[serde(default)]
+    pub(super) extensions: UseExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct UseExtensions {
+    #[serde(rename = "KHR_texture_transform")]
+    pub(super) transform: Option<TextureTransform>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct TextureTransform {
+    pub(super) offset: Option<[f32; 2]>,
+    pub(super) rotation: Option<f32>,
+    pub(super) scale: Option<[f32; 2]>,
+    pub(super) tex_coord: Option<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Texture {
+    pub(super) source: Option<u32>,
+    pub(super) sampler: Option<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Image {
+    pub(super) uri: Option<String>,
+    pub(super) buffer_view: Option<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Sampler {
+    pub(super) wrap_s: Option<u32>,
+    pub(super) wrap_t: Option<u32>,
+}
+
+/// Where the characters of a `data:` string are in the file, without the quotes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Embedded {
+    pub(super) offset: u64,
+    pub(super) bytes: u64,
+}
+
+/// A description with the strings of data that stand in it; a URI `data:7` means the seventh of these.
+pub(super) struct Described {
+    pub(super) root: Root,
+    pub(super) embedded: Vec<Embedded>,
+    /// Memory that it takes, at most.
+    pub(super) held_bytes: u64,
+}
+
+/// Reads a description of `bytes` bytes from `offset` on.
+///
+/// # Errors
+/// It is no description of glTF 2, or takes more memory than there is.
+pub(super) fn read(file: &File, offset: u64, bytes: u64, limits: &Limits<'_>) -> Result<Described, Stop> {
+    let (text, embedded, held_bytes) = condensed(file, offset, bytes, limits)?;
+    // What is passed over nests as deep as the crate allows: 128 levels.
+    let root: Root =
+        serde_json::from_slice(&text).map_err(|e| MeshFault::BadText { line: e.line() as u64 })?;
+    if root.asset.version.split('.').next() != Some("2") {
+        return Err(MeshFault::GltfVersion { version: root.asset.version.chars().take(16).collect() }.into());
+    }
+    Ok(Described { root, embedded, held_bytes })
+}
+
+/// The text without what `data:` strings hold.
+fn condensed(
+    file: &File,
+    offset: u64,
+    bytes: u64,
+    limits: &Limits<'_>,
+) -> Result<(Vec<u8>, Vec<Embedded>, u64), Stop> {
+    const DATA: &[u8] = b"data:";
+    let mut stream = Stream::new(file, offset);
+    let (mut text, mut embedded) = (Vec::new(), Vec::<Embedded>::new());
+    let mut needed = 0_u64;
+    // Bytes since the quote that began the string; `None` between strings.
+    let mut within: Option<u64> = None;
+    let mut data = false;
+    let mut escaped = false;
+    for at in 0..bytes {
+        let [byte] = stream.take()?;
+        if let Some(length) = within {
+            let ends = byte == b'"' && !escaped;
+            escaped = byte == b'\\' && !escaped;
+            within = if ends { None } else { Some(length + 1) };
+            if data && !ends {
+                continue;
+            }
+            if data {
+                let start = offset + at - length;
+                let number = embedded.len().to_string();
+                embedded.push(Embedded { offset: start, bytes: length });
+                needed += OBJECT_BYTES;
+                text.extend(number.bytes());
+            }
+            text.push(byte);
+            data = !ends && length + 1 == DATA.len() as u64 && text.ends_with(b"\"data:");
+        } else {
+            needed += match byte {
+                b'{' | b'[' => OBJECT_BYTES,
+                b',' => ITEM_BYTES,
+                _ => 0,
+            };
+            if byte == b'"' {
+                within = Some(0);
+            }
+            text.push(byte);
+        }
+        // Twice: strings are copied.
+        if needed + 2 * text.len() as u64 > limits.most_bytes {
+            let needed_bytes = needed + 2 * text.len() as u64;
+            return Err(MeshFault::Description { needed_bytes, allowed_bytes: limits.most_bytes }.into());
+        }
+    }
+    let held_bytes = needed + 2 * text.len() as u64;
+    Ok((text, embedded, held_bytes))
+}

@@ -1,0 +1,484 @@
+//! glTF 2.0 (Khronos), binary or as text with its buffers beside it or within.
+//!
+//! The description is held in memory, as much as there is room for; vertices and corners of triangles are read from
+//! the buffers where they lie. Nodes are walked anew in every pass. Metres with the y axis up become millimetres of
+//! the patient's axes with the head up, as the export of models has it the other way round: x, -z, y.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | `json` | the description |
+//! | `buffers` | bytes and items |
+//! | `looks` | materials and textures |
+
+mod buffers;
+mod json;
+mod looks;
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::Limits;
+use super::look::{Look, Material, NO_MATERIAL};
+use super::stop::{EachLook, Stop};
+use super::stream::Stream;
+use super::text::Fan;
+use super::vertices::{FEW_PAGES, Number, PAGES, Pages};
+use crate::facts::{Feature, MeshFault, Part};
+use crate::geom::Affine;
+use buffers::{Buffers, Decoded, Items, Place, Run, item, out_of_range};
+use json::{Described, Mesh, Node, Primitive, Shape};
+
+/// Triangles of a file that may be much smaller than its model, and more for each of its bytes.
+pub(super) const MOST_TRIANGLES: u64 = 1 << 22;
+pub(super) const MOST_TRIANGLES_PER_BYTE: u64 = 4;
+/// From metres with y up to millimetres with z up.
+const UPRIGHT: [[f64; 4]; 3] = [[1000.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1000.0, 0.0], [0.0, 1000.0, 0.0, 0.0]];
+
+/// An open file.
+pub(super) struct Gltf {
+    described: Described,
+    buffers: Buffers,
+    materials: Vec<Material>,
+    beside: Vec<PathBuf>,
+    with_looks: bool,
+    with_colors: bool,
+}
+
+impl std::fmt::Debug for Gltf {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Gltf").field("meshes", &self.described.root.meshes.len()).finish_non_exhaustive()
+    }
+}
+
+/// Does it begin as a binary file?
+pub(super) fn is_binary(head: &[u8]) -> bool {
+    head.starts_with(b"glTF")
+}
+
+/// How the corners of a primitive make triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Triangles,
+    Strip,
+    Fan,
+}
+
+/// A primitive with what it names.
+struct Prepared {
+    mode: Mode,
+    positions: Items,
+    indices: Option<Items>,
+    normals: Option<Items>,
+    colors: Option<Items>,
+    places: Option<Items>,
+    material: u32,
+}
+
+impl Prepared {
+    fn corners(&self) -> u64 {
+        self.indices.as_ref().map_or(self.positions.count, |i| i.count)
+    }
+
+    fn triangles(&self) -> u64 {
+        if self.mode == Mode::Triangles { self.corners() / 3 } else { self.corners().saturating_sub(2) }
+    }
+}
+
+/// Description and binary part of a binary file: offset and length of each.
+type Chunks = ((u64, u64), Option<(u64, u64)>);
+
+/// Finds them (section 4).
+fn chunks(file: &File, bytes: u64) -> Result<Chunks, Stop> {
+    let mut stream = Stream::new(file, 0);
+    let four = |raw: [u8; 4]| u64::from(u32::from_le_bytes(raw));
+    let _magic: [u8; 4] = stream.take()?;
+    let version = four(stream.take()?);
+    if version != 2 {
+        return Err(MeshFault::GltfVersion { version: version.to_string() }.into());
+    }
+    let stated = four(stream.take()?);
+    let length = four(stream.take()?);
+    let kind: [u8; 4] = stream.take()?;
+    if stated > bytes {
+        return Err(MeshFault::BufferLies { stated, held: bytes }.into());
+    }
+    if kind != *b"JSON" || 20 + length > stated {
+        return Err(out_of_range(Part::Chunk));
+    }
+    let mut at = 20 + length;
+    let json = (20, length);
+    while at + 8 <= stated {
+        let mut stream = Stream::new(file, at);
+        let length = four(stream.take()?);
+        let kind: [u8; 4] = stream.take()?;
+        at += 8;
+        if at + length > stated {
+            return Err(out_of_range(Part::Chunk));
+        }
+        if kind == *b"BIN\0" {
+            return Ok((json, Some((at, length))));
+        }
+        at += length;
+    }
+    Ok((json, None))
+}
+
+/// Refuses what cannot be read without an extension.
+fn check_extensions(required: &[String], with_looks: bool) -> Result<(), Stop> {
+    for name in required {
+        let feature = match name.as_str() {
+            "KHR_mesh_quantization" | "KHR_texture_transform" | "KHR_lights_punctual" => continue,
+            "KHR_draco_mesh_compression" => Feature::Draco,
+            "EXT_meshopt_compression" | "KHR_meshopt_compression" => Feature::Meshopt,
+            "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" if !with_looks => continue,
+            "KHR_texture_basisu" => Feature::Basis,
+            _ if name.starts_with("KHR_materials_") => continue,
+            _ => Feature::Extension(name.chars().take(64).collect()),
+        };
+        return Err(MeshFault::Unsupported(feature).into());
+    }
+    Ok(())
+}
+
+impl Gltf {
+    pub(super) fn open(file: File, bytes: u64, path: &Path, limits: &Limits<'_>) -> Result<Self, Stop> {
+        let head = super::stream::head(&file).map_err(Stop::Read)?;
+        let (json, binary) = if is_binary(&head) { chunks(&file, bytes)? } else { ((0, bytes), None) };
+        let described = json::read(&file, json.0, json.1, limits)?;
+        check_extensions(&described.root.extensions_required, limits.colors)?;
+        let own = Arc::new(file);
+        let binary = binary.map(|(offset, bytes)| Run { file: own.clone(), offset, bytes });
+        let mut place = Place { path, own, binary, limits, beside: Vec::new() };
+        let mut decoded = Decoded::new(limits.scratch);
+        let buffers = Buffers::open(&described, &mut place, &mut decoded)?;
+        let materials = if limits.colors {
+            looks::materials(&described, &buffers, &mut place, &mut decoded)?
+        } else {
+            Vec::new()
+        };
+        let all: u64 = described.root.buffers.iter().map(|b| b.byte_length).fold(bytes, u64::saturating_add);
+        let open = Self {
+            described,
+            buffers,
+            materials,
+            beside: place.beside,
+            with_looks: limits.looks,
+            with_colors: limits.colors,
+        };
+        open.check(all)?;
+        Ok(open)
+    }
+
+    pub(super) fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// Has it colours, and normals of vertices?
+    pub(super) fn has_looks(&self) -> [bool; 2] {
+        let plain = |m: &Material| m.color == [1.0; 3] && m.texture.is_none();
+        let primitives = || self.described.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+        let colored = primitives().any(|p| p.attributes.color.is_some());
+        let smooth = primitives().any(|p| p.attributes.normal.is_some());
+        [colored || !self.materials.iter().all(plain), smooth]
+    }
+
+    pub(super) fn beside(&self) -> &[PathBuf] {
+        &self.beside
+    }
+
+    pub(super) fn held_bytes(&self) -> u64 {
+        self.described.held_bytes
+    }
+
+    /// Looks at every mesh once, and counts triangles.
+    fn check(&self, bytes: u64) -> Result<(), Stop> {
+        let most = MOST_TRIANGLES + bytes.saturating_mul(MOST_TRIANGLES_PER_BYTE);
+        let mut counts = Vec::with_capacity(self.described.root.meshes.len());
+        for mesh in &self.described.root.meshes {
+            let mut count = 0_u64;
+            for primitive in &mesh.primitives {
+                count += self.prepared(primitive)?.map_or(0, |p| p.triangles());
+            }
+            counts.push(count);
+        }
+        let mut seen = vec![false; self.described.root.nodes.len()];
+        let mut all = 0_u64;
+        self.walk(&Affine { rows: UPRIGHT }, &mut |node, at, _| {
+            // A node has one parent at most: so there is no circle.
+            if std::mem::replace(&mut seen[at], true) {
+                return Err(MeshFault::Recursion.into());
+            }
+            if let Some(mesh) = node.mesh {
+                all = all.saturating_add(*item(&counts, mesh, Part::Mesh)?);
+            }
+            if all > most {
+                return Err(MeshFault::TooManyTriangles { most }.into());
+            }
+            Ok(())
+        })
+    }
+
+    /// Calls `each` with every node of the scene and how it is placed.
+    fn walk(
+        &self,
+        placed: &Affine,
+        each: &mut dyn FnMut(&Node, usize, &Affine) -> Result<(), Stop>,
+    ) -> Result<(), Stop> {
+        let root = &self.described.root;
+        let roots: Vec<u32> = match (root.scene, root.scenes.first()) {
+            (Some(at), _) => item(&root.scenes, at, Part::Scene)?.nodes.clone(),
+            (None, Some(first)) => first.nodes.clone(),
+            (None, None) => {
+                let children: std::collections::BTreeSet<u32> =
+                    root.nodes.iter().flat_map(|n| n.children.iter().copied()).collect();
+                (0..root.nodes.len() as u64)
+                    .filter_map(|at| u32::try_from(at).ok())
+                    .filter(|at| !children.contains(at))
+                    .collect()
+            }
+        };
+        let mut stack: Vec<(u32, Affine)> = roots.into_iter().rev().map(|at| (at, *placed)).collect();
+        while let Some((at, parent)) = stack.pop() {
+            let node = item(&root.nodes, at, Part::Node)?;
+            let own = parent.after(&own_place(node));
+            if !own.rows.iter().flatten().all(|v| v.is_finite()) {
+                return Err(MeshFault::Transform.into());
+            }
+            each(node, at as usize, &own)?;
+            stack.extend(node.children.iter().rev().map(|child| (*child, own)));
+        }
+        Ok(())
+    }
+
+    /// What a primitive names; `None` if it is not made of triangles.
+    fn prepared(&self, primitive: &Primitive) -> Result<Option<Prepared>, Stop> {
+        let mode = match primitive.mode {
+            None | Some(4) => Mode::Triangles,
+            Some(5) => Mode::Strip,
+            Some(6) => Mode::Fan,
+            Some(0..=3) => return Ok(None),
+            Some(_) => return Err(out_of_range(Part::Mesh)),
+        };
+        let items = |at| self.buffers.items(&self.described, at);
+        let Some(position) = primitive.attributes.position else { return Ok(None) };
+        let accessor = item(&self.described.root.accessors, position, Part::Accessor)?;
+        if primitive.extensions.draco.is_some() && accessor.buffer_view.is_none() {
+            return Err(MeshFault::Unsupported(Feature::Draco).into());
+        }
+        let positions = items(position)?;
+        let indices = primitive.indices.map(items).transpose()?;
+        let whole = |i: &Items| {
+            i.shape == Shape::Scalar && matches!(i.number, Number::U8 | Number::U16 | Number::U32)
+        };
+        if positions.shape != Shape::Three
+            || indices.as_ref().is_some_and(|i| !whole(i) || i.stride != i.number.bytes())
+        {
+            return Err(out_of_range(Part::Accessor));
+        }
+        let mut prepared = Prepared {
+            mode,
+            positions,
+            indices,
+            normals: None,
+            colors: None,
+            places: None,
+            material: NO_MATERIAL,
+        };
+        if self.with_looks {
+            let count = prepared.positions.count;
+            let fitting = |at: Option<u32>, shapes: &[Shape]| {
+                at.map(items).transpose().map(|found| {
+                    found.filter(|i| shapes.contains(&i.shape) && i.count >= count && i.number != Number::U32)
+                })
+            };
+            let attributes = &primitive.attributes;
+            prepared.normals = fitting(attributes.normal, &[Shape::Three])?;
+            prepared.colors = fitting(attributes.color, &[Shape::Three, Shape::Four])?;
+            if let Some(at) = primitive.material.filter(|_| self.with_colors) {
+                item(&self.materials, at, Part::Material)?;
+                prepared.material = at;
+                let set = looks::texcoord(&self.described, at);
+                let set = [attributes.texcoord_0, attributes.texcoord_1].get(set as usize).copied().flatten();
+                prepared.places = fitting(set, &[Shape::Two])?;
+            }
+        }
+        Ok(Some(prepared))
+    }
+
+    /// Calls `each` with every triangle, in millimetres.
+    pub(super) fn for_each(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
+        let mut faces = 0;
+        self.walk(&Affine { rows: UPRIGHT }, &mut |node, _, placed| {
+            let Some(at) = node.mesh else { return Ok(()) };
+            let mesh: &Mesh = item(&self.described.root.meshes, at, Part::Mesh)?;
+            for primitive in &mesh.primitives {
+                if let Some(prepared) = self.prepared(primitive)? {
+                    primitive_triangles(&prepared, placed, &mut faces, each)?;
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+/// How a node places what is below it.
+fn own_place(node: &Node) -> Affine {
+    if let Some(m) = &node.matrix {
+        return Affine { rows: std::array::from_fn(|r| std::array::from_fn(|c| m[4 * c + r])) };
+    }
+    let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let s = node.scale.unwrap_or([1.0; 3]);
+    let t = node.translation.unwrap_or([0.0; 3]);
+    let turned = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ];
+    Affine {
+        rows: std::array::from_fn(|r| {
+            std::array::from_fn(|c| if c < 3 { turned[r][c] * s[c] } else { t[r] })
+        }),
+    }
+}
+
+/// The whole numbers of corners, one after the other.
+enum Corners<'a> {
+    Stored(Stream<'a>, Number),
+    Counted(u64),
+}
+
+impl Corners<'_> {
+    fn next(&mut self) -> Result<u64, Stop> {
+        Ok(match self {
+            Self::Stored(stream, Number::U8) => {
+                let [b] = stream.take()?;
+                b.into()
+            }
+            Self::Stored(stream, Number::U16) => u16::from_le_bytes(stream.take()?).into(),
+            Self::Stored(stream, _) => u32::from_le_bytes(stream.take()?).into(),
+            Self::Counted(at) => {
+                *at += 1;
+                *at - 1
+            }
+        })
+    }
+}
+
+/// An attribute by the number of its vertex.
+struct Attribute<'a> {
+    pages: Pages<'a>,
+    scale: f64,
+}
+
+impl Attribute<'_> {
+    fn corners(&mut self, [a, b, c]: [u32; 3], face: u64) -> Result<[[f64; 3]; 3], Stop> {
+        let mut get = |at: u32| Ok::<_, Stop>(self.pages.get(at.into(), face)?.map(|v| v * self.scale));
+        Ok([get(a)?, get(b)?, get(c)?])
+    }
+}
+
+fn primitive_triangles(
+    prepared: &Prepared,
+    placed: &Affine,
+    faces: &mut u64,
+    each: &mut EachLook<'_>,
+) -> Result<(), Stop> {
+    let vertices = prepared.positions.vertices()?;
+    let attributes = [&prepared.normals, &prepared.colors, &prepared.places];
+    let mut stored = [None, None, None];
+    for (out, items) in stored.iter_mut().zip(attributes) {
+        *out = match items {
+            Some(items) => Some((items.vertices()?, items.scale)),
+            None => None,
+        };
+    }
+    let [mut normals, mut colors, mut places] = stored.each_ref().map(|at| at.as_ref().map(attribute));
+    let mut positions = Attribute { pages: Pages::new(&vertices, PAGES), scale: prepared.positions.scale };
+    let mut corners = match &prepared.indices {
+        Some(i) => Corners::Stored(Stream::new(&i.run.file, i.run.offset), i.number),
+        None => Corners::Counted(0),
+    };
+    // What is mirrored is turned around, as the standard asks (3.7.4).
+    let mirrored = placed.determinant() < 0.0;
+    let upright = cofactors(placed, mirrored);
+    let mut emit = |mut t: [u32; 3]| -> Result<(), Stop> {
+        if mirrored {
+            t.swap(1, 2);
+        }
+        let points = positions.corners(t, *faces)?.map(|p| placed.apply(p));
+        *faces += 1;
+        if !points.iter().flatten().all(|c| c.is_finite()) {
+            return Err(MeshFault::NotFinite { triangle: *faces }.into());
+        }
+        let mut look = Look { material: prepared.material, ..Look::NONE };
+        if let Some(normals) = &mut normals {
+            look.normals = Some(normals.corners(t, *faces)?.map(|n| single(upright.apply_vector(n))));
+        }
+        if let Some(colors) = &mut colors {
+            look.colors = Some(colors.corners(t, *faces)?.map(single));
+        }
+        if let Some(places) = &mut places {
+            look.places = Some(places.corners(t, *faces)?.map(|p| {
+                let [u, v, _] = single(p);
+                [u, v]
+            }));
+        }
+        Ok(each(&points, &look)?)
+    };
+    let whole = |at: u64| u32::try_from(at).unwrap_or(u32::MAX);
+    match prepared.mode {
+        Mode::Triangles => {
+            for _ in 0..prepared.triangles() {
+                let t = [corners.next()?, corners.next()?, corners.next()?];
+                emit(t.map(whole))?;
+            }
+        }
+        Mode::Fan => {
+            let mut fan = Fan::new();
+            for _ in 0..prepared.corners() {
+                if let Some(t) = fan.next(whole(corners.next()?)) {
+                    emit(t)?;
+                }
+            }
+        }
+        Mode::Strip => {
+            let mut last = [0; 2];
+            for at in 0..prepared.corners() {
+                let next = whole(corners.next()?);
+                if at >= 2 {
+                    let [a, b] = last;
+                    emit(if at % 2 == 0 { [a, b, next] } else { [b, a, next] })?;
+                }
+                last = [last[1], next];
+            }
+        }
+    }
+    Ok(())
+}
+
+fn attribute((vertices, scale): &(super::vertices::Vertices, f64)) -> Attribute<'_> {
+    Attribute { pages: Pages::new(vertices, FEW_PAGES), scale: *scale }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "looks are in single precision")]
+fn single(v: [f64; 3]) -> [f32; 3] {
+    v.map(|c| c as f32)
+}
+
+/// What turns normals when points are placed: the cofactors, the other way round where these mirror.
+pub(super) fn cofactors(placed: &Affine, mirrored: bool) -> Affine {
+    let m = &placed.rows;
+    let sign = if mirrored { -1.0 } else { 1.0 };
+    let rows = std::array::from_fn(|r| {
+        let (r1, r2) = ((r + 1) % 3, (r + 2) % 3);
+        std::array::from_fn(|c| {
+            if c == 3 {
+                return 0.0;
+            }
+            let (c1, c2) = ((c + 1) % 3, (c + 2) % 3);
+            sign * (m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1])
+        })
+    });
+    Affine { rows }
+}

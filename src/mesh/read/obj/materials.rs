@@ -1,0 +1,165 @@
+//! MTL: the materials of OBJ. A colour (`Kd`, sRGB) times a texture (`map_Kd`).
+//!
+//! Files that are not there are left out, as every viewer leaves them out: they are often not handed on.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::super::Limits;
+use super::super::beside::open_beside;
+use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
+use super::super::stop::Stop;
+use super::super::stream::{Token, Words};
+use super::super::vertex_looks::light;
+use super::NONE;
+use crate::facts::MeshFault;
+
+/// Memory of a material beside its name, about.
+const EACH_BYTES: u64 = 256;
+
+/// Materials by their names.
+pub(super) struct Materials<'a> {
+    path: &'a Path,
+    limits: &'a Limits<'a>,
+    numbers: BTreeMap<String, u32>,
+    all: Vec<Material>,
+    images: BTreeMap<String, Arc<Image>>,
+    beside: Vec<PathBuf>,
+    held_bytes: u64,
+}
+
+impl<'a> Materials<'a> {
+    pub(super) fn new(path: &'a Path, limits: &'a Limits<'a>) -> Self {
+        let (numbers, images) = (BTreeMap::new(), BTreeMap::new());
+        Self { path, limits, numbers, all: Vec::new(), images, beside: Vec::new(), held_bytes: 0 }
+    }
+
+    fn hold(&mut self, name: &str) -> Result<(), Stop> {
+        self.held_bytes += EACH_BYTES + name.len() as u64;
+        if self.held_bytes > self.limits.most_bytes {
+            let (needed_bytes, allowed_bytes) = (self.held_bytes, self.limits.most_bytes);
+            return Err(MeshFault::Description { needed_bytes, allowed_bytes }.into());
+        }
+        Ok(())
+    }
+
+    /// The number of a material, whether it was told of or not.
+    pub(super) fn number(&mut self, name: &str) -> Result<u32, Stop> {
+        Ok(self.numbers.get(name).copied().unwrap_or(NONE))
+    }
+
+    /// All of them, the files that they are read from, and the memory that they take.
+    pub(super) fn done(self) -> (Vec<Material>, Vec<PathBuf>, u64) {
+        (self.all, self.beside, self.held_bytes)
+    }
+
+    /// A file beside the mesh; `None` if it is not there.
+    fn open(&mut self, name: &str) -> Result<Option<(std::fs::File, u64)>, Stop> {
+        match open_beside(self.path, &name.replace('\\', "/"), self.limits.follow_links) {
+            Ok((file, path, bytes)) => {
+                self.beside.push(path);
+                Ok(Some((file, bytes)))
+            }
+            Err(Stop::Mesh(MeshFault::Missing { .. } | MeshFault::Outside { .. })) => Ok(None),
+            Err(stop) => Err(stop),
+        }
+    }
+
+    /// Reads a file of materials.
+    pub(super) fn read(&mut self, name: &str) -> Result<(), Stop> {
+        let Some((file, _)) = self.open(name)? else { return Ok(()) };
+        let mut words = Words::new(&file, 0);
+        let mut at = None;
+        loop {
+            match words.next()? {
+                Token::End => break,
+                Token::LineEnd => continue,
+                Token::Word => {}
+            }
+            match words.word() {
+                b"newmtl" => {
+                    let name = words.rest_of_line(1024)?;
+                    self.hold(&name)?;
+                    at = Some(self.all.len());
+                    let number = u32::try_from(self.all.len()).unwrap_or(NONE);
+                    self.numbers.insert(name, number);
+                    self.all.push(Material { color: [1.0; 3], texture: None });
+                }
+                b"Kd" => {
+                    let color = [words.number()?, words.number()?, words.number()?];
+                    if let Some(material) = at.and_then(|at| self.all.get_mut(at)) {
+                        material.color = light(color);
+                    }
+                    words.skip_line()?;
+                }
+                b"map_Kd" => {
+                    let line = words.rest_of_line(4096)?;
+                    let texture = self.texture(&line)?;
+                    if let Some(material) = at.and_then(|at| self.all.get_mut(at)) {
+                        material.texture = texture;
+                    }
+                }
+                _ => words.skip_line()?,
+            }
+        }
+        for material in &mut self.all {
+            // Black, where the texture is all that counts.
+            if material.texture.is_some() && material.color == [0.0; 3] {
+                material.color = [1.0; 3];
+            }
+        }
+        Ok(())
+    }
+
+    /// A texture as its line states it: options, then the name of the image.
+    fn texture(&mut self, line: &str) -> Result<Option<Texture>, Stop> {
+        let mut rest = line.trim();
+        let (mut wrap, mut placed) = (Wrap::Repeat, UNPLACED);
+        while rest.starts_with('-') {
+            let (option, behind) = split(rest);
+            rest = behind;
+            let most = match option {
+                "-mm" => 2,
+                "-s" | "-o" | "-t" => 3,
+                _ => 1,
+            };
+            let mut seen = 0;
+            while seen < most {
+                let (value, behind) = split(rest);
+                let number = value.parse::<f32>().ok();
+                if most > 1 && number.is_none() || behind.is_empty() {
+                    break;
+                }
+                match (option, number, seen) {
+                    ("-clamp", ..) if value == "on" => wrap = Wrap::Clamp,
+                    ("-s", Some(scale), 0 | 1) => placed[seen][seen] = scale,
+                    ("-o", Some(offset), 0 | 1) => placed[seen][2] = offset,
+                    _ => {}
+                }
+                rest = behind;
+                seen += 1;
+            }
+        }
+        if rest.is_empty() {
+            return Ok(None);
+        }
+        let image = match self.images.get(rest) {
+            Some(image) => image.clone(),
+            None => {
+                let Some((file, bytes)) = self.open(rest)? else { return Ok(None) };
+                self.hold(rest)?;
+                let image = Arc::new(Image { name: rest.to_owned(), file: Arc::new(file), offset: 0, bytes });
+                self.images.insert(rest.to_owned(), image.clone());
+                image
+            }
+        };
+        Ok(Some(Texture { image, wraps: [wrap; 2], upwards: true, placed }))
+    }
+}
+
+/// The first word, and what follows.
+fn split(text: &str) -> (&str, &str) {
+    let text = text.trim_start();
+    text.split_once(char::is_whitespace).map_or((text, ""), |(word, rest)| (word, rest.trim_start()))
+}

@@ -1,0 +1,292 @@
+//! OBJ: text, read once; vertices, triangles and what these carry wait in nameless files. Materials are those of MTL.
+//!
+//! Of its many statements `v`, `vt`, `vn`, `f`, `mtllib` and `usemtl` count. The second coordinate of places runs up.
+
+mod materials;
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use super::Limits;
+use super::look::{Look, Material, NO_MATERIAL};
+use super::stop::{Each, EachLook, Stop};
+use super::stream::{Stream, Token, Words};
+use super::text::{Faces, Fan, index};
+use super::vertex_looks::{VertexLooks, light, single};
+use super::vertices::{FEW_PAGES, Pages, Spool, Vertices};
+use crate::facts::MeshFault;
+use materials::Materials;
+
+/// Marks a corner without a place or a normal.
+const NONE: u32 = u32::MAX;
+/// Bytes of what a triangle carries: places, normals and colours of its corners, and its material.
+const CARRIED: usize = 40;
+
+/// An open file.
+#[derive(Debug)]
+pub(super) struct Obj {
+    faces: Faces,
+    carried: Option<Carried>,
+    materials: Vec<Material>,
+    beside: Vec<PathBuf>,
+    held_bytes: u64,
+}
+
+/// What triangles carry.
+#[derive(Debug)]
+struct Carried {
+    triangles: File,
+    places: Vertices,
+    normals: Vertices,
+    /// Of every vertex, if one has a colour.
+    colors: Option<Vertices>,
+}
+
+/// The same while the file is read.
+struct Spools {
+    triangles: Spool,
+    places: Spool,
+    normals: Spool,
+    colors: Spool,
+    colored: bool,
+}
+
+impl Spools {
+    fn new(scratch: &Path) -> Result<Self, Stop> {
+        Ok(Self {
+            triangles: Spool::new(scratch)?,
+            places: Spool::new(scratch)?,
+            normals: Spool::new(scratch)?,
+            colors: Spool::new(scratch)?,
+            colored: false,
+        })
+    }
+}
+
+/// The numbers left in a line, at most four.
+fn numbers(words: &mut Words<'_>) -> Result<([f64; 4], usize), Stop> {
+    let (mut values, mut count) = ([0.0; 4], 0);
+    while words.next()? == Token::Word {
+        if let Some(out) = values.get_mut(count) {
+            *out = words.as_number()?;
+            count += 1;
+        }
+    }
+    Ok((values, count))
+}
+
+impl Obj {
+    pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<Self, Stop> {
+        let mut words = Words::new(file, 0);
+        let scratch = limits.scratch;
+        let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
+        let mut spools = if limits.looks { Some(Spools::new(scratch)?) } else { None };
+        let mut materials = Materials::new(path, limits);
+        let mut material = NO_MATERIAL;
+        let mut faces = 0;
+        let mut understood = false;
+        loop {
+            match words.next()? {
+                Token::End => break,
+                Token::LineEnd => continue,
+                Token::Word => {}
+            }
+            match (words.word(), &mut spools) {
+                (b"v", spools) => {
+                    vertices.vertex([words.number()?, words.number()?, words.number()?])?;
+                    if let Some(spools) = spools {
+                        let ([r, g, b, _], count) = numbers(&mut words)?;
+                        spools.colored |= count == 3;
+                        spools.colors.vertex(if count == 3 { [r, g, b] } else { [1.0; 3] })?;
+                    } else {
+                        words.skip_line()?;
+                    }
+                    understood = true;
+                }
+                (b"vt", Some(spools)) => {
+                    let ([u, v, ..], _) = numbers(&mut words)?;
+                    spools.places.vertex([u, v, 0.0])?;
+                }
+                (b"vn", Some(spools)) => {
+                    let ([x, y, z, _], _) = numbers(&mut words)?;
+                    spools.normals.vertex([x, y, z])?;
+                }
+                (b"usemtl", Some(_)) if limits.colors => {
+                    material = materials.number(&words.rest_of_line(1024)?)?
+                }
+                (b"mtllib", Some(_)) if limits.colors => materials.read(&words.rest_of_line(1024)?)?,
+                (b"f", spools) => {
+                    face(&mut words, vertices.count, faces, material, &mut triangles, spools.as_mut())?;
+                    faces += 1;
+                }
+                _ => words.skip_line()?,
+            }
+        }
+        if !understood {
+            return Err(MeshFault::Unknown.into());
+        }
+        let carried = match spools {
+            Some(spools) => Some(Carried {
+                triangles: spools.triangles.finish()?.0,
+                places: spools.places.into_vertices()?,
+                normals: spools.normals.into_vertices()?,
+                colors: if spools.colored { Some(spools.colors.into_vertices()?) } else { None },
+            }),
+            None => None,
+        };
+        let faces = Faces::of(vertices, triangles, VertexLooks::default())?;
+        let (materials, beside, held_bytes) = materials.done();
+        Ok(Self { faces, carried, materials, beside, held_bytes })
+    }
+
+    pub(super) fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    pub(super) fn beside(&self) -> &[PathBuf] {
+        &self.beside
+    }
+
+    pub(super) fn held_bytes(&self) -> u64 {
+        self.held_bytes
+    }
+
+    /// Has it colours, and normals?
+    pub(super) fn has_looks(&self) -> [bool; 2] {
+        self.carried.as_ref().map_or([false; 2], |carried| {
+            [carried.colors.is_some() || !self.materials.is_empty(), carried.normals.count > 0]
+        })
+    }
+
+    pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
+        self.faces.for_each(each)
+    }
+
+    /// Calls `each` with every triangle and what it carries.
+    pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
+        let Some(carried) = &self.carried else {
+            return self.for_each(&mut |t| each(t, &Look::NONE));
+        };
+        let mut open = Open {
+            stream: Stream::new(&carried.triangles, 0),
+            places: Pages::new(&carried.places, FEW_PAGES),
+            normals: Pages::new(&carried.normals, FEW_PAGES),
+            colors: carried.colors.as_ref().map(|colors| Pages::new(colors, FEW_PAGES)),
+            face: 0,
+        };
+        let mut stopped = None;
+        let done = self.faces.for_each(&mut |t| match open.next() {
+            Ok(look) => each(t, &look),
+            Err(stop) => {
+                stopped = Some(stop);
+                Err(MeshFault::CutShort)
+            }
+        });
+        stopped.map_or(done, Err)
+    }
+}
+
+/// What triangles carry, one after the other.
+struct Open<'a> {
+    stream: Stream<'a>,
+    places: Pages<'a>,
+    normals: Pages<'a>,
+    colors: Option<Pages<'a>>,
+    face: u64,
+}
+
+impl Open<'_> {
+    fn next(&mut self) -> Result<Look, Stop> {
+        let record: [u8; CARRIED] = self.stream.take()?;
+        let mut numbers = [0; CARRIED / 4];
+        for (out, bytes) in numbers.iter_mut().zip(record.as_chunks::<4>().0) {
+            *out = u32::from_le_bytes(*bytes);
+        }
+        let [p0, p1, p2, n0, n1, n2, v0, v1, v2, material] = numbers;
+        self.face += 1;
+        let face = self.face;
+        let three = |pages: &mut Pages<'_>, at: [u32; 3]| -> Result<Option<[[f64; 3]; 3]>, Stop> {
+            if at.contains(&NONE) {
+                return Ok(None);
+            }
+            let mut get = |at: u32| pages.get(at.into(), face);
+            Ok(Some([get(at[0])?, get(at[1])?, get(at[2])?]))
+        };
+        let places = three(&mut self.places, [p0, p1, p2])?;
+        let normals = three(&mut self.normals, [n0, n1, n2])?;
+        let mut look = Look {
+            places: places.map(|of| of.map(single).map(|[u, v, _]| [u, v])),
+            normals: normals.map(|of| of.map(single)),
+            material,
+            ..Look::NONE
+        };
+        if let Some(colors) = &mut self.colors {
+            // Colours of vertices come before the plain colour of a material.
+            look.colors = three(colors, [v0, v1, v2])?.map(|of| of.map(light));
+            if look.places.is_none() {
+                look.material = NO_MATERIAL;
+            }
+        }
+        Ok(look)
+    }
+}
+
+/// Reads the corners of a face.
+fn face(
+    words: &mut Words<'_>,
+    vertices: u64,
+    number: u64,
+    material: u32,
+    triangles: &mut Spool,
+    mut spools: Option<&mut Spools>,
+) -> Result<(), Stop> {
+    let (mut fan, mut of_places, mut of_normals) = (Fan::new(), Fan::new(), Fan::new());
+    let mut continued = false;
+    loop {
+        match words.next()? {
+            Token::Word if words.word() == b"\\" => continued = true,
+            Token::LineEnd if continued => continued = false,
+            Token::LineEnd | Token::End => return Ok(()),
+            Token::Word => {
+                let mut parts = words.word().split(|b| *b == b'/');
+                let at = part(parts.next(), vertices, number).map_err(|()| words.wrong())??;
+                let triangle = fan.next(at.ok_or_else(|| words.wrong())?);
+                if let Some(t) = triangle {
+                    triangles.triangle(t)?;
+                }
+                let Some(spools) = spools.as_mut() else { continue };
+                let mut beside = |count: u64| {
+                    let at = part(parts.next(), count, number).map_err(|()| words.wrong())??;
+                    Ok::<_, Stop>(at.unwrap_or(NONE))
+                };
+                let places = of_places.next(beside(spools.places.count)?);
+                let normals = of_normals.next(beside(spools.normals.count)?);
+                if let (Some(p), Some(n), Some(t)) = (places, normals, triangle) {
+                    let mut record = [0; CARRIED];
+                    let all = [p[0], p[1], p[2], n[0], n[1], n[2], t[0], t[1], t[2], material];
+                    for (out, at) in record.as_chunks_mut::<4>().0.iter_mut().zip(all) {
+                        *out = at.to_le_bytes();
+                    }
+                    spools.triangles.put(record)?;
+                }
+            }
+        }
+    }
+}
+
+/// One part of a corner `7`, `7/1`, `7//3` or `-1`, counted from 0; `None` where nothing stands. It is no number, or
+/// none of those that came before.
+#[inline]
+fn part(word: Option<&[u8]>, count: u64, face: u64) -> Result<Result<Option<u32>, Stop>, ()> {
+    let Some(word) = word.filter(|word| !word.is_empty()) else { return Ok(Ok(None)) };
+    let (negative, digits) = match word.split_first() {
+        Some((b'-', rest)) => (true, rest),
+        _ => (false, word),
+    };
+    if digits.is_empty() || digits.len() > 18 || !digits.iter().all(u8::is_ascii_digit) {
+        return Err(());
+    }
+    let value = digits.iter().fold(0, |n, d| 10 * n + i64::from(d - b'0'));
+    let at = if negative { i64::try_from(count).unwrap_or(i64::MAX) - value } else { value - 1 };
+    Ok(index(count, face, at).map(Some))
+}

@@ -1,0 +1,91 @@
+//! From an archive to its texts: the root, and those that its parts name.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::super::Limits;
+use super::super::look::Image;
+use super::super::stop::Stop;
+use super::super::xml::{Event, Xml};
+use super::super::zip::{Archive, Member, reading};
+use super::model::Reader;
+use super::{Contents, is_image};
+use crate::facts::{MeshFault, Part};
+
+/// Where a text is if nothing says it, and what says it (ECMA-376-2, 9.3).
+const USUAL: &str = "3D/3dmodel.model";
+const RELATIONS: &str = "_rels/.rels";
+const KIND: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
+/// Most texts of an archive.
+const MOST_TEXTS: usize = 4096;
+
+/// The archive, and its root text.
+pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member), Stop> {
+    let archive = Archive::open(file, bytes)?;
+    let mut target = USUAL.to_owned();
+    if let Some(relations) = archive.find(file, RELATIONS)? {
+        let mut xml = Xml::new(relations.open(file)?);
+        loop {
+            match xml.next()? {
+                Event::Done => break,
+                Event::Start { .. } if xml.name() == b"Relationship" && xml.raw(b"Type") == Some(KIND) => {
+                    target = xml.text(b"Target")?.unwrap_or(target);
+                }
+                _ => {}
+            }
+        }
+    }
+    let member = archive.find(file, &target)?;
+    Ok((archive, member.ok_or(MeshFault::BadReference { part: Part::Text })?))
+}
+
+/// Reads all texts of an archive; tells the memory that is held, and how much was inflated.
+pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Contents, u64, u64), Stop> {
+    let (archive, first) = root(&file, bytes)?;
+    let mut inflated = first.checked_bytes()?;
+    let mut reader = Reader::new(limits)?;
+    reader.text(first.open(&file)?, 0)?;
+    let mut done = 1;
+    // Texts that parts name, those of these included.
+    while done < reader.texts.len() {
+        if reader.texts.len() > MOST_TEXTS {
+            return Err(MeshFault::BadReference { part: Part::Text }.into());
+        }
+        let name = reader.texts[done].clone();
+        let member = archive.find(&file, &name)?.ok_or(MeshFault::BadReference { part: Part::Text })?;
+        inflated = inflated.saturating_add(member.checked_bytes()?);
+        let number = u32::try_from(done).unwrap_or(u32::MAX);
+        reader.text(member.open(&file)?, number)?;
+        done += 1;
+    }
+    let mut images = Vec::new();
+    for path in reader.images() {
+        let member = archive.find(&file, path)?.ok_or(MeshFault::BadReference { part: Part::Image })?;
+        if !is_image(Path::new(path)) {
+            return Err(MeshFault::BadReference { part: Part::Image }.into());
+        }
+        inflated = inflated.saturating_add(member.checked_bytes()?);
+        images.push(Arc::new(unpacked(&file, &member, images.len(), limits)?));
+    }
+    let held_bytes = reader.held_bytes;
+    Ok((reader.finish(images)?, held_bytes, inflated))
+}
+
+/// An image in a nameless file.
+fn unpacked(file: &File, member: &Member, number: usize, limits: &Limits<'_>) -> Result<Image, Stop> {
+    let out = crate::scratch::nameless(limits.scratch).map_err(Stop::Scratch)?;
+    let mut content = member.open(file)?;
+    let mut buffer = vec![0; 32 << 10];
+    let mut bytes = 0;
+    loop {
+        let got = content.read(&mut buffer).map_err(reading)?;
+        if got == 0 {
+            break;
+        }
+        std::io::Write::write_all(&mut &out, &buffer[..got]).map_err(Stop::Scratch)?;
+        bytes += got as u64;
+    }
+    Ok(Image { name: format!("image {}", number + 1), file: Arc::new(out), offset: 0, bytes })
+}

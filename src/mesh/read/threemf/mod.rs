@@ -1,0 +1,212 @@
+//! 3MF (3MF Consortium, Core 1.3 with the production and materials extensions): an archive with a text of vertices
+//! and triangles.
+//!
+//! The text is read once as a stream; vertices, triangles and colours wait in nameless files, objects with their
+//! parts in memory. Objects are placed anew in every pass. Units of the file become millimetres; the z axis is up.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | `model` | the text |
+//! | `archive` | what the archive leads to |
+
+mod archive;
+mod model;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+
+use super::Limits;
+use super::gltf::{MOST_TRIANGLES, MOST_TRIANGLES_PER_BYTE};
+use super::look::{Look, Material, NO_MATERIAL};
+use super::stop::{EachLook, Stop};
+use super::stream::Stream;
+use super::vertices::{FEW_PAGES, PAGES, Pages, Vertices};
+use crate::facts::{MeshFault, Part};
+use crate::geom::Affine;
+
+/// Bytes of a triangle in its file: corners, and with looks the values at these and what they mean.
+const RECORD: usize = 12;
+const LOOKED: usize = 28;
+/// Marks a triangle without values; others have colours, or places in the texture of this number.
+const PLAIN: u32 = u32::MAX;
+const COLORED: u32 = u32::MAX - 1;
+/// How deep objects may hold objects.
+const MOST_DEPTH: usize = 64;
+
+/// An object by its number, in the text of this number.
+type Key = (u32, u32);
+
+/// What an object is made of.
+#[derive(Clone, Debug)]
+enum Object {
+    /// First vertex, vertices, first triangle, triangles.
+    Mesh([u64; 4]),
+    Parts(Vec<Placed>),
+}
+
+/// An object in its place.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    key: Key,
+    at: Affine,
+}
+
+/// What the texts of an archive hold.
+#[derive(Debug)]
+struct Contents {
+    vertices: Vertices,
+    triangles: File,
+    values: Vertices,
+    objects: BTreeMap<Key, Object>,
+    items: Vec<Placed>,
+    materials: Vec<Material>,
+}
+
+/// An open file.
+#[derive(Debug)]
+pub(super) struct ThreeMf {
+    contents: Contents,
+    looks: bool,
+    held_bytes: u64,
+}
+
+/// Looks at the list of the archive alone.
+pub(super) fn check(file: &File, bytes: u64) -> Result<(), Stop> {
+    archive::root(file, bytes).map(drop)
+}
+
+impl ThreeMf {
+    pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<Self, Stop> {
+        let (contents, held_bytes, inflated) = archive::read(file, bytes, limits)?;
+        let open = Self { contents, looks: limits.colors, held_bytes };
+        open.check(inflated)?;
+        Ok(open)
+    }
+
+    pub(super) fn materials(&self) -> &[Material] {
+        &self.contents.materials
+    }
+
+    /// Has it colours?
+    pub(super) fn has_colors(&self) -> bool {
+        self.contents.values.count > 0 || !self.contents.materials.is_empty()
+    }
+
+    pub(super) fn held_bytes(&self) -> u64 {
+        self.held_bytes
+    }
+
+    /// Counts triangles, however often objects hold the same ones.
+    fn check(&self, inflated: u64) -> Result<(), Stop> {
+        let most = MOST_TRIANGLES + inflated.saturating_mul(MOST_TRIANGLES_PER_BYTE);
+        let mut all = 0_u64;
+        self.walk(&mut |[.., triangles], _| {
+            // An empty object costs time, too.
+            all = all.saturating_add(triangles.max(1));
+            if all > most { Err(MeshFault::TooManyTriangles { most }.into()) } else { Ok(()) }
+        })
+    }
+
+    /// Calls `each` with every mesh that is built and how it is placed.
+    fn walk(&self, each: &mut dyn FnMut([u64; 4], &Affine) -> Result<(), Stop>) -> Result<(), Stop> {
+        let mut steps = 0_u64;
+        for item in &self.contents.items {
+            // Parts of an object that are still to come, of each object on the way.
+            let mut way: Vec<(&[Placed], Affine)> = vec![(std::slice::from_ref(item), IDENTITY)];
+            while let Some((left, parent)) = way.last_mut() {
+                let Some((first, rest)) = left.split_first() else {
+                    way.pop();
+                    continue;
+                };
+                *left = rest;
+                let at = parent.after(&first.at);
+                if !at.rows.iter().flatten().all(|v| v.is_finite()) {
+                    return Err(MeshFault::Transform.into());
+                }
+                steps += 1;
+                if steps > MOST_TRIANGLES {
+                    return Err(MeshFault::TooManyTriangles { most: MOST_TRIANGLES }.into());
+                }
+                let object = self.contents.objects.get(&first.key);
+                match object.ok_or(MeshFault::BadReference { part: Part::Object })? {
+                    Object::Mesh(runs) => each(*runs, &at)?,
+                    Object::Parts(parts) => {
+                        if way.len() >= MOST_DEPTH {
+                            return Err(MeshFault::Recursion.into());
+                        }
+                        way.push((parts, at));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Calls `each` with every triangle, in millimetres.
+    pub(super) fn for_each(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
+        let Contents { vertices, values, triangles, .. } = &self.contents;
+        let mut points = Pages::new(vertices, PAGES);
+        let mut looks = Pages::new(values, FEW_PAGES);
+        let mut faces = 0;
+        let record = if self.looks { LOOKED } else { RECORD } as u64;
+        self.walk(&mut |[first, count, from, triangle_count], placed| {
+            let mut stream = Stream::new(triangles, from * record);
+            let mirrored = placed.determinant() < 0.0;
+            for _ in 0..triangle_count {
+                let corners: [u8; RECORD] = stream.take()?;
+                let mut t = whole(&corners);
+                let mut look = Look::NONE;
+                let mut of = [0; 3];
+                if self.looks {
+                    let more: [u8; LOOKED - RECORD] = stream.take()?;
+                    of = whole(&more);
+                    look.material = u32::from_le_bytes([more[12], more[13], more[14], more[15]]);
+                }
+                if mirrored {
+                    t.swap(1, 2);
+                    of.swap(1, 2);
+                }
+                let mut at = [[0.0; 3]; 3];
+                for (out, corner) in at.iter_mut().zip(t) {
+                    if u64::from(corner) >= count {
+                        return Err(MeshFault::BadIndex { face: faces + 1, vertices: count }.into());
+                    }
+                    *out = placed.apply(points.get(first + u64::from(corner), faces)?);
+                }
+                faces += 1;
+                if !at.iter().flatten().all(|c| c.is_finite()) {
+                    return Err(MeshFault::NotFinite { triangle: faces }.into());
+                }
+                let kind = std::mem::replace(&mut look.material, NO_MATERIAL);
+                if kind != PLAIN && self.looks {
+                    let mut three = [[0.0_f32; 3]; 3];
+                    for (out, value) in three.iter_mut().zip(of) {
+                        #[expect(clippy::cast_possible_truncation, reason = "looks are in single precision")]
+                        let value = looks.get(value.into(), faces)?.map(|c| c as f32);
+                        *out = value;
+                    }
+                    if kind == COLORED {
+                        look.colors = Some(three);
+                    } else {
+                        look.material = kind;
+                        look.places = Some(three.map(|[u, v, _]| [u, v]));
+                    }
+                }
+                each(&at, &look)?;
+            }
+            Ok(())
+        })
+    }
+}
+
+const IDENTITY: Affine = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
+
+fn whole(bytes: &[u8]) -> [u32; 3] {
+    std::array::from_fn(|k| bytes[4 * k..].first_chunk::<4>().map_or(0, |b| u32::from_le_bytes(*b)))
+}
+
+/// Is a path in an archive one of an image that is read?
+fn is_image(path: &Path) -> bool {
+    path.extension().is_some_and(|e| ["png", "jpg", "jpeg"].iter().any(|known| e.eq_ignore_ascii_case(known)))
+}

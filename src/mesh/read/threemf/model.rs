@@ -1,0 +1,373 @@
+//! The text of a 3MF file: objects, what they are coloured with, and what is built.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::sync::Arc;
+
+use super::super::Limits;
+use super::super::look::{Image, Material, Texture, UNPLACED, Wrap, linear};
+use super::super::stop::Stop;
+use super::super::vertices::Spool;
+use super::super::xml::{Event, Xml};
+use super::{COLORED, Contents, Key, Object, PLAIN, Placed};
+use crate::facts::{Feature, MeshFault, Part};
+use crate::geom::Affine;
+
+/// Extensions that are read, or say nothing of the shape of a surface.
+const KNOWN: [&str; 6] = [
+    "http://schemas.microsoft.com/3dmanufacturing/core/2015/02",
+    "http://schemas.microsoft.com/3dmanufacturing/production/2015/06",
+    "http://schemas.microsoft.com/3dmanufacturing/material/2015/02",
+    "http://schemas.microsoft.com/3dmanufacturing/slice/2015/07",
+    "http://schemas.microsoft.com/3dmanufacturing/trianglesets/2021/07",
+    "http://schemas.bambulab.com/package/2021",
+];
+/// Memory of an object, of a part of one, and of a group of values.
+const OBJECT_BYTES: u64 = 160;
+const PLACED_BYTES: u64 = 128;
+
+/// A group of values that triangles name.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    /// Number of its first value, and values.
+    first: u32,
+    count: u32,
+    /// [`COLORED`], or the number of a texture.
+    kind: u32,
+}
+
+/// A texture as a text states it.
+struct Stated {
+    path: String,
+    wraps: [Wrap; 2],
+}
+
+/// What an object that is being read has for all its triangles: a group, and a value of it.
+#[derive(Clone, Copy, Default)]
+struct Own {
+    group: Option<u32>,
+    value: u32,
+}
+
+/// Reads texts into nameless files.
+pub(super) struct Reader<'a> {
+    limits: &'a Limits<'a>,
+    vertices: Spool,
+    triangles: Spool,
+    values: Spool,
+    objects: BTreeMap<Key, Object>,
+    groups: BTreeMap<Key, Group>,
+    textures: Vec<Stated>,
+    texture_of: BTreeMap<Key, u32>,
+    items: Vec<Placed>,
+    /// Names of the texts, the root's first, which is empty.
+    pub(super) texts: Vec<String>,
+    pub(super) held_bytes: u64,
+}
+
+impl<'a> Reader<'a> {
+    pub(super) fn new(limits: &'a Limits<'a>) -> Result<Self, Stop> {
+        Ok(Self {
+            limits,
+            vertices: Spool::new(limits.scratch)?,
+            triangles: Spool::new(limits.scratch)?,
+            values: Spool::new(limits.scratch)?,
+            objects: BTreeMap::new(),
+            groups: BTreeMap::new(),
+            textures: Vec::new(),
+            texture_of: BTreeMap::new(),
+            items: Vec::new(),
+            texts: vec![String::new()],
+            held_bytes: 0,
+        })
+    }
+
+    fn hold(&mut self, bytes: u64) -> Result<(), Stop> {
+        self.held_bytes += bytes;
+        let (needed_bytes, allowed_bytes) = (self.held_bytes, self.limits.most_bytes);
+        if needed_bytes > allowed_bytes {
+            return Err(MeshFault::Description { needed_bytes, allowed_bytes }.into());
+        }
+        Ok(())
+    }
+
+    /// Number of a text by its name in the archive.
+    fn text_number(&mut self, name: &str) -> Result<u32, Stop> {
+        let name = name.trim_start_matches('/');
+        let known = self.texts.iter().position(|t| t.eq_ignore_ascii_case(name));
+        let at = match known {
+            Some(at) => at,
+            None => {
+                self.hold(PLACED_BYTES + name.len() as u64)?;
+                self.texts.push(name.to_owned());
+                self.texts.len() - 1
+            }
+        };
+        u32::try_from(at).map_err(|_| MeshFault::BadReference { part: Part::Text }.into())
+    }
+
+    /// Paths of the images of all textures.
+    pub(super) fn images(&self) -> impl Iterator<Item = &str> {
+        self.textures.iter().map(|t| t.path.as_str())
+    }
+
+    /// Reads one text.
+    pub(super) fn text(&mut self, input: impl Read, number: u32) -> Result<(), Stop> {
+        let mut xml = Xml::new(input);
+        let mut unit = 1.0;
+        let mut object: Option<(u32, Own)> = None;
+        let mut group: Option<(u32, u32)> = None;
+        let mut vertex_base = 0;
+        let mut triangle_base = 0;
+        let mut parts: Vec<Placed> = Vec::new();
+        let mut seen = false;
+        loop {
+            let event = xml.next()?;
+            if event == Event::Done {
+                break;
+            }
+            if event == Event::End {
+                continue;
+            }
+            if !std::mem::replace(&mut seen, true) {
+                if xml.name() != b"model" {
+                    return Err(xml.wrong());
+                }
+                check_extensions(&xml)?;
+                unit = unit_mm(xml.raw(b"unit").unwrap_or(b"millimeter")).ok_or_else(|| xml.wrong())?;
+                continue;
+            }
+            match xml.name() {
+                b"vertex" => {
+                    let point = [xml.number(b"x")?, xml.number(b"y")?, xml.number(b"z")?];
+                    self.vertices.vertex(point.map(|c| c * unit))?;
+                }
+                b"triangle" => {
+                    let Some((id, own)) = object else { return Err(xml.wrong()) };
+                    self.triangle(&xml, number, own, vertex_base)?;
+                    let runs = [
+                        vertex_base,
+                        self.vertices.count - vertex_base,
+                        triangle_base,
+                        self.triangles.count - triangle_base,
+                    ];
+                    if let Some(Object::Mesh(known)) = self.objects.get_mut(&(number, id)) {
+                        *known = runs;
+                    }
+                }
+                b"object" => {
+                    let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
+                    let own = Own { group: xml.whole(b"pid")?, value: xml.whole(b"pindex")?.unwrap_or(0) };
+                    object = Some((id, own));
+                    parts.clear();
+                }
+                b"mesh" => {
+                    let Some((id, _)) = object else { return Err(xml.wrong()) };
+                    (vertex_base, triangle_base) = (self.vertices.count, self.triangles.count);
+                    self.add(&xml, (number, id), Object::Mesh([vertex_base, 0, triangle_base, 0]))?;
+                }
+                b"components" => {
+                    let Some((id, _)) = object else { return Err(xml.wrong()) };
+                    self.add(&xml, (number, id), Object::Parts(Vec::new()))?;
+                }
+                b"component" => {
+                    let Some((id, _)) = object else { return Err(xml.wrong()) };
+                    let placed = self.placed(&xml, number, unit)?;
+                    match self.objects.get_mut(&(number, id)) {
+                        Some(Object::Parts(parts)) => parts.push(placed),
+                        _ => return Err(xml.wrong()),
+                    }
+                }
+                b"item" if number == 0 => {
+                    let placed = self.placed(&xml, number, unit)?;
+                    self.items.push(placed);
+                }
+                b"beamlattice" => return Err(MeshFault::Unsupported(Feature::BeamLattice).into()),
+                _ if !self.limits.colors => {}
+                b"basematerials" | b"colorgroup" | b"texture2dgroup" => {
+                    let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
+                    let kind = match xml.whole(b"texid")? {
+                        None => COLORED,
+                        Some(texture) => *self
+                            .texture_of
+                            .get(&(number, texture))
+                            .ok_or(MeshFault::BadReference { part: Part::Texture })?,
+                    };
+                    let first = u32::try_from(self.values.count).map_err(|_| xml.wrong())?;
+                    self.hold(OBJECT_BYTES)?;
+                    self.groups.insert((number, id), Group { first, count: 0, kind });
+                    group = Some((number, id));
+                }
+                b"base" | b"color" => {
+                    let name: &[u8] = if xml.name() == b"base" { b"displaycolor" } else { b"color" };
+                    let color = match xml.raw(name) {
+                        Some(text) => color(text).ok_or_else(|| xml.wrong())?,
+                        None => [1.0; 3],
+                    };
+                    self.value(&xml, group, color)?;
+                }
+                b"tex2coord" => {
+                    let place = [xml.number(b"u")?, xml.number(b"v")?, 0.0];
+                    self.value(&xml, group, place)?;
+                }
+                b"texture2d" => {
+                    let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
+                    let path = xml.text(b"path")?.ok_or_else(|| xml.wrong())?;
+                    let wrap = |name| match xml.raw(name) {
+                        Some(b"mirror") => Wrap::Mirror,
+                        Some(b"clamp" | b"none") => Wrap::Clamp,
+                        _ => Wrap::Repeat,
+                    };
+                    let wraps = [wrap(b"tilestyleu"), wrap(b"tilestylev")];
+                    self.hold(OBJECT_BYTES + path.len() as u64)?;
+                    let at = u32::try_from(self.textures.len()).unwrap_or(COLORED);
+                    self.texture_of.insert((number, id), at);
+                    self.textures.push(Stated { path, wraps });
+                }
+                _ => {}
+            }
+        }
+        if !seen {
+            return Err(MeshFault::CutShort.into());
+        }
+        Ok(())
+    }
+
+    fn add<R: Read>(&mut self, xml: &Xml<R>, key: Key, object: Object) -> Result<(), Stop> {
+        self.hold(OBJECT_BYTES)?;
+        match self.objects.insert(key, object) {
+            // An object has one mesh, or parts, and a number of its own.
+            Some(_) => Err(xml.wrong()),
+            None => Ok(()),
+        }
+    }
+
+    fn value<R: Read>(&mut self, xml: &Xml<R>, group: Option<Key>, value: [f64; 3]) -> Result<(), Stop> {
+        let group = group.and_then(|key| self.groups.get_mut(&key)).ok_or_else(|| xml.wrong())?;
+        group.count += 1;
+        self.values.vertex(value)
+    }
+
+    fn triangle<R: Read>(&mut self, xml: &Xml<R>, text: u32, own: Own, base: u64) -> Result<(), Stop> {
+        let corner = |name: &[u8]| xml.whole(name)?.ok_or_else(|| xml.wrong());
+        let t = [corner(b"v1")?, corner(b"v2")?, corner(b"v3")?];
+        let vertices = self.vertices.count - base;
+        if t.iter().any(|at| u64::from(*at) >= vertices) {
+            return Err(MeshFault::BadIndex { face: self.triangles.count + 1, vertices }.into());
+        }
+        if !self.limits.colors {
+            return self.triangles.triangle(t);
+        }
+        let id = xml.whole(b"pid")?.or(own.group);
+        let first = xml.whole(b"p1")?;
+        let group = id.and_then(|id| self.groups.get(&(text, id)));
+        let (mut values, mut kind) = ([0; 3], PLAIN);
+        if let Some(group) = group {
+            let one = first.unwrap_or(own.value);
+            let three = [one, xml.whole(b"p2")?.unwrap_or(one), xml.whole(b"p3")?.unwrap_or(one)];
+            if three.iter().any(|at| *at >= group.count) {
+                return Err(MeshFault::BadReference { part: Part::Material }.into());
+            }
+            values = three.map(|at| group.first + at);
+            kind = group.kind;
+        }
+        let mut record = [0; super::LOOKED];
+        let [a, b, c] = t;
+        let [p, q, r] = values;
+        for (out, n) in record.as_chunks_mut::<4>().0.iter_mut().zip([a, b, c, p, q, r, kind]) {
+            *out = n.to_le_bytes();
+        }
+        self.triangles.put(record)
+    }
+
+    /// An object in its place, as a part or an item states it.
+    fn placed<R: Read>(&mut self, xml: &Xml<R>, text: u32, unit: f64) -> Result<Placed, Stop> {
+        let id = xml.whole(b"objectid")?.ok_or_else(|| xml.wrong())?;
+        let at = match xml.raw(b"transform") {
+            Some(stated) => transform(stated, unit).ok_or_else(|| xml.wrong())?,
+            None => super::IDENTITY,
+        };
+        let text = match xml.text(b"path")? {
+            Some(path) => self.text_number(&path)?,
+            None => text,
+        };
+        self.hold(PLACED_BYTES)?;
+        Ok(Placed { key: (text, id), at })
+    }
+
+    pub(super) fn finish(self, images: Vec<Arc<Image>>) -> Result<Contents, Stop> {
+        let (triangles, _) = self.triangles.finish()?;
+        let laid = |(stated, image): (Stated, Arc<Image>)| {
+            let texture = Texture { image, wraps: stated.wraps, upwards: true, placed: UNPLACED };
+            Material { color: [1.0; 3], texture: Some(texture) }
+        };
+        Ok(Contents {
+            vertices: self.vertices.into_vertices()?,
+            triangles,
+            values: self.values.into_vertices()?,
+            objects: self.objects,
+            items: self.items,
+            materials: self.textures.into_iter().zip(images).map(laid).collect(),
+        })
+    }
+}
+
+/// Refuses a text that cannot be understood without an extension.
+fn check_extensions<R: Read>(xml: &Xml<R>) -> Result<(), Stop> {
+    let Some(required) = xml.text(b"requiredextensions")? else { return Ok(()) };
+    for prefix in required.split_ascii_whitespace() {
+        let stated = xml.all().find(|(name, _)| name.strip_prefix(b"xmlns:") == Some(prefix.as_bytes()));
+        let space = stated.map(|(_, space)| String::from_utf8_lossy(space).into_owned());
+        let space = space.unwrap_or_else(|| prefix.to_owned());
+        if space.contains("beamlattice") {
+            return Err(MeshFault::Unsupported(Feature::BeamLattice).into());
+        }
+        if !KNOWN.contains(&space.as_str()) {
+            return Err(MeshFault::Unsupported(Feature::Extension(space.chars().take(96).collect())).into());
+        }
+    }
+    Ok(())
+}
+
+fn unit_mm(name: &[u8]) -> Option<f64> {
+    Some(match name {
+        b"micron" => 0.001,
+        b"millimeter" => 1.0,
+        b"centimeter" => 10.0,
+        b"inch" => 25.4,
+        b"foot" => 304.8,
+        b"meter" => 1000.0,
+        _ => return None,
+    })
+}
+
+/// Twelve numbers: where the axes lead, then the origin, in units of the text.
+fn transform(text: &[u8], unit: f64) -> Option<Affine> {
+    let text = std::str::from_utf8(text).ok()?;
+    let mut numbers = [0.0; 12];
+    let mut words = text.split_ascii_whitespace();
+    for out in &mut numbers {
+        *out = words.next()?.parse().ok()?;
+    }
+    if words.next().is_some() {
+        return None;
+    }
+    let rows = std::array::from_fn(|r| {
+        std::array::from_fn(|c| if c < 3 { numbers[3 * c + r] } else { numbers[9 + r] * unit })
+    });
+    Some(Affine { rows })
+}
+
+/// `#RRGGBB` or `#RRGGBBAA`, in linear light.
+fn color(text: &[u8]) -> Option<[f64; 3]> {
+    let digits = text.trim_ascii().strip_prefix(b"#").filter(|d| d.len() == 6 || d.len() == 8)?;
+    let mut all = [0.0; 3];
+    for (out, pair) in all.iter_mut().zip(digits.as_chunks::<2>().0) {
+        let hex = |b: u8| char::from(b).to_digit(16);
+        let value = 16 * hex(pair[0])? + hex(pair[1])?;
+        #[expect(clippy::cast_precision_loss, reason = "a byte")]
+        let stored = value as f32 / 255.0;
+        *out = linear(stored).into();
+    }
+    Some(all)
+}

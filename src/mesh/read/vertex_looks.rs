@@ -1,0 +1,60 @@
+//! Colours and normals of vertices, looked up by the numbers of vertices.
+
+use super::look::{Look, linear};
+use super::stop::Stop;
+use super::vertices::{FEW_PAGES, Pages, Vertices};
+
+/// What vertices carry.
+#[derive(Debug, Default)]
+pub(super) struct VertexLooks {
+    /// sRGB, and by what it becomes 0 to 1.
+    pub(super) colors: Option<(Vertices, f64)>,
+    pub(super) normals: Option<Vertices>,
+}
+
+/// The same, while triangles are read.
+pub(super) struct Open<'a> {
+    colors: Option<(Pages<'a>, f64)>,
+    normals: Option<Pages<'a>>,
+}
+
+impl VertexLooks {
+    pub(super) fn open(&self) -> Open<'_> {
+        Open {
+            colors: self.colors.as_ref().map(|(of, scale)| (Pages::new(of, FEW_PAGES), *scale)),
+            normals: self.normals.as_ref().map(|of| Pages::new(of, FEW_PAGES)),
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "looks are in single precision")]
+pub(super) fn single(v: [f64; 3]) -> [f32; 3] {
+    v.map(|c| c as f32)
+}
+
+/// Linear light of a stored colour (0 to 1).
+pub(super) fn light(stored: [f64; 3]) -> [f32; 3] {
+    single(stored).map(|c| if c.is_finite() { linear(c.clamp(0.0, 1.0)) } else { 0.0 })
+}
+
+impl Open<'_> {
+    /// What a triangle carries, by the numbers of its vertices.
+    pub(super) fn look(&mut self, corners: [u32; 3], face: u64) -> Result<Look, Stop> {
+        let mut look = Look::NONE;
+        if let Some((pages, scale)) = &mut self.colors {
+            let mut three = [[0.0; 3]; 3];
+            for (out, at) in three.iter_mut().zip(corners) {
+                *out = light(pages.get(at.into(), face)?.map(|c| c * *scale));
+            }
+            look.colors = Some(three);
+        }
+        if let Some(pages) = &mut self.normals {
+            let mut three = [[0.0; 3]; 3];
+            for (out, at) in three.iter_mut().zip(corners) {
+                *out = single(pages.get(at.into(), face)?);
+            }
+            look.normals = Some(three);
+        }
+        Ok(look)
+    }
+}

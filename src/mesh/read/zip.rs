@@ -1,0 +1,239 @@
+//! Members of a ZIP archive, found by name and read as streams (PKWARE APPNOTE 4.3).
+//!
+//! The list of members is gone through for every name, so that nothing is held. Names, lengths and offsets are those
+//! of the list at the end; of the header before a member only its own length counts.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::os::unix::fs::FileExt;
+
+use flate2::{Crc, Decompress, FlushDecompress, Status};
+
+use super::stop::Stop;
+use super::stream::Stream;
+use crate::facts::{Feature, MeshFault};
+
+/// Bytes of the record at the end, without its comment, and of the longest comment.
+const END: u64 = 22;
+const COMMENT: u64 = 65_535;
+/// Bytes of an entry of the list and of a member's header, before their names.
+const ENTRY: u64 = 46;
+const HEADER: u64 = 30;
+/// Longest name that is compared.
+const NAME: u16 = 1024;
+/// A member that inflates to more than this, and more than so many times its own bytes, is a bomb. Lists of vertices
+/// are packed 5 to 15 times.
+const MOST_UNASKED: u64 = 4 << 20;
+const MOST_TIMES: u64 = 100;
+/// Bytes read at a time.
+const INPUT: usize = 32 << 10;
+
+/// An archive.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Archive {
+    list: u64,
+    entries: u64,
+    /// Where the archive begins: something may stand before it.
+    bytes: u64,
+}
+
+/// Where a member is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Member {
+    offset: u64,
+    stored: u64,
+    bytes: u64,
+    crc: u32,
+    deflated: bool,
+}
+
+impl Archive {
+    pub(super) fn open(file: &File, bytes: u64) -> Result<Self, Stop> {
+        let bad = || Stop::from(MeshFault::BadArchive);
+        let span = bytes.min(END + COMMENT);
+        let mut tail = vec![0; usize::try_from(span).unwrap_or(0)];
+        file.read_exact_at(&mut tail, bytes - span).map_err(Stop::reading)?;
+        let at = (0..tail.len().saturating_sub(21)).rev().find(|at| tail[*at..].starts_with(b"PK\x05\x06"));
+        let end = at.and_then(|at| tail.get(at..at + 22)).ok_or_else(bad)?;
+        let two = |at: usize| u16::from_le_bytes([end[at], end[at + 1]]);
+        let four = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| end[at + i]));
+        let (entries, length, list) = (two(10), four(12), four(16));
+        if entries == u16::MAX || length == u32::MAX || list == u32::MAX {
+            return Err(MeshFault::Unsupported(Feature::Zip64).into());
+        }
+        if two(4) != 0 || two(6) != 0 || u64::from(list) + u64::from(length) > bytes {
+            return Err(bad());
+        }
+        Ok(Self { list: list.into(), entries: entries.into(), bytes })
+    }
+
+    /// The member of a name, in which upper and lower case are one (ECMA-376-2, 6.2.2).
+    pub(super) fn find(&self, file: &File, wanted: &str) -> Result<Option<Member>, Stop> {
+        let bad = || Stop::from(MeshFault::BadArchive);
+        let wanted = wanted.trim_start_matches('/').as_bytes();
+        let mut stream = Stream::new(file, self.list);
+        for _ in 0..self.entries {
+            let entry: [u8; ENTRY as usize] = stream.take()?;
+            if !entry.starts_with(b"PK\x01\x02") {
+                return Err(bad());
+            }
+            let two = |at: usize| u16::from_le_bytes([entry[at], entry[at + 1]]);
+            let four = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| entry[at + i]));
+            let name_bytes = two(28);
+            let mut same = usize::from(name_bytes) == wanted.len() && name_bytes <= NAME;
+            for at in 0..usize::from(name_bytes) {
+                let [byte] = stream.take()?;
+                same = same && wanted.get(at).is_some_and(|w| w.eq_ignore_ascii_case(&byte));
+            }
+            stream.skip(u64::from(two(30)) + u64::from(two(32)));
+            if !same {
+                continue;
+            }
+            if two(8) & 1 != 0 {
+                return Err(MeshFault::Unsupported(Feature::Encrypted).into());
+            }
+            let deflated = match two(10) {
+                0 => false,
+                8 => true,
+                method => return Err(MeshFault::Unsupported(Feature::Packing { method }).into()),
+            };
+            let (stored, bytes) = (u64::from(four(20)), u64::from(four(24)));
+            if stored == u64::from(u32::MAX) || bytes == u64::from(u32::MAX) {
+                return Err(MeshFault::Unsupported(Feature::Zip64).into());
+            }
+            let header = u64::from(four(42));
+            let head: [u8; HEADER as usize] = Stream::new(file, header).take()?;
+            if !head.starts_with(b"PK\x03\x04") {
+                return Err(bad());
+            }
+            let lengths = [26, 28].map(|at| u64::from(u16::from_le_bytes([head[at], head[at + 1]])));
+            let offset = header + HEADER + lengths.iter().sum::<u64>();
+            if offset.checked_add(stored).is_none_or(|end| end > self.bytes) {
+                return Err(MeshFault::CutShort.into());
+            }
+            if !deflated && stored != bytes {
+                return Err(bad());
+            }
+            return Ok(Some(Member { offset, stored, bytes, crc: four(16), deflated }));
+        }
+        Ok(None)
+    }
+}
+
+impl Member {
+    /// The bytes that it inflates to.
+    ///
+    /// # Errors
+    /// Far more than its own bytes are stated.
+    pub(super) fn checked_bytes(&self) -> Result<u64, Stop> {
+        let most = MOST_UNASKED.max(self.stored.saturating_mul(MOST_TIMES));
+        if self.bytes > most {
+            return Err(MeshFault::Bomb { stated: self.bytes, stored: self.stored }.into());
+        }
+        Ok(self.bytes)
+    }
+
+    /// Its content as a stream.
+    ///
+    /// # Errors
+    /// As [`Member::checked_bytes`].
+    pub(super) fn open<'a>(&self, file: &'a File) -> Result<Content<'a>, Stop> {
+        self.checked_bytes()?;
+        Ok(Content {
+            file,
+            next: self.offset,
+            stored: self.stored,
+            left: self.bytes,
+            crc: self.crc,
+            sum: Crc::new(),
+            inflate: self.deflated.then(|| Decompress::new(false)),
+            input: Vec::new(),
+            used: 0,
+        })
+    }
+}
+
+/// The content of a member: no byte more than the archive states, and its checksum is looked at.
+pub(super) struct Content<'a> {
+    file: &'a File,
+    next: u64,
+    /// Stored bytes that were not read.
+    stored: u64,
+    /// Bytes that are still to come.
+    left: u64,
+    crc: u32,
+    sum: Crc,
+    inflate: Option<Decompress>,
+    input: Vec<u8>,
+    used: usize,
+}
+
+/// The content does not fit what is stated of it.
+fn damaged() -> io::Error {
+    io::ErrorKind::InvalidData.into()
+}
+
+impl Content<'_> {
+    fn fill(&mut self) -> io::Result<()> {
+        if self.used < self.input.len() || self.stored == 0 {
+            return Ok(());
+        }
+        let most = usize::try_from(self.stored).unwrap_or(INPUT).min(INPUT);
+        self.input.resize(most, 0);
+        let got = self.file.read_at(&mut self.input, self.next)?;
+        if got == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        self.input.truncate(got);
+        self.used = 0;
+        self.next += got as u64;
+        self.stored -= got as u64;
+        Ok(())
+    }
+}
+
+impl Read for Content<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let room = usize::try_from(self.left).unwrap_or(usize::MAX).min(out.len());
+        let Some(out) = out.get_mut(..room).filter(|out| !out.is_empty()) else { return Ok(0) };
+        let got = loop {
+            self.fill()?;
+            let input = self.input.get(self.used..).unwrap_or_default();
+            let Some(inflate) = &mut self.inflate else {
+                let got = input.len().min(out.len());
+                out[..got].copy_from_slice(&input[..got]);
+                self.used += got;
+                break got;
+            };
+            let (taken, given) = (inflate.total_in(), inflate.total_out());
+            let status = inflate.decompress(input, out, FlushDecompress::None).map_err(|_| damaged())?;
+            let taken = usize::try_from(inflate.total_in() - taken).map_err(|_| damaged())?;
+            let got = usize::try_from(inflate.total_out() - given).map_err(|_| damaged())?;
+            self.used += taken;
+            if got > 0 {
+                break got;
+            }
+            // Neither more input nor more output: it is damaged, or cut.
+            if status == Status::StreamEnd || (taken == 0 && self.stored == 0) {
+                return Err(damaged());
+            }
+        };
+        if got == 0 {
+            return Err(damaged());
+        }
+        self.sum.update(&out[..got]);
+        self.left -= got as u64;
+        if self.left == 0 && self.sum.sum() != self.crc {
+            return Err(damaged());
+        }
+        Ok(got)
+    }
+}
+
+/// What a failure to read a member means.
+pub(super) fn reading(cause: io::Error) -> Stop {
+    match cause.kind() {
+        io::ErrorKind::InvalidData => MeshFault::BadArchive.into(),
+        _ => Stop::reading(cause),
+    }
+}

@@ -1,0 +1,43 @@
+//! The colour of what was hit: that of a voxel, or the mean of some voxels of a coarser box.
+
+use super::shade::Shader;
+use super::shown::Seen;
+use crate::geom::{BoxIndex, VoxelIndex};
+use crate::load::NodeView;
+
+/// Most voxels whose colours are averaged.
+const MOST: u64 = 64;
+
+/// Linear RGB of what was hit, if the model has colours.
+pub(super) fn color_of<V: NodeView>(view: &V, shader: &Shader, seen: Seen) -> Option<[f64; 3]> {
+    view.voxel_color(VoxelIndex::new(0))?;
+    let at = BoxIndex::new(seen.box_number());
+    if seen.is_finest() {
+        return view.voxel_color(at.voxel(view.node_count())).map(|color| shader.decode(color));
+    }
+    // Voxels of a box follow each other.
+    let (first, last) = (end(view, at, false)?, end(view, at, true)?);
+    let step = last.saturating_sub(first) / MOST + 1;
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    let mut voxel = first;
+    while voxel <= last {
+        let light = shader.decode(view.voxel_color(VoxelIndex::new(voxel))?);
+        sum = std::array::from_fn(|k| sum[k] + light[k]);
+        count += 1.0;
+        voxel = voxel.saturating_add(step);
+    }
+    (count > 0.0).then(|| sum.map(|c| c / count))
+}
+
+/// The first or last voxel of a box.
+fn end<V: NodeView>(view: &V, mut at: BoxIndex, last: bool) -> Option<u64> {
+    let nodes = view.node_count();
+    for _ in 0..=view.depth() {
+        if at.get() >= nodes {
+            return Some(at.voxel(nodes).get());
+        }
+        let children = view.infobyte(at.node()).count_ones();
+        at = view.first_child(at.node()).after(if last { children.checked_sub(1)? } else { 0 });
+    }
+    None
+}

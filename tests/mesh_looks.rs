@@ -1,0 +1,367 @@
+//! Colours, textures, parts and smooth normals of meshes: the same from every format, at any budget, and true at the
+//! nearest point of the surface.
+
+#[path = "support/containers.rs"]
+mod containers;
+#[path = "support/meshes.rs"]
+mod meshes;
+
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use containers::{archive, glb};
+use infobyte::Dims;
+use infobyte::budget::MemoryCap;
+use infobyte::builder::{BuildOptions, Silent};
+use infobyte::format::{Channel, Channels, normal};
+use infobyte::geom::{BoxIndex, Octant};
+use infobyte::load::{Model, NodeView, verify};
+use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
+use meshes::Body;
+use serde_json::json;
+
+const SIDE: u32 = 40;
+
+fn all_channels() -> Channels {
+    Channels::from([Channel::Normal, Channel::Color, Channel::Material])
+}
+
+fn build(inputs: &[PathBuf], channels: Channels, threads: usize, mib: u64) -> Result<Vec<u8>, String> {
+    let dims = Dims::new(SIDE, SIDE, SIDE).unwrap();
+    let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false };
+    let memory = MemoryCap::Share(mib << 20);
+    let options = BuildOptions { memory, threads, channels, ..BuildOptions::default() };
+    let model = inputs[0].with_extension("oct");
+    build_mesh(inputs, &mesh, &options, &model, &Silent).map_err(|e| e.to_string())?;
+    Ok(fs::read(&model).unwrap())
+}
+
+fn put(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = folder.join(name);
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// A skin voxel: where it is, and what is stored of it.
+struct Voxel {
+    at: [f64; 3],
+    color: Option<[u8; 3]>,
+    material: Option<u8>,
+    normal: [f64; 3],
+}
+
+fn voxels(bytes: &[u8]) -> Vec<Voxel> {
+    verify(bytes).unwrap();
+    let model = Model::from_bytes(bytes).unwrap();
+    let mut found = Vec::new();
+    let mut left = vec![(BoxIndex::ROOT, [0_u32; 3], 1_u32 << model.depth())];
+    while let Some((at, corner, edge)) = left.pop() {
+        if at.get() < model.node_count() {
+            for octant in Octant::ALL {
+                let o = u32::from(octant.get());
+                let half = [
+                    corner[0] + (o & 1) * edge / 2,
+                    corner[1] + (o >> 1 & 1) * edge / 2,
+                    corner[2] + (o >> 2) * edge / 2,
+                ];
+                left.extend(model.child(at.node(), octant).map(|child| (child, half, edge / 2)));
+            }
+            continue;
+        }
+        let number = at.voxel(model.node_count());
+        let item = |channel| model.items(channel).and_then(|items| items.get(number.get()));
+        let [x, y, z] = normal::decode_l1(model.voxel_normal(number).unwrap()).map(f64::from);
+        let length = (x * x + y * y + z * z).sqrt();
+        found.push(Voxel {
+            at: corner.map(|c| f64::from(c) + 0.5),
+            color: item(Channel::Color).map(|c| [c[0], c[1], c[2]]),
+            material: item(Channel::Material).map(|m| m[0]),
+            normal: [x / length, y / length, z / length],
+        });
+    }
+    found
+}
+
+/// An image of 4 x 4 texels: red and green above, blue and white below.
+fn image() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 4, 4);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().unwrap();
+    let row = |left: [u8; 3], right: [u8; 3]| [left, left, right, right].concat();
+    let (above, below) = (row([255, 0, 0], [0, 255, 0]), row([0, 0, 255], [255, 255, 255]));
+    writer.write_image_data(&[above.clone(), above, below.clone(), below].concat()).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+/// A box whose side at high x carries the image: y runs to the right and z up on it.
+const LOW: [f64; 3] = [8.0; 3];
+const HIGH: [f64; 3] = [32.0; 3];
+
+fn place([_, y, z]: [f64; 3]) -> [f64; 2] {
+    [(y - LOW[1]) / (HIGH[1] - LOW[1]), (z - LOW[2]) / (HIGH[2] - LOW[2])]
+}
+
+fn corners(body: &Body) -> Vec<[f64; 3]> {
+    body.faces
+        .iter()
+        .flatten()
+        .map(|at| body.vertices[*at].map(|c| c as f64 / meshes::STEPS as f64))
+        .collect()
+}
+
+fn textured_obj(body: &Body) -> String {
+    let mut text = String::from("mtllib looks.mtl\nusemtl the look\n");
+    for (at, p) in corners(body).iter().enumerate() {
+        let [u, v] = place(*p);
+        writeln!(text, "v {} {} {}\nvt {u} {v}", p[0], p[1], p[2]).unwrap();
+        if at % 3 == 2 {
+            writeln!(text, "f {0}/{0} {1}/{1} {2}/{2}", at - 1, at, at + 1).unwrap();
+        }
+    }
+    text
+}
+
+fn textured_glb(body: &Body, image: &[u8]) -> Vec<u8> {
+    let corners = corners(body);
+    let mut bytes = Vec::new();
+    let mut floats = |values: &[f64]| values.iter().for_each(|v| bytes.extend((*v as f32).to_le_bytes()));
+    corners.iter().for_each(|p| floats(p));
+    // Down the image.
+    corners.iter().map(|p| place(*p)).for_each(|[u, v]| floats(&[u, 1.0 - v]));
+    let (count, from) = (corners.len(), bytes.len());
+    bytes.extend(image);
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    let described = json!({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "matrix": containers::MILLIMETRES}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}],
+        "images": [{"bufferView": 2, "mimeType": "image/png"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": count, "type": "VEC2"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 12 * count},
+            {"buffer": 0, "byteOffset": 12 * count, "byteLength": 8 * count},
+            {"buffer": 0, "byteOffset": from, "byteLength": image.len()},
+        ],
+        "buffers": [{"byteLength": bytes.len()}],
+    });
+    glb(&described, &bytes)
+}
+
+#[test]
+fn a_texture_stands_upright_whichever_way_its_format_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = Body::cuboid(LOW, HIGH);
+    put(folder.path(), "image of it.png", &image());
+    put(
+        folder.path(),
+        "looks.mtl",
+        b"newmtl other\nKd 1 0 0\nnewmtl the look\nKd 1 1 1\nmap_Kd -s 1 1 1 image of it.png\n",
+    );
+    let channels = Channels::from([Channel::Normal, Channel::Color]);
+    let obj = put(folder.path(), "a.obj", textured_obj(&body).as_bytes());
+    let obj = build(&[obj], channels, 1, 8).unwrap();
+    let glb = put(folder.path(), "b.glb", &textured_glb(&body, &image()));
+    assert!(build(&[glb.clone()], channels, 1, 8).unwrap() == obj, "glTF and OBJ");
+    assert!(build(&[glb], channels, 2, 256).unwrap() == obj, "at another budget");
+    let mut seen = 0;
+    for voxel in voxels(&obj) {
+        let [u, v] = place(voxel.at);
+        // Away from the edges of the side and of the image's quarters.
+        let inner = |c: f64| (0.15..0.35).contains(&c) || (0.65..0.85).contains(&c);
+        if voxel.at[0] > 31.0 && inner(u) && inner(v) {
+            let wanted = match (u < 0.5, v < 0.5) {
+                (true, false) => [255, 0, 0],
+                (false, false) => [0, 255, 0],
+                (true, true) => [0, 0, 255],
+                (false, true) => [255; 3],
+            };
+            assert_eq!(voxel.color, Some(wanted), "{:?}", voxel.at);
+            seen += 1;
+        }
+    }
+    assert!(seen > 50, "{seen}");
+}
+
+#[test]
+fn many_texels_on_a_voxel_are_averaged_in_linear_light() {
+    // Black and white texels, 512 on 24 voxels: linear grey of one half, which is 188.
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 512, 512);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    let texels: Vec<u8> = (0..512 * 512).map(|i| if (i + i / 512) % 2 == 0 { 255 } else { 0 }).collect();
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&texels).unwrap();
+    writer.finish().unwrap();
+    let path = put(folder.path(), "a.glb", &textured_glb(&Body::cuboid(LOW, HIGH), &bytes));
+    let built = build(&[path], all_channels(), 1, 64).unwrap();
+    for voxel in voxels(&built).iter().filter(|voxel| voxel.at[0] > 31.0) {
+        assert_eq!(voxel.color, Some([188; 3]), "{:?}", voxel.at);
+    }
+}
+
+#[test]
+fn colours_of_vertices_are_the_same_from_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = Body::cuboid(LOW, HIGH);
+    let places: Vec<[f64; 3]> =
+        body.vertices.iter().map(|v| v.map(|c| c as f64 / meshes::STEPS as f64)).collect();
+    let color = |p: &[f64; 3]| p.map(|c| if c > 20.0 { 255_u8 } else { 0 });
+    let mut obj = String::new();
+    let mut ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nelement face {}\n\
+         property list uchar int vertex_indices\nend_header\n",
+        body.faces.len()
+    );
+    let mut binary = ply.replace("ascii", "binary_little_endian").into_bytes();
+    for p in &places {
+        let [r, g, b] = color(p);
+        writeln!(ply, "{} {} {} {r} {g} {b}", p[0], p[1], p[2]).unwrap();
+        writeln!(obj, "v {} {} {} {} {} {}", p[0], p[1], p[2], r / 255, g / 255, b / 255).unwrap();
+        p.iter().for_each(|c| binary.extend((*c as f32).to_le_bytes()));
+        binary.extend([r, g, b]);
+    }
+    for [a, b, c] in &body.faces {
+        writeln!(ply, "3 {a} {b} {c}").unwrap();
+        writeln!(obj, "f {} {} {}", a + 1, b + 1, c + 1).unwrap();
+        binary.push(3);
+        [a, b, c].iter().for_each(|at| binary.extend(u32::try_from(**at).unwrap().to_le_bytes()));
+    }
+    let build =
+        |name: &str, bytes: &[u8]| build(&[put(folder.path(), name, bytes)], all_channels(), 1, 8).unwrap();
+    let wanted = build("a.ply", ply.as_bytes());
+    assert!(build("b.ply", &binary) == wanted, "binary");
+    assert!(build("c.obj", obj.as_bytes()) == wanted, "OBJ");
+    for voxel in voxels(&wanted) {
+        // Linear light runs evenly along every edge; sRGB does not.
+        let [r, g, b] = voxel.color.unwrap();
+        for (axis, part) in [r, g, b].into_iter().enumerate() {
+            let light = ((voxel.at[axis] - 8.0) / 24.0).clamp(0.0, 1.0);
+            let code = f64::from(part) / 255.0;
+            let got = if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) };
+            assert!((got - light).abs() < 0.03, "{:?}: {part} at {axis}", voxel.at);
+        }
+    }
+}
+
+#[test]
+fn colours_of_3mf_are_those_of_its_groups() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = Body::cuboid(LOW, HIGH);
+    let mut text = String::from(
+        "<model unit=\"millimeter\" xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\"><resources>\
+         <basematerials id=\"5\"><base name=\"a\" displaycolor=\"#FF8000\"/></basematerials>\
+         <object id=\"1\" pid=\"5\" pindex=\"0\"><mesh><vertices>",
+    );
+    for v in &body.vertices {
+        let [x, y, z] = v.map(|c| c as f64 / meshes::STEPS as f64);
+        write!(text, "<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>").unwrap();
+    }
+    text += "</vertices><triangles>";
+    for [a, b, c] in &body.faces {
+        write!(text, "<triangle v1=\"{a}\" v2=\"{b}\" v3=\"{c}\"/>").unwrap();
+    }
+    text += "</triangles></mesh></object></resources><build><item objectid=\"1\"/></build></model>";
+    let bytes = archive(&[("3D/3dmodel.model", text.into_bytes(), 8)]);
+    let built = build(&[put(folder.path(), "a.3mf", &bytes)], all_channels(), 1, 8).unwrap();
+    assert!(voxels(&built).iter().all(|voxel| voxel.color == Some([255, 128, 0])));
+}
+
+#[test]
+fn parts_are_the_numbers_of_files_and_colours_stay_out_where_there_are_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let low = put(folder.path(), "a.stl", &Body::cuboid([4.0; 3], [16.0; 3]).stl());
+    let high = put(folder.path(), "b.stl", &Body::cuboid([20.0; 3], [36.0; 3]).stl());
+    let built = build(&[low.clone(), high.clone()], all_channels(), 1, 8).unwrap();
+    for voxel in voxels(&built) {
+        assert_eq!((voxel.material, voxel.color), (Some(u8::from(voxel.at[0] > 18.0)), None));
+    }
+    assert!(build(&[low.clone(), high.clone()], all_channels(), 2, 64).unwrap() == built);
+    // Asked for or not: a mesh without colours gives the bytes that it always gave.
+    let plain = build(&[low.clone(), high.clone()], Channels::default(), 1, 8).unwrap();
+    let asked = Channels::default().with(Channel::Color);
+    assert!(build(&[low, high], asked, 1, 8).unwrap() == plain);
+}
+
+#[test]
+fn normals_of_vertices_make_a_coarse_ball_smooth() {
+    let folder = tempfile::tempdir().unwrap();
+    let (center, radius) = ([20.0; 3], 15.0);
+    let body = Body::sphere(center, radius, 2);
+    let mut text = String::new();
+    for v in &body.vertices {
+        let p = v.map(|c| c as f64 / meshes::STEPS as f64);
+        // On either side: the model knows where outside is.
+        let n: [f64; 3] = std::array::from_fn(|k| center[k] - p[k]);
+        writeln!(text, "v {} {} {}\nvn {} {} {}", p[0], p[1], p[2], n[0], n[1], n[2]).unwrap();
+    }
+    let mut flat = text.clone();
+    for [a, b, c] in &body.faces {
+        let [a, b, c] = [a + 1, b + 1, c + 1];
+        writeln!(text, "f {a}//{a} {b}//{b} {c}//{c}").unwrap();
+        writeln!(flat, "f {a} {b} {c}").unwrap();
+    }
+    let mean = |name: &str, text: &str| {
+        let built = build(&[put(folder.path(), name, text.as_bytes())], Channels::default(), 1, 8).unwrap();
+        let all = voxels(&built);
+        let angles = all.iter().map(|voxel| {
+            let d: [f64; 3] = std::array::from_fn(|k| voxel.at[k] - center[k]);
+            let length = d.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let cosine: f64 = (0..3).map(|k| voxel.normal[k] * d[k] / length).sum();
+            cosine.clamp(-1.0, 1.0).acos().to_degrees()
+        });
+        angles.sum::<f64>() / all.len() as f64
+    };
+    let (smooth, flat) = (mean("smooth.obj", &text), mean("flat.obj", &flat));
+    assert!(smooth < 2.0 && flat > 4.0, "{smooth} {flat}");
+}
+
+#[test]
+fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = Body::cuboid(LOW, HIGH);
+    let obj = put(folder.path(), "a.obj", textured_obj(&body).as_bytes());
+    let asked = Channels::default().with(Channel::Color);
+    // Neither the materials nor their image are handed on with many files.
+    assert!(voxels(&build(&[obj.clone()], asked, 1, 8).unwrap()).iter().all(|v| v.color.is_none()));
+    put(folder.path(), "looks.mtl", b"newmtl the look\nKd 1 0 0\nmap_Kd none.png\n");
+    let red = build(&[obj.clone()], asked, 1, 8).unwrap();
+    assert!(voxels(&red).iter().all(|v| v.color == Some([255, 0, 0])));
+    // Damaged anywhere: refused in a sentence, or built.
+    put(folder.path(), "looks.mtl", b"newmtl the look\nmap_Kd i.png\n");
+    let whole = image();
+    for cut in (0..whole.len()).step_by(7) {
+        put(folder.path(), "i.png", &whole[..cut]);
+        if let Err(told) = build(&[obj.clone()], asked, 1, 8) {
+            assert!(told.contains("i.png") && told.contains("--channels normal"), "{told}");
+        }
+        let mut changed = whole.clone();
+        changed[cut] ^= 0x5a;
+        put(folder.path(), "i.png", &changed);
+        let _either = build(&[obj.clone()], asked, 1, 8);
+    }
+    // An image that its bytes do not justify.
+    let mut huge = whole.clone();
+    huge[16..24].copy_from_slice(&[0, 0, 0x7f, 0xff, 0, 0, 0x7f, 0xff]);
+    let mut sum = flate2::Crc::new();
+    sum.update(&huge[12..29]);
+    huge[29..33].copy_from_slice(&sum.sum().to_be_bytes());
+    put(folder.path(), "i.png", &huge);
+    let told = build(&[obj.clone()], asked, 1, 8).unwrap_err();
+    assert!(told.contains("32767 x 32767"), "{told}");
+    put(folder.path(), "i.png", b"GIF89a, which is not read");
+    assert!(build(&[obj], asked, 1, 8).unwrap_err().contains("PNG or JPEG"));
+}
