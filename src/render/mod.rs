@@ -29,6 +29,7 @@
 pub(crate) mod ambient;
 pub(crate) mod annotate;
 pub(crate) mod around;
+pub mod batch;
 pub(crate) mod blend;
 pub mod camera;
 mod caster;
