@@ -30,6 +30,9 @@ use super::material::{Colors, Material};
 /// How far from its start, in boxes, a line is held to the side that it runs on.
 const STAIR: f64 = 32.0;
 
+/// Most steps that a line passes: a line changes its box three times in each at most.
+const MOST_STEPS: u32 = 128;
+
 /// How far along a line a normal of unit length may look and still be across it: normals are stored to within a degree,
 /// and estimated to within two or three.
 const ACROSS: f64 = 0.05;
@@ -296,6 +299,7 @@ impl<'a, V: NodeView> Body<'a, V> {
         let Way { line, least, span, mut from } = way;
         let mut found = first;
         let mut passed = None;
+        let mut steps = 0..MOST_STEPS;
         loop {
             let Some(hit) = found else {
                 // A line within comes out somewhere: where nothing follows, what was passed last was no step.
@@ -305,7 +309,11 @@ impl<'a, V: NodeView> Body<'a, V> {
                 return None;
             }
             match from {
-                Some((_, side)) if self.is_near(line, hit.t - least) && !self.comes_by(line, hit, side) => {
+                Some((_, side))
+                    if steps.next().is_some()
+                        && self.is_near(line, hit.t - least)
+                        && !self.comes_by(line, hit, side) =>
+                {
                     passed = (side == Side::Inside).then_some(hit);
                     from = Some((hit, side));
                     found = self.hit(line, span.enter, Some(&hit));

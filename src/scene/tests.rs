@@ -112,6 +112,35 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
     }
 }
 
+/// A ridge of three voxels on a plate: lines that start a voxel or two beside it are stopped by it, those that run away
+/// from it or over it are not.
+#[test]
+fn details_right_beside_the_start_of_a_line_stop_it() {
+    let inside = |[x, _, z]: [u32; 3]| z < 6 || ((14..18).contains(&x) && z < 9);
+    let volume = Voxels::from_fn(Dims::new(32, 32, 16).unwrap(), |p| u8::from(inside(p)));
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("ridge.oct");
+    for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
+        let options =
+            BuildOptions { threshold: Threshold::Iso(0.5), surface, threads: 1, ..BuildOptions::default() };
+        crate::build(&volume, &options, &path).unwrap();
+        let model = Model::open(&path).unwrap();
+        let view = model.view();
+        let part = part(&model, &view, &Affine::from_spacing([1.0, 2.0, 0.5]));
+        let body = Body::of(&part, Form::best());
+        for x in [11.1, 11.9, 12.4] {
+            let down = ([x, 30.0, 20.0], [0.0, 0.0, -1.0]);
+            let Some(Met::Surface(hit)) = body.meet(down, ALL, None) else { panic!("missed") };
+            let point = add_scaled(down.0, hit.t, down.1);
+            let start = Start::Surface { hit, side: Side::Outside };
+            let met = |direction| body.meet((point, direction), ALL, Some(&start)).map(|met| met.t());
+            let along = met([1.0, 0.3, 0.1]);
+            assert!(along.is_some_and(|t| t < 3.5), "{surface:?} {x}: {along:?}");
+            assert_eq!((met([-1.0, 0.3, 0.02]), met([1.0, 0.3, 2.5])), (None, None), "{surface:?} {x}");
+        }
+    }
+}
+
 #[test]
 fn of_bodies_in_one_place_the_first_is_met() {
     let model = ball(10.0, 1.0, SurfaceKind::Skin);
