@@ -310,8 +310,8 @@ impl Slot {
     fn ahead(&self, low: [u32; 3], level: u32) -> u64 {
         let mut boxes = u64::MAX;
         if self.starts_inside {
-            for a in 0..3 {
-                let behind = self.start[a].wrapping_sub(low[a].cast_signed()) >> (2 * level);
+            for (a, (start, low)) in self.start.into_iter().zip(low).enumerate() {
+                let behind = start.wrapping_sub(low.cast_signed()) >> (2 * level);
                 boxes &= at_least(a, behind.clamp(0, 4).cast_unsigned());
             }
         }

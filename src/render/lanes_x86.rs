@@ -96,7 +96,9 @@ const FLIP_BYTES: [[u8; 16]; 8] = {
     let mut from = [[0; 16]; 8];
     let mut at = 0;
     while at < 128 {
-        from[at / 16][at % 16] = (at as u8 % 8) ^ (at as u8 / 16);
+        #[expect(clippy::cast_possible_truncation, reason = "below 128")]
+        let place = at as u8;
+        from[at / 16][at % 16] = (place % 8) ^ (place / 16);
         at += 1;
     }
     from
@@ -108,7 +110,9 @@ const FLIP_NIBBLES: [[[u8; 16]; 2]; 8] = {
     let mut at = 0;
     while at < 8 * 2 * 16 * 4 {
         let (flip, high, nibble, bit) = (at / 128, at / 64 % 2, at / 4 % 16, at % 4);
-        to[flip][high][nibble] |= ((nibble >> bit & 1) as u8) << ((bit + 4 * high) ^ flip);
+        if nibble >> bit & 1 == 1 {
+            to[flip][high][nibble] |= 1 << ((bit + 4 * high) ^ flip);
+        }
         at += 1;
     }
     to
