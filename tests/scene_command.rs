@@ -168,6 +168,16 @@ fn bad_scenes_are_refused_with_the_key_and_the_cure() {
         (format!("{model}[material.a]\nmirror = 1.5\n"), &["[material.a], mirror", "0 to 1"]),
         (format!("{model}[material.a]\npreset = \"gold\"\n"), &["[material.a], preset", "gold"]),
         (format!("{model}[material.a]\nindex = 0\n"), &["[material.a], index"]),
+        (format!("{model}[material.a]\nchannel = \"value\"\n"), &["[material.a], channel", "colors"]),
+        (format!("{model}[material.a]\ncolors = [[1, \"#ffffff\"]]\n"), &["[material.a], colors", "channel"]),
+        (
+            format!("{model}[material.a]\npreset = \"ct\"\ncolors = [[1, \"#ffffff\"], [1, \"#000000\"]]\n"),
+            &["[material.a], colors", "rise"],
+        ),
+        (
+            format!("{model}material = \"a\"\n[material.a]\nchannel = \"color\"\n"),
+            &["[[model]] 1, material", "channel color"],
+        ),
         ("[[model]]\nfile = \"nothing.oct\"\n".to_owned(), &["nothing.oct"]),
         ("[[model]]\nfile = \"scene.toml\"\n".to_owned(), &["scene.toml"]),
     ] {
@@ -188,6 +198,39 @@ fn bad_scenes_are_refused_with_the_key_and_the_cure() {
     oct(&["render", &scene, "-o", &text(&folder.path().join("ball.oct")), "--force"])
         .refused(2, &["ball.oct"]);
     oct(&["render", &scene, "-o", &scene, "--force"]).refused(2, &["scene.toml"]);
+}
+
+/// A volume of two values, each with its colour; by the preset it is as bone is.
+#[test]
+fn colours_come_from_what_the_volume_holds() {
+    let folder = TempDir::new().unwrap();
+    // Soft below, hard above.
+    let raw: Vec<u8> = (0..16_u32 * 16 * 16)
+        .map(|i| [i % 16, i / 16 % 16, i / 256])
+        .map(|c| if c.iter().all(|c| (3..13).contains(c)) { if c[2] < 8 { 100 } else { 200 } } else { 0 })
+        .collect();
+    let at = |name: &str| text(&folder.path().join(name));
+    fs::write(folder.path().join("v.raw"), raw).unwrap();
+    let flags =
+        ["--dims", "16x16x16", "--dtype", "u8", "--iso", "50", "--channels", "normal,value", "--json"];
+    oct(&[&["build", &at("v.raw"), "-o", &at("v.oct")], &flags[..]].concat()).json();
+    let pixels = |material: &str| -> [[u8; 4]; 2] {
+        let scene =
+            format!("size = [9, 9]\n[[model]]\nfile = \"v.oct\"\nmaterial = \"m\"\n[material.m]\n{material}");
+        rendered(folder.path(), &scene, &[]).json();
+        let file = std::io::BufReader::new(fs::File::open(at("scene.png")).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        [2, 6].map(|row| bytes.as_chunks().0[row * 9 + 4])
+    };
+    let [hard, soft] = pixels("channel = \"value\"\ncolors = [[100, \"#ff0000\"], [200, \"#0000ff\"]]\n");
+    assert!(hard[0] == 0 && hard[2] > 200 && soft[0] > 200 && soft[2] == 0, "{hard:?} {soft:?}");
+    let [hard, soft] = pixels("preset = \"ct\"\n");
+    assert!(hard[1] > soft[1] && soft[0] > 150, "{hard:?} {soft:?}");
+    // Without a channel, what the preset says of it does not count.
+    let [hard, soft] = pixels("preset = \"ct\"\nchannel = \"none\"\n");
+    assert!(hard.iter().zip(soft).all(|(hard, soft)| hard.abs_diff(soft) <= 2), "{hard:?} {soft:?}");
 }
 
 /// The chunks of a PNG by their names.

@@ -1,4 +1,4 @@
-//! The promise: rays traced together in tiles, and rays traced alone two levels at a time, hit what the
+//! The promise: rays traced together in tiles, rays in batches, and rays traced alone two levels at a time, hit what the
 //! sealed traversal hits, bit by bit, in every form that the machine has. If this file fails, pictures
 //! differ between machines, or a fast path shows what is not there.
 
@@ -7,6 +7,7 @@ mod support;
 
 use infobyte::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex, morton};
 use infobyte::load::{MemoryTree, NodeView};
+use infobyte::render::batch::Batch;
 use infobyte::render::form::Form;
 use infobyte::render::ray::Ray;
 use infobyte::render::reference;
@@ -135,10 +136,9 @@ fn every_level_of_detail_agrees() {
             }
         }
         let mut random = Random::new(u64::from(lod));
-        for _ in 0..3_000 {
-            let Some(ray) = random_ray(&mut random, 6) else { continue };
-            alone_agrees(&scene.tree, &ray, lod.min(6));
-        }
+        let rays: Vec<Ray> = (0..3_000).filter_map(|_| random_ray(&mut random, 6)).collect();
+        rays.iter().for_each(|ray| alone_agrees(&scene.tree, ray, lod.min(6)));
+        counts.compare_batch(&scene.tree, &rays, lod);
     }
     assert_eq!(counts.total(), 0, "{counts:?}");
 }
@@ -180,15 +180,21 @@ fn the_deepest_and_the_flattest_grids_agree() {
             let camera = camera(eye, along, projection, fov_deg).unwrap();
             compare_picture(&mut counts, &tree, dims, &camera, 48, 0);
         }
-        assert_eq!(counts.total(), 0, "{dims}: {counts:?}");
+        let mut lot = Vec::new();
         for i in 0..2_000 {
             let goal = cells[i % cells.len()].map(|v| f64::from(v) + random.unit());
             let origin = [0.0; 3].map(|_: f64| random.range(-1e5, 2e5));
             let direction = std::array::from_fn(|a| goal[a] - origin[a]);
             if let Some(ray) = Ray::new(tree.depth(), origin, direction, 0.0).unwrap() {
                 alone_agrees(&tree, &ray, 0);
+                lot.push(ray);
+                // The same line from within, as rays that leave a surface start.
+                let inside = std::array::from_fn(|a| goal[a] - 3.0 * direction[a].signum());
+                lot.extend(Ray::new(tree.depth(), inside, direction, 0.0).unwrap());
             }
         }
+        counts.compare_batch(&tree, &lot, 0);
+        assert_eq!(counts.total(), 0, "{dims}: {counts:?}");
     }
 }
 
@@ -224,9 +230,19 @@ fn a_surface_within_the_boxes_is_asked_about_each_box_in_turn() {
         };
         let mut random = Random::new(3);
         for form in Form::available() {
+            let mut lot = vec![];
             for _ in 0..10_000 {
                 let Some(ray) = random_ray(&mut random, 4) else { continue };
                 met += check(&ray, single::trace(form, &scene.tree, &Screen, &ray, 0).hit);
+                lot.push(ray);
+            }
+            let (mut hits, mut any) = (vec![], vec![]);
+            let mut batch = Batch::new(form);
+            batch.nearest(&scene.tree, &Screen, &lot, 0, &mut hits);
+            batch.any(&scene.tree, &Screen, &lot, 0, &mut any);
+            for (ray, (hit, any)) in lot.iter().zip(hits.iter().zip(&any)) {
+                assert_eq!(hit.is_some(), *any);
+                check(ray, *hit);
             }
             let space = unit_space(scene.dims);
             for eye in [[-9.0, -12.0, 30.0], [8.25, 8.0, 7.5]] {
@@ -296,6 +312,10 @@ fn damaged_trees_neither_panic_nor_hold_a_tile() {
                 for lod_edge_log2 in [0, 5] {
                     let tile = Tile { corner: (0, 8), limits: (8, 8), lod_edge_log2 };
                     let _ = Tracer::new(form).trace(&Garbage(seed), &Skin, &sight, tile);
+                    let rays: Vec<Ray> =
+                        (0..64_u8).filter_map(|i| sight.ray((i % 8).into(), (8 + i / 8).into())).collect();
+                    Batch::new(form).nearest(&Garbage(seed), &Skin, &rays, lod_edge_log2, &mut vec![]);
+                    Batch::new(form).any(&Garbage(seed), &Skin, &rays, lod_edge_log2, &mut vec![]);
                 }
             }
         }

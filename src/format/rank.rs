@@ -56,10 +56,9 @@ impl RankBuilder {
 /// Always inlined, so that a caller compiled with population count has it here, too.
 #[inline(always)]
 pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
-    let supers = infobytes.len().div_ceil(SUPER) * 8;
     let Ok(at) = usize::try_from(node) else { return 0 };
     let super_at = at / SUPER * 8;
-    let block_at = supers + at / BLOCK * 2;
+    let block_at = block_entry(infobytes.len(), at);
     let base = directory
         .get(super_at..super_at + 8)
         .map_or(0, |b| u64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]));
@@ -68,18 +67,35 @@ pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
     base.wrapping_add(block).wrapping_add(partial_block(infobytes, at))
 }
 
+/// Where in a directory for `nodes` nodes the entry of the block of node `at` stands.
+#[inline(always)]
+pub fn block_entry(nodes: usize, at: usize) -> usize {
+    nodes.div_ceil(SUPER) * 8 + at / BLOCK * 2
+}
+
+/// A block of ones, then one of zeros: from its middle on towards the start, masks of what lies before a node.
+const BEFORE: [u8; 2 * BLOCK] = {
+    let mut masks = [0; 2 * BLOCK];
+    let mut at = 0;
+    while at < BLOCK {
+        masks[at] = u8::MAX;
+        at += 1;
+    }
+    masks
+};
+
 /// Set bits in the infobytes of `at`'s block before `at`.
 #[inline(always)]
 fn partial_block(infobytes: &[u8], at: usize) -> u64 {
     let start = at & !(BLOCK - 1);
     let within = at - start;
     if let Some(block) = infobytes.get(start..).and_then(|rest| rest.first_chunk::<BLOCK>()) {
+        // Bits of each word that lie before `within`: all, some or none, without a branch.
+        let masks =
+            BEFORE.get(BLOCK - within..).and_then(|rest| rest.first_chunk::<BLOCK>()).unwrap_or(&[0; BLOCK]);
         let mut ones = 0;
-        for (i, word) in block.as_chunks::<8>().0.iter().enumerate() {
-            // Bits of word i that lie before `within`: all, some or none, without a branch.
-            let bits = (8 * within).saturating_sub(64 * i).min(64);
-            let mask = if bits == 64 { u64::MAX } else { (1 << bits) - 1 };
-            ones += u64::from((u64::from_le_bytes(*word) & mask).count_ones());
+        for (word, mask) in block.as_chunks::<8>().0.iter().zip(masks.as_chunks::<8>().0) {
+            ones += u64::from((u64::from_le_bytes(*word) & u64::from_le_bytes(*mask)).count_ones());
         }
         return ones;
     }

@@ -16,7 +16,7 @@ use crate::load::{LoadError, Model, ModelView, open_regular};
 use crate::progress::Progress;
 use crate::render::annotate::annotate;
 use crate::render::{Camera, NamedView, Projection, RenderError, ViewPoint};
-use crate::scene::{self, Key, Look, MOST_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
+use crate::scene::{self, Colors, Key, Look, MOST_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
 
 /// What the command line says of a scene's picture; it counts before what the scene says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -212,7 +212,7 @@ impl SceneReport {
 fn parts<'a>(
     path: &Path,
     scene: &Scene,
-    files: &Files,
+    files: &'a Files,
     views: &'a [ModelView<'a>],
 ) -> Result<Vec<Part<'a, ModelView<'a>>>, Error> {
     let mut parts = Vec::with_capacity(scene.models.len());
@@ -222,11 +222,15 @@ fn parts<'a>(
         let half = model.dims().to_array().map(|side| (f64::from(side) - 1.0) / 2.0);
         let placement = placed.place.affine(affine.apply(half));
         let (material, clip) = (placed.material, placed.clip.clone());
-        let part = Part::new((view, *file), model.dims(), &affine, &placement, material, clip);
-        parts.push(part.map_err(|_| {
-            let fault = SceneFault::Flat { key: Key { table: Table::Model(number), name: "scale" } };
-            SceneError { path: path.to_path_buf(), fault }
-        })?);
+        let key = |name| Key { table: Table::Model(number), name };
+        let wrong = |fault| SceneError { path: path.to_path_buf(), fault };
+        let colors = Colors::of(model, &placed.coloring);
+        if let (None, Some(channel)) = (&colors, placed.coloring.channel()) {
+            return Err(wrong(SceneFault::NoChannel { key: key("material"), channel }).into());
+        }
+        let part = Part::new((view, *file), model.dims(), &affine, &placement, material, clip)
+            .map_err(|_| wrong(SceneFault::Flat { key: key("scale") }))?;
+        parts.push(part.colored(colors));
     }
     Ok(parts)
 }

@@ -301,6 +301,15 @@ impl NodeView for ModelView<'_> {
         BoxIndex::new(rank::rank(self.nodes, self.rank, node.get()).min(self.boxes) + 1)
     }
 
+    #[inline(always)]
+    fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
+        let at = node.index().unwrap_or(usize::MAX);
+        [
+            self.nodes.get(at..).unwrap_or(&[]),
+            self.rank.get(rank::block_entry(self.nodes.len(), at)..).unwrap_or(&[]),
+        ]
+    }
+
     #[inline]
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
         code(self.normals, voxel.index())

@@ -33,6 +33,13 @@ pub trait NodeView: Sync {
     /// The first child of a node.
     fn first_child(&self, node: NodeIndex) -> BoxIndex;
 
+    /// Memory that the answers about a node are read from, for processors that are told ahead of time; may be empty.
+    #[inline]
+    fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
+        let _ = node;
+        [&[]; 2]
+    }
+
     /// The child in `octant`, or `None` if that octant is air.
     #[inline]
     fn child(&self, node: NodeIndex, octant: Octant) -> Option<BoxIndex> {

@@ -114,6 +114,18 @@ pub(crate) trait Lanes: Copy {
     fn spread_children(self, infobyte: u8, children: u64) -> u64 {
         spread_children(infobyte, children)
     }
+
+    /// The boxes of a brick moved from place i to place `i ^ flip`.
+    #[inline(always)]
+    fn mirror_brick(self, boxes: u64, flip: u32) -> u64 {
+        super::occupancy::mirrored(boxes, flip)
+    }
+
+    /// Tells the processor that the first of these bytes will be read.
+    #[inline(always)]
+    fn prefetch(self, bytes: &[u8]) {
+        let _ = bytes;
+    }
 }
 
 /// Where four cells of a pair's plane stand in Morton order of space: `LOW` of the cells (a, b) in 0..2

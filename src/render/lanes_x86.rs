@@ -71,7 +71,54 @@ unsafe fn with_avx512<K: LanesKernel>(avx512: Avx512, kernel: K) -> K::Output {
     kernel.run(avx512)
 }
 
-/// The two methods that both machines answer with bit manipulation.
+/// A brick's boxes moved from place i to place `i ^ flip`: bytes by one shuffle, bits within them by two of nibbles.
+///
+/// # Safety
+/// The machine must have AVX2.
+#[inline(always)]
+unsafe fn mirror_brick(boxes: u64, flip: u32) -> u64 {
+    let flip = flip as usize;
+    let (bytes, nibbles) = (&FLIP_BYTES[flip >> 3 & 7], &FLIP_NIBBLES[flip & 7]);
+    // SAFETY: by the caller; the loads are of whole arrays of 16 bytes.
+    unsafe {
+        let load = |from: *const [u8; 16]| _mm_loadu_si128(from.cast());
+        let boxes = _mm_shuffle_epi8(_mm_cvtsi64_si128(boxes.cast_signed()), load(bytes));
+        let low_nibbles = _mm_set1_epi8(15);
+        let low = _mm_shuffle_epi8(load(&nibbles[0]), _mm_and_si128(boxes, low_nibbles));
+        let high =
+            _mm_shuffle_epi8(load(&nibbles[1]), _mm_and_si128(_mm_srli_epi64::<4>(boxes), low_nibbles));
+        _mm_cvtsi128_si64(_mm_or_si128(low, high)).cast_unsigned()
+    }
+}
+
+/// For each exclusive-or of a byte's place in eight: where the bytes come from.
+const FLIP_BYTES: [[u8; 16]; 8] = {
+    let mut from = [[0; 16]; 8];
+    let mut at = 0;
+    while at < 128 {
+        #[expect(clippy::cast_possible_truncation, reason = "below 128")]
+        let place = at as u8;
+        from[at / 16][at % 16] = (place % 8) ^ (place / 16);
+        at += 1;
+    }
+    from
+};
+
+/// For each exclusive-or of a bit's place in eight: the byte that a low nibble becomes, and a high one.
+const FLIP_NIBBLES: [[[u8; 16]; 2]; 8] = {
+    let mut to = [[[0; 16]; 2]; 8];
+    let mut at = 0;
+    while at < 8 * 2 * 16 * 4 {
+        let (flip, high, nibble, bit) = (at / 128, at / 64 % 2, at / 4 % 16, at % 4);
+        if nibble >> bit & 1 == 1 {
+            to[flip][high][nibble] |= 1 << ((bit + 4 * high) ^ flip);
+        }
+        at += 1;
+    }
+    to
+};
+
+/// The methods that both machines answer with bit manipulation, and hints.
 macro_rules! bit_manipulation {
     () => {
         #[inline(always)]
@@ -85,6 +132,16 @@ macro_rules! bit_manipulation {
             let lowest = unsafe { _pdep_u64(u64::from(infobyte), 0x0101_0101_0101_0101) };
             // SAFETY: see the top of this file.
             unsafe { _pdep_u64(children, lowest.wrapping_mul(0xff)) }
+        }
+        #[inline(always)]
+        fn mirror_brick(self, boxes: u64, flip: u32) -> u64 {
+            // SAFETY: see the top of this file.
+            unsafe { mirror_brick(boxes, flip) }
+        }
+        #[inline(always)]
+        fn prefetch(self, bytes: &[u8]) {
+            // SAFETY: see the top of this file; nothing is read, whatever the address.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(bytes.as_ptr().cast()) }
         }
     };
 }

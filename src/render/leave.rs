@@ -1,8 +1,8 @@
 //! Rays that start at a surface: where they leave the boxes around the one that was hit.
 //!
-//! That border lies between boxes, so it is exact in the ray's integers, and no ray meets the box that it comes from
-//! nor those next to it. A surface of boxes is a stair, whose own steps are no obstacle: hence a few boxes on every
-//! side, and no small length that would be too long here and too short there.
+//! That border lies between boxes, so it is exact in the ray's integers, and no ray meets the box that it comes from.
+//! A surface of boxes is a stair, whose own steps are no obstacle: where nothing else tells them, a few boxes on every
+//! side are left as well ([`REACH`]), and no small length is chosen that would be too long here and too short there.
 
 use super::ray::Ray;
 use super::space::GridSpace;
@@ -11,13 +11,13 @@ use super::traverse::Hit;
 /// Boxes on every side of the one that was hit that its rays are not stopped by.
 pub(crate) const REACH: u32 = 2;
 
-/// The part of the line `origin + t * direction` of the world from where it leaves the boxes around a hit's, and t
-/// there; the ray's own parameter counts from that place. `None` where that is outside the grid.
+/// The part of the line `origin + t * direction` of the world from where it leaves a hit's box and `reach` boxes on
+/// every side of it, and t there; the ray's own parameter counts from that place. `None` where that is outside the grid.
 ///
 /// The line is to pass through those boxes, or near them.
 pub(crate) fn leaving(
     space: &GridSpace,
-    hit: &Hit,
+    (hit, reach): (&Hit, u32),
     origin: [f64; 3],
     direction: [f64; 3],
     least: f64,
@@ -25,8 +25,8 @@ pub(crate) fn leaving(
     let direction = space.world_to_grid().apply_vector(direction);
     let edge = 1_u32 << hit.edge_log2.min(31);
     let (low, high): ([f64; 3], [f64; 3]) = (
-        hit.cell.map(|c| f64::from(c) - f64::from(REACH * edge)),
-        hit.cell.map(|c| f64::from(c) + f64::from(edge) + f64::from(REACH * edge)),
+        hit.cell.map(|c| f64::from(c) - f64::from(reach * edge)),
+        hit.cell.map(|c| f64::from(c) + f64::from(edge) + f64::from(reach * edge)),
     );
     let from = space.to_grid(origin);
     let (mut time, mut axis) = (f64::INFINITY, 0);

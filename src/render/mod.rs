@@ -1,7 +1,7 @@
 //! Pictures: camera, the one traversal kernel, shading, image files.
 //!
 //! ```text
-//! Camera + GridSpace --> Sight --rays (integers)--> tile, single --Hit--> shade --> Image --> PNG
+//! Camera + GridSpace --> Sight --rays (integers)--> tile, single, batch --Hit--> shade --> Image --> PNG
 //! ```
 //!
 //! | module | what it owns |
@@ -10,6 +10,7 @@
 //! | [`traverse`] | what a first hit is, and the oracle: the plain walk over any [`crate::load::NodeView`] |
 //! | [`tile`] | the traversal of pictures: 8 x 8 rays together |
 //! | [`single`] | the same for one ray alone |
+//! | [`batch`] | the same for many rays without neighbours, eight in flight: secondary rays |
 //! | [`surface`] | the last decision: is this box a hit |
 //! | [`cells`] | the surface within a cell |
 //! | [`discrete`] | the paper's own traversal |
@@ -20,7 +21,7 @@
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
-//! | `leave` | rays that start at a surface, beyond the boxes around the one that was hit |
+//! | `leave` | rays that start at a surface, beyond the box that was hit |
 //! | `ambient` | how open a point's surroundings are: hollows turn dark |
 //! | `shown` | what a ray saw, and its normal; `facing`, `around`: normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
@@ -29,6 +30,7 @@
 pub(crate) mod ambient;
 pub(crate) mod annotate;
 pub(crate) mod around;
+pub mod batch;
 pub(crate) mod blend;
 pub mod camera;
 mod caster;

@@ -57,7 +57,7 @@ impl Brick {
 
 /// Bits moved from place i to place `i ^ flip`.
 #[inline(always)]
-fn mirrored(bits: u64, flip: u32) -> u64 {
+pub(super) fn mirrored(bits: u64, flip: u32) -> u64 {
     const KEEP: [u64; 6] = [
         0x5555_5555_5555_5555,
         0x3333_3333_3333_3333,

@@ -25,6 +25,9 @@ pub(super) struct MirroredRay {
 }
 
 impl MirroredRay {
+    /// A ray that goes nowhere, to be replaced.
+    pub(super) const NONE: Self = Self { depth: 0, origin: [0; 3], direction: [0; 3], mirror: 0 };
+
     #[inline]
     pub(super) fn new(ray: &Ray) -> Self {
         let far = 1_i64.wrapping_shl(ray.depth() + FRACTION_BITS);
@@ -40,26 +43,41 @@ impl MirroredRay {
         Self { depth: ray.depth(), origin, direction, mirror }
     }
 
-    /// The way through the box of edge `2^edge_log2` at the mirrored cell `low`, if there is one.
+    /// From the origin to the low planes of a mirrored cell.
+    #[inline(always)]
+    fn to(&self, low: [u32; 3]) -> [i64; 3] {
+        std::array::from_fn(|a| (i64::from(low[a]) << FRACTION_BITS).wrapping_sub(self.origin[a]))
+    }
+
+    /// Does the ray pass through the box of edge `2^edge_log2` at the mirrored cell `low`?
     #[inline]
-    pub(super) fn passage(&self, box_number: u64, low: [u32; 3], edge_log2: u32) -> Option<Passage> {
+    pub(super) fn enters(&self, low: [u32; 3], edge_log2: u32) -> bool {
         let edge = 1_i64.wrapping_shl(edge_log2 + FRACTION_BITS);
-        let d = self.direction;
-        let n: [i64; 3] =
-            std::array::from_fn(|a| (i64::from(low[a]) << FRACTION_BITS).wrapping_sub(self.origin[a]));
+        let (d, n) = (self.direction, self.to(low));
         for a in 0..3 {
             if n[a] <= -edge || (d[a] == 0 && n[a] > 0) {
-                return None;
+                return false;
             }
         }
         for (a, b) in PAIRS {
             if d[a] > 0 && d[b] > 0 {
                 let e = n[a].wrapping_mul(d[b]).wrapping_sub(n[b].wrapping_mul(d[a]));
                 if e <= -edge.wrapping_mul(d[b]) || e > edge.wrapping_mul(d[a]) {
-                    return None;
+                    return false;
                 }
             }
         }
+        true
+    }
+
+    /// The way through the box of edge `2^edge_log2` at the mirrored cell `low`, if there is one.
+    #[inline]
+    pub(super) fn passage(&self, box_number: u64, low: [u32; 3], edge_log2: u32) -> Option<Passage> {
+        if !self.enters(low, edge_log2) {
+            return None;
+        }
+        let edge = 1_i64.wrapping_shl(edge_log2 + FRACTION_BITS);
+        let (d, n) = (self.direction, self.to(low));
         let mut enter: Option<Crossing> = None;
         let mut leave: Option<Crossing> = None;
         for axis in 0..3 {

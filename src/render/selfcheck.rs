@@ -3,15 +3,19 @@
 use crate::geom::{Affine, BoxIndex, Dims, Octant};
 use crate::load::NodeView;
 
+use super::batch::Batch;
 use super::cells::Cells;
 use super::form::Form;
 use super::ray::{MAX_DEPTH, Ray};
 use super::reference::{self, BitVolume};
 use super::sight::Sight;
-use super::surface::Skin;
+use super::surface::{Skin, Surface};
 use super::tile::{RAYS, TILE, Tile, Tracer};
-use super::traverse::{first_hit, first_hit_sealed, step_limit};
+use super::traverse::{Hit, first_hit, first_hit_sealed, step_limit};
 use super::{Camera, GridSpace, Projection, ViewPoint, single};
+
+/// Rays of a batch.
+const LOT: usize = 100;
 
 /// Counts of a comparison; all mismatch counts are 0 for a sound build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -32,7 +36,7 @@ pub struct Mismatches {
     pub inconsistent: u64,
     /// Rays whose sealed hit is not the voxel of the sealed reference walk.
     pub sealed: u64,
-    /// Rays, alone and in tiles, whose hit in some form of the traversal is not the sealed one.
+    /// Rays, alone, in batches and in tiles, whose hit in some form of the traversal is not the sealed one.
     pub forms: u64,
     /// Rays traced in tiles.
     pub tile_rays: u64,
@@ -107,6 +111,35 @@ impl Mismatches {
 }
 
 impl Mismatches {
+    /// Compares a batch of rays, in every form, with the same rays alone.
+    pub fn compare_batch<V: NodeView>(&mut self, view: &V, rays: &[Ray], lod_edge_log2: u32) {
+        let sealed = rays.iter().map(|ray| first_hit_sealed(view, ray, lod_edge_log2).hit).collect();
+        self.compare_batch_of(view, &Skin, rays, lod_edge_log2, sealed);
+        if let Some(cells) = view.cells().map(Cells::new) {
+            let alone = |ray| single::trace(Form::Portable, view, &cells, ray, lod_edge_log2).hit;
+            self.compare_batch_of(view, &cells, rays, lod_edge_log2, rays.iter().map(alone).collect());
+        }
+    }
+
+    fn compare_batch_of<V: NodeView, S: Surface<V>>(
+        &mut self,
+        view: &V,
+        surface: &S,
+        rays: &[Ray],
+        lod_edge_log2: u32,
+        want: Vec<Option<Hit>>,
+    ) {
+        let (mut hits, mut met) = (Vec::new(), Vec::new());
+        for form in Form::available() {
+            let mut batch = Batch::new(form);
+            batch.nearest(view, surface, rays, lod_edge_log2, &mut hits);
+            batch.any(view, surface, rays, lod_edge_log2, &mut met);
+            for (want, (hit, met)) in want.iter().zip(hits.iter().zip(&met)) {
+                self.forms += u64::from(hit != want || *met != want.is_some());
+            }
+        }
+    }
+
     /// Compares a tile of a picture, in every form, with the sealed traversal of its rays.
     pub fn compare_tile<V: NodeView>(&mut self, view: &V, sight: &Sight<'_>, tile: Tile) {
         let want: [Option<_>; RAYS] = std::array::from_fn(|ray| {
@@ -127,6 +160,11 @@ impl Mismatches {
         if let Some(cells) = view.cells().map(Cells::new) {
             self.compare_cells(view, &cells, sight, tile);
         }
+        let rays: Vec<Ray> = (0..RAYS)
+            .map(|ray| [ray % TILE + tile.corner.0, ray / TILE + tile.corner.1])
+            .filter_map(|[x, y]| sight.ray(x as f64 + 0.5, y as f64 + 0.5))
+            .collect();
+        self.compare_batch(view, &rays, tile.lod_edge_log2);
         self.tile_rays += RAYS as u64;
     }
 }
@@ -289,18 +327,27 @@ pub fn random_ray(random: &mut Random, depth: u32) -> Option<Ray> {
     Ray::new(depth, origin, direction, 0.0).ok().flatten()
 }
 
-/// Compares traversal and reference on `rays` random rays, and a quarter as many in tiles; the same seed
+/// Compares traversal and reference on `rays` random rays, alone and in batches, and a quarter as many in tiles; the same seed
 /// gives the same rays.
 ///
 /// Cost: about a microsecond per ray and 100 cells of side.
 pub fn mismatches<V: NodeView>(view: &V, volume: &BitVolume, rays: u64, seed: u64) -> Mismatches {
     let mut random = Random::new(seed);
     let mut counts = Mismatches::default();
+    let mut lot = Vec::new();
     for _ in 0..rays {
         match random_ray(&mut random, volume.depth()) {
-            Some(ray) => counts.compare(view, volume, &ray),
+            Some(ray) => {
+                counts.compare(view, volume, &ray);
+                lot.push(ray);
+            }
             None => counts.rays += 1,
         }
+        if lot.len() == LOT {
+            counts.compare_batch(view, &lot, 0);
+            lot.clear();
+        }
     }
+    counts.compare_batch(view, &lot, 0);
     counts.plus(tile_mismatches(view, rays / 4, seed))
 }

@@ -178,6 +178,15 @@ impl<'a, V: NodeView> Normals<'a, V> {
         Some(self.to_world(self.stored(seen, 0)?.map(f64::from)))
     }
 
+    /// Cosine of the angle between that vector and a direction of the world, both in the frame of the box: a placement
+    /// that draws a body out draws out what its normals err by, too.
+    pub(crate) fn along(&self, seen: Seen, direction: [f64; 3]) -> Option<f64> {
+        let stored = self.stored(seen, 0)?.map(f64::from);
+        let normal = if self.cells.is_some() { self.space.index_normal_to_frame(stored) } else { stored };
+        let direction = self.space.direction_to_frame(direction);
+        Some(dot(normal, direction) / (dot(normal, normal) * dot(direction, direction)).sqrt())
+    }
+
     /// The same, blended where that is wanted.
     pub(crate) fn smooth_outward(&self, seen: Seen, line: Line) -> Option<[f64; 3]> {
         Some(self.to_world(self.blended(seen, line, self.stored(seen, 0)?.map(f64::from))))

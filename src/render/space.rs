@@ -15,6 +15,8 @@ pub struct GridSpace {
     /// Rows of `B^-T` (SPEC 4.6): box-frame normals to world.
     normal_rows: [[f64; 3]; 3],
     spacing_mm: [f64; 3],
+    /// Distances of neighbouring voxels in the box frame: those of the model itself, wherever it is placed.
+    frame_mm: [f64; 3],
 }
 
 /// Boxes that [`GridSpace::support`] looks at before it settles for a looser bound; a sound model needs
@@ -27,6 +29,19 @@ impl GridSpace {
     /// # Errors
     /// [`RenderError::SingularAffine`] when the axes are parallel, nearly so, or not finite.
     pub fn new(dims: Dims, affine: &Affine) -> Result<Self, RenderError> {
+        Self::of(dims, affine, affine.spacing_mm())
+    }
+
+    /// Places a volume by its affine, then by a map of its millimetres. Its normals are those of the volume itself, so
+    /// where it is drawn out they turn as its surface does.
+    ///
+    /// # Errors
+    /// As [`GridSpace::new`].
+    pub fn placed(dims: Dims, affine: &Affine, placement: &Affine) -> Result<Self, RenderError> {
+        Self::of(dims, &placement.after(affine), affine.spacing_mm())
+    }
+
+    fn of(dims: Dims, affine: &Affine, frame_mm: [f64; 3]) -> Result<Self, RenderError> {
         let spacing_mm = affine.spacing_mm();
         let mut world_to_grid = affine.inverse().ok_or(RenderError::SingularAffine)?;
         // A voxel's centre is an integer index and the middle of its grid cell.
@@ -40,11 +55,11 @@ impl GridSpace {
             row[3] = corner;
         }
         for row in &mut unit.rows {
-            row.iter_mut().zip(spacing_mm).for_each(|(v, spacing)| *v /= spacing);
+            row.iter_mut().zip(frame_mm).for_each(|(v, spacing)| *v /= spacing);
         }
         let inverse = unit.inverse().ok_or(RenderError::SingularAffine)?;
         let normal_rows = std::array::from_fn(|i| inverse.column(i));
-        Ok(Self { dims, grid_to_world, world_to_grid, normal_rows, spacing_mm })
+        Ok(Self { dims, grid_to_world, world_to_grid, normal_rows, spacing_mm, frame_mm })
     }
 
     /// Size of the volume.
@@ -89,7 +104,20 @@ impl GridSpace {
     /// divided by spacings.
     #[inline]
     pub fn index_normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
-        self.normal_to_world(std::array::from_fn(|a| n[a] / self.spacing_mm[a]))
+        self.normal_to_world(self.index_normal_to_frame(n))
+    }
+
+    /// Box-frame vector of a vector of index space.
+    #[inline]
+    pub(crate) fn index_normal_to_frame(&self, n: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| n[a] / self.frame_mm[a])
+    }
+
+    /// A direction of the world in the box frame, where normals are perpendicular to the surface.
+    #[inline]
+    pub(crate) fn direction_to_frame(&self, d: [f64; 3]) -> [f64; 3] {
+        let rows = &self.normal_rows;
+        std::array::from_fn(|a| rows[0][a] * d[0] + rows[1][a] * d[1] + rows[2][a] * d[2])
     }
 
     /// A world point in grid space: cell (i, j, k) is `[i, i + 1) x [j, j + 1) x [k, k + 1)`.

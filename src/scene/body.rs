@@ -3,17 +3,20 @@
 //! A line is carried into the model's grid and rounded there, once; all that follows is whole numbers. What it meets is
 //! told as t along the line of the scene, so that bodies can be compared.
 //!
-//! A line that starts at a body leaves the boxes around its start first ([`crate::render::leave`]). Beyond them a flat
-//! line may still meet a step of the stair that it started on, some boxes on. The normals tell: a line outside a solid
-//! comes in by faces that look at it, and goes out by faces that look along it. So within [`STAIR`] boxes of its start a
-//! hit whose stored normal says otherwise is a step of the stair, and is passed. Where no normals are stored, or beyond
-//! that, every hit counts: a thin sheet has normals of one side only.
+//! A line that starts at a body leaves the box around its start first ([`crate::render::leave`]). Beyond it a flat
+//! line may still meet steps of the stair that it started on. The normals tell: a line outside a solid comes in by faces
+//! that look at it, and goes out by faces that look along it. So within [`STAIR`] boxes of its start a hit whose stored
+//! normal says otherwise is a step of the stair, and is passed. That is asked in the frame of the body's own boxes,
+//! where its normals are as good as they were stored, however it is placed. Beyond that, every hit counts: a thin sheet
+//! has normals of one side only. Where no normals are stored, every hit counts as well, and the boxes on all sides of
+//! the start are left at once.
 
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, Dims, VoxelIndex};
 use crate::load::NodeView;
+use crate::render::batch::Batch;
 use crate::render::cells::Cells;
 use crate::render::form::Form;
-use crate::render::leave::leaving;
+use crate::render::leave::{REACH, leaving};
 use crate::render::ray::Ray;
 use crate::render::shown::{Line, Normals};
 use crate::render::space::{add_scaled, dot};
@@ -22,10 +25,13 @@ use crate::render::traverse::{Hit, Trace};
 use crate::render::{GridSpace, RenderError, single};
 
 use super::clip::{Clip, Span};
-use super::material::Material;
+use super::material::{Colors, Material};
 
 /// How far from its start, in boxes, a line is held to the side that it runs on.
 const STAIR: f64 = 32.0;
+
+/// Most steps that a line passes: a line changes its box three times in each at most.
+const MOST_STEPS: u32 = 128;
 
 /// How far along a line a normal of unit length may look and still be across it: normals are stored to within a degree,
 /// and estimated to within two or three.
@@ -39,6 +45,7 @@ pub struct Part<'a, V> {
     /// Models of one file have one number.
     file: usize,
     material: Material,
+    colors: Option<Colors<'a>>,
     clip: Clip,
 }
 
@@ -57,7 +64,26 @@ impl<'a, V: NodeView> Part<'a, V> {
         material: Material,
         clip: Clip,
     ) -> Result<Self, RenderError> {
-        Ok(Self { view, space: GridSpace::new(dims, &placement.after(affine))?, file, material, clip })
+        Ok(Self {
+            view,
+            space: GridSpace::placed(dims, affine, placement)?,
+            file,
+            material,
+            colors: None,
+            clip,
+        })
+    }
+
+    /// The same, in colours of the model.
+    #[must_use]
+    pub fn colored(self, colors: Option<Colors<'a>>) -> Self {
+        Self { colors, ..self }
+    }
+
+    /// The colour of a box of its surface.
+    pub(super) fn color(&self, hit: &Hit) -> [f64; 3] {
+        let own = self.colors.as_ref().and_then(|colors| colors.color(hit.voxel(self.view)?));
+        own.unwrap_or(self.material.color)
     }
 
     /// Greatest `direction . p` over its points p, in mm.
@@ -120,6 +146,23 @@ impl Met {
     }
 }
 
+/// A line on its way to a body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Way {
+    line: Line,
+    /// t where it starts.
+    least: f64,
+    span: Span,
+    /// Where it left the body last, and on which side it runs.
+    from: Option<(Hit, Side)>,
+}
+
+/// What is known of a line before its ray is traced.
+enum Begun {
+    Met(Met),
+    Way(Way),
+}
+
 /// A part with what its lines need.
 #[derive(Debug)]
 pub(super) struct Body<'a, V> {
@@ -127,20 +170,21 @@ pub(super) struct Body<'a, V> {
     pub(super) normals: Normals<'a, V>,
     pub(super) cells: Option<Cells<'a>>,
     form: Form,
-    least_mm: f64,
+    /// Boxes beside its start's own that a line leaves at once.
+    reach: u32,
     /// The surface lies between these two corners of the grid, one box aside.
     bounds: [[f64; 3]; 2],
 }
 
 impl<'a, V: NodeView> Body<'a, V> {
     pub(super) fn of(part: &'a Part<'a, V>, form: Form) -> Self {
-        let [x, y, z] = part.space.spacing_mm();
+        let knows_sides = part.view.cells().is_some() || part.view.voxel_normal(VoxelIndex::new(0)).is_some();
         Self {
             part,
             normals: Normals::new(part.view, &part.space, true, 0),
             cells: part.view.cells().map(Cells::new),
             form,
-            least_mm: x.min(y).min(z),
+            reach: if knows_sides { 0 } else { REACH },
             bounds: bounds(part),
         }
     }
@@ -169,25 +213,50 @@ impl<'a, V: NodeView> Body<'a, V> {
         }
     }
 
-    /// First hit of a line from t = `least` on, or from where it leaves the boxes around `from`.
-    fn hit(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<Hit> {
+    /// First hits of rays of the grid.
+    pub(super) fn nearest(&self, batch: &mut Batch, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
+        match &self.cells {
+            Some(cells) => batch.nearest(self.part.view, cells, rays, 0, hits),
+            None => batch.nearest(self.part.view, &Skin, rays, 0, hits),
+        }
+    }
+
+    /// A line from t = `least` on, or from where it leaves the boxes around `from`, as a ray of the grid; and t where the
+    /// ray's own begins. `None` where it passes the surface by.
+    fn ray(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<(Ray, f64)> {
         let space = &self.part.space;
         let (origin, direction) = (space.to_grid(line.0), space.world_to_grid().apply_vector(line.1));
         if self.passes_by(origin, direction) {
             return None;
         }
-        let Some(from) = from else {
-            let ray = Ray::new(space.dims().depth(), origin, direction, least).ok().flatten()?;
-            return self.trace(&ray);
-        };
-        let (ray, before) = leaving(space, from, line.0, line.1, least)?;
+        match from {
+            Some(from) => leaving(space, (from, self.reach), line.0, line.1, least),
+            None => {
+                Ray::new(space.dims().depth(), origin, direction, least).ok().flatten().map(|ray| (ray, 0.0))
+            }
+        }
+    }
+
+    /// First hit of such a line.
+    fn hit(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<Hit> {
+        let (ray, before) = self.ray(line, least, from)?;
         let hit = self.trace(&ray)?;
         Some(Hit { t: before + hit.t, ..hit })
     }
 
     /// What a line meets first between two values of t.
     pub(super) fn meet(&self, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Met> {
-        let mut from = None;
+        match self.begin(line, limits, start)? {
+            Begun::Met(met) => Some(met),
+            Begun::Way(way) => {
+                let first = self.hit(line, way.span.enter, way.from.as_ref().map(|(hit, _)| hit));
+                self.follow(way, first)
+            }
+        }
+    }
+
+    /// The way of a line, as far as it can be told without a ray.
+    fn begin(&self, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Begun> {
         let mut span = Span::of(limits);
         if !self.part.clip.is_empty() {
             let on = match start {
@@ -196,16 +265,43 @@ impl<'a, V: NodeView> Body<'a, V> {
             };
             span = self.part.clip.span(line, limits, on)?;
             if let Some(cut) = span.by.and_then(|plane| self.cut(line, span, plane)) {
-                return Some(cut);
+                return Some(Begun::Met(cut));
             }
         }
-        if let Some(Start::Surface { hit, side }) = start {
-            from = Some((*hit, *side));
+        let from = match start {
+            Some(Start::Surface { hit, side }) => Some((*hit, *side)),
+            _ => None,
+        };
+        Some(Begun::Way(Way { line, least: limits[0], span, from }))
+    }
+
+    /// The way of a line that a batch of rays is to tell: its ray, and t where that begins. `Err` where it is known
+    /// already what the line meets.
+    pub(super) fn set_out(
+        &self,
+        line: Line,
+        limits: [f64; 2],
+        start: Option<&Start>,
+    ) -> Result<(Way, Ray, f64), Option<Met>> {
+        match self.begin(line, limits, start) {
+            Some(Begun::Way(way)) => {
+                let from = way.from.as_ref().map(|(hit, _)| hit);
+                let (ray, before) = self.ray(line, way.span.enter, from).ok_or(None)?;
+                Ok((way, ray, before))
+            }
+            Some(Begun::Met(met)) => Err(Some(met)),
+            None => Err(None),
         }
-        let most = limits[0] + STAIR * self.least_mm / dot(line.1, line.1).sqrt();
+    }
+
+    /// Where a way ends whose ray has this first hit, t along the line: past the steps of its own stair.
+    pub(super) fn follow(&self, way: Way, first: Option<Hit>) -> Option<Met> {
+        let Way { line, least, span, mut from } = way;
+        let mut found = first;
         let mut passed = None;
+        let mut steps = 0..MOST_STEPS;
         loop {
-            let Some(hit) = self.hit(line, span.enter, from.as_ref().map(|(hit, _)| hit)) else {
+            let Some(hit) = found else {
                 // A line within comes out somewhere: where nothing follows, what was passed last was no step.
                 return passed.map(Met::Surface);
             };
@@ -213,21 +309,30 @@ impl<'a, V: NodeView> Body<'a, V> {
                 return None;
             }
             match from {
-                Some((last, side))
-                    if hit.t <= most && last.cell != hit.cell && !self.comes_by(line, hit, side) =>
+                Some((_, side))
+                    if steps.next().is_some()
+                        && self.is_near(line, hit.t - least)
+                        && !self.comes_by(line, hit, side) =>
                 {
                     passed = (side == Side::Inside).then_some(hit);
                     from = Some((hit, side));
+                    found = self.hit(line, span.enter, Some(&hit));
                 }
                 _ => return Some(Met::Surface(hit)),
             }
         }
     }
 
+    /// Is this part of a line no longer than [`STAIR`] boxes?
+    fn is_near(&self, line: Line, t: f64) -> bool {
+        let direction = self.part.space.world_to_grid().apply_vector(line.1);
+        t * dot(direction, direction).sqrt() <= STAIR
+    }
+
     /// Does a line on this side of a body meet its surface from that side?
     fn comes_by(&self, line: Line, hit: Hit, side: Side) -> bool {
-        let Some(outward) = self.outward(line, hit) else { return true };
-        let along = dot(outward, line.1) / dot(line.1, line.1).sqrt();
+        let seen = self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
+        let Some(along) = self.normals.along(seen, line.1) else { return true };
         match side {
             Side::Outside => along < -ACROSS,
             Side::Inside => along > ACROSS,

@@ -109,10 +109,23 @@ pub(super) struct ModelKeys {
     pub(super) clip: ClipKeys,
 }
 
+/// A channel that tells colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum ChannelName {
+    /// None, whatever the preset says.
+    None,
+    Color,
+    Value,
+    Material,
+}
+
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialKeys {
     pub(super) preset: Option<String>,
+    pub(super) channel: Option<ChannelName>,
+    pub(super) colors: Option<Vec<(f64, String)>>,
     pub(super) color: Option<String>,
     pub(super) diffuse: Option<f64>,
     pub(super) specular: Option<f64>,

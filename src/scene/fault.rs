@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::exit::ExitKind;
+use crate::format::Channel;
 use crate::render::CameraFault;
 
 /// A scene that cannot be shown.
@@ -139,6 +140,18 @@ pub enum SceneFault {
     EmptyBox {
         /// Which.
         key: Key,
+    },
+    /// Values that do not rise, or lack.
+    Order {
+        /// Which.
+        key: Key,
+    },
+    /// A model lacks the channel that its colour is to come from.
+    NoChannel {
+        /// The model.
+        key: Key,
+        /// What it lacks.
+        channel: Channel,
     },
     /// A camera that makes no sense.
     Camera(CameraFault),

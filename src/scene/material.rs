@@ -1,4 +1,8 @@
-//! What bodies are made of.
+//! What bodies are made of, and where their colour comes from.
+
+use crate::format::Channel;
+use crate::load::{Items, Model};
+use crate::render::shade::linear;
 
 /// What a body does with light. Colours are linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +57,130 @@ pub const PRESETS: &[(&str, Material)] = &[
         "water",
         Material { color: [0.94, 0.98, 1.0], specular: 0.6, exponent: 200, clear: 1.0, index: 1.33, ..MATT },
     ),
+    ("ct", Material { specular: 0.1, exponent: 16, ..MATT }),
+    ("ct-bone", Material { specular: 0.15, exponent: 24, ..MATT }),
 ];
+
+/// Where the colour of a surface comes from: of its matt light; what mirrors and what is clear keep the material's.
+/// Colours are linear RGB.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Coloring {
+    /// The material's own.
+    #[default]
+    Own,
+    /// The colour that the model stores.
+    Stored,
+    /// By what the volume holds there, in its own unit (a CT: Hounsfield units): values that rise, and their colours;
+    /// between two of them mixed.
+    Values(Vec<(f64, [f64; 3])>),
+    /// By number of the material that the model stores; others have the material's own.
+    Labels(Vec<(u8, [f64; 3])>),
+}
+
+/// A transfer function by name: values and `0xrrggbb` in sRGB.
+type Ramp = (&'static str, &'static [(f64, u32)]);
+
+/// Presets whose colour comes from a CT's values: what the rest of it is made of is [`PRESETS`]'.
+const RAMPS: &[Ramp] = &[
+    // Lung, fat, muscle, contrast medium, spongy and hard bone, metal.
+    (
+        "ct",
+        &[
+            (-700.0, 0x9c_5a_4a),
+            (-100.0, 0xe2_b4_84),
+            (50.0, 0xb4_50_3e),
+            (180.0, 0xcc_6a_50),
+            (350.0, 0xe0_c8_a0),
+            (1200.0, 0xf8_f2_e2),
+            (2500.0, 0xff_ff_ff),
+        ],
+    ),
+    // Spongy to hard bone, enamel, metal.
+    (
+        "ct-bone",
+        &[
+            (150.0, 0xb8_70_50),
+            (350.0, 0xd8_b4_84),
+            (800.0, 0xec_dc_bc),
+            (1600.0, 0xff_fc_f0),
+            (2800.0, 0xb8_c4_d0),
+        ],
+    ),
+];
+
+/// `#rrggbb` as linear RGB.
+fn color_of(code: u32) -> [f64; 3] {
+    [16, 8, 0].map(|shift| linear(f64::from(code >> shift & 0xff) / 255.0))
+}
+
+impl Coloring {
+    /// That of a preset.
+    pub fn preset(name: &str) -> Self {
+        match RAMPS.iter().find(|(known, _)| *known == name) {
+            Some((_, ramp)) => {
+                Self::Values(ramp.iter().map(|(value, code)| (*value, color_of(*code))).collect())
+            }
+            None => Self::Own,
+        }
+    }
+
+    /// The channel that it needs.
+    pub fn channel(&self) -> Option<Channel> {
+        match self {
+            Self::Own => None,
+            Self::Stored => Some(Channel::Color),
+            Self::Values(_) => Some(Channel::Value),
+            Self::Labels(_) => Some(Channel::Material),
+        }
+    }
+}
+
+/// Colours of a model's voxels or cells.
+#[derive(Clone, Debug)]
+pub struct Colors<'a> {
+    items: Items<'a>,
+    /// Slope and intercept from what is stored to the volume's unit.
+    scale: [f64; 2],
+    coloring: Coloring,
+}
+
+impl<'a> Colors<'a> {
+    /// Of a model; `None` where it lacks the channel, or where none is needed.
+    pub fn of<D: AsRef<[u8]>>(model: &'a Model<D>, coloring: &Coloring) -> Option<Self> {
+        let items = model.items(coloring.channel()?)?;
+        Some(Self { items, scale: model.metadata().value_scale, coloring: coloring.clone() })
+    }
+
+    /// The colour of a voxel or cell, if it has one of its own.
+    pub(super) fn color(&self, voxel: u64) -> Option<[f64; 3]> {
+        match (&self.coloring, self.items.get(voxel)?) {
+            (Coloring::Stored, [r, g, b]) => Some([r, g, b].map(|c| linear(f64::from(*c) / 255.0))),
+            (Coloring::Values(ramp), [value]) => mixed(ramp, self.value((*value).into())),
+            (Coloring::Values(ramp), [low, high]) => {
+                mixed(ramp, self.value(u16::from_le_bytes([*low, *high])))
+            }
+            (Coloring::Labels(labels), [label]) => {
+                labels.iter().find(|(known, _)| known == label).map(|(_, color)| *color)
+            }
+            _ => None,
+        }
+    }
+
+    fn value(&self, stored: u16) -> f64 {
+        self.scale[0] * f64::from(stored) + self.scale[1]
+    }
+}
+
+/// The colour at a value, mixed between its neighbours.
+fn mixed(ramp: &[(f64, [f64; 3])], value: f64) -> Option<[f64; 3]> {
+    let above = ramp.partition_point(|(stop, _)| *stop <= value);
+    let (Some((low, below)), Some((high, next))) = (ramp.get(above.wrapping_sub(1)), ramp.get(above)) else {
+        // Beside both ends, the nearer end's.
+        return if above == 0 { ramp.first() } else { ramp.last() }.map(|(_, color)| *color);
+    };
+    let part = (value - low) / (high - low);
+    Some(std::array::from_fn(|c| below[c] + part * (next[c] - below[c])))
+}
 
 impl Default for Material {
     fn default() -> Self {
@@ -107,6 +234,19 @@ pub(super) fn fresnel(cosine: f64, ratio: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_between_two_colours_are_mixed_and_beside_them_held() {
+        let ramp = [(-10.0, [0.0, 1.0, 0.5]), (30.0, [1.0, 0.0, 0.5])];
+        for (value, want) in [(-1e9, 0.0), (-10.0, 0.0), (0.0, 0.25), (30.0, 1.0), (1e9, 1.0)] {
+            assert_eq!(mixed(&ramp, value), Some([want, 1.0 - want, 0.5]));
+        }
+        assert_eq!(mixed(&ramp[..1], 5.0), Some([0.0, 1.0, 0.5]));
+        assert_eq!(mixed(&[], 5.0), None);
+        for (name, ramp) in RAMPS {
+            assert!(ramp.is_sorted_by(|a, b| a.0 < b.0) && Material::preset(name).is_some(), "{name}");
+        }
+    }
 
     #[test]
     fn powers_and_fresnel_are_what_they_are() {

@@ -39,7 +39,7 @@ pub use body::Part;
 pub use clip::{Clip, Plane};
 pub use fault::{Key, SceneError, SceneFault, Table};
 pub use light::{Ambient, Light, LightKind};
-pub use material::{Material, PRESETS};
+pub use material::{Coloring, Colors, Material, PRESETS};
 pub use paint::{Look, paint};
 pub use place::Placement;
 pub use rays::Rays;

@@ -8,12 +8,12 @@ use crate::render::space::{add_scaled, dot};
 use super::checked::{Checked, FAR};
 use super::clip::{Clip, Plane};
 use super::describe::{
-    AmbientKeys, CameraKeys, ClipKeys, Description, LightKeys, LightName, MaterialKeys, ModelKeys, PivotKey,
-    ScaleKey,
+    AmbientKeys, CameraKeys, ChannelName, ClipKeys, Description, LightKeys, LightName, MaterialKeys,
+    ModelKeys, PivotKey, ScaleKey,
 };
 use super::fault::{SceneFault, Table};
 use super::light::{Ambient, Light, LightKind};
-use super::material::{Material, PRESETS};
+use super::material::{Coloring, Material, PRESETS};
 use super::place::Placement;
 use super::spec::{Place, Scene, SceneCamera, SceneModel};
 
@@ -30,6 +30,11 @@ const BOUNCES: u32 = 8;
 const MOST_BOUNCES: u32 = 64;
 const MOST_SAMPLES: u32 = 8;
 const MOST_EXPONENT: u32 = 100_000;
+/// Most colours of a transfer function.
+const MOST_COLORS: usize = 256;
+
+/// A material, and where its colour comes from.
+type Substance = (Material, Coloring);
 
 /// Reads the text of a scene.
 ///
@@ -50,8 +55,8 @@ fn scene(keys: &Description) -> Result<Scene, SceneFault> {
     }
     top.few("model", keys.model.len(), MOST_MODELS)?;
     top.few("light", keys.light.len(), MOST_LIGHTS)?;
-    let materials = keys.material.iter().map(|(name, keys)| Ok((name.as_str(), material(name, keys)?)));
-    let materials: Vec<(&str, Material)> = materials.collect::<Result<_, SceneFault>>()?;
+    let materials = keys.material.iter().map(|(name, keys)| Ok((name.as_str(), substance(name, keys)?)));
+    let materials: Vec<(&str, Substance)> = materials.collect::<Result<_, SceneFault>>()?;
     let all = clip(Table::Clip, &keys.clip)?;
     let models = (1..).zip(&keys.model).map(|(number, keys)| model(number, keys, &materials, &all));
     let lights = (1..).zip(&keys.light).map(|(number, keys)| light(number, keys));
@@ -133,6 +138,45 @@ fn light(number: usize, keys: &LightKeys) -> Result<Light, SceneFault> {
     })
 }
 
+fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, SceneFault> {
+    let material = material(name, keys)?;
+    let on = Checked(Table::Material(name.to_owned()));
+    let by_preset = keys.preset.as_deref().map_or(Coloring::Own, Coloring::preset);
+    let needs = |key, other| SceneFault::Needs { key: on.key(key), other };
+    on.not_both("colors", keys.colors.is_some() && keys.channel == Some(ChannelName::Color), "channel")?;
+    on.not_both("colors", keys.colors.is_some() && keys.channel == Some(ChannelName::None), "channel")?;
+    let colors = |given: &[(f64, String)]| {
+        on.few("colors", given.len(), MOST_COLORS)?;
+        let one = |(value, text): &(f64, String)| {
+            Ok((on.number("colors", *value, [-FAR, FAR])?, on.color("colors", text)?))
+        };
+        let all: Vec<(f64, [f64; 3])> = given.iter().map(one).collect::<Result<_, SceneFault>>()?;
+        if all.is_sorted_by(|a, b| a.0 < b.0) && !all.is_empty() {
+            Ok(all)
+        } else {
+            Err(SceneFault::Order { key: on.key("colors") })
+        }
+    };
+    let coloring = match (keys.channel, keys.colors.as_deref()) {
+        (None, None) => by_preset,
+        (None, Some(_)) if by_preset == Coloring::Own => return Err(needs("colors", "channel")),
+        (Some(ChannelName::None), _) => Coloring::Own,
+        (Some(ChannelName::Color), _) => Coloring::Stored,
+        (Some(ChannelName::Value), None) if by_preset != Coloring::Own => by_preset,
+        (Some(ChannelName::Value | ChannelName::Material), None) => return Err(needs("channel", "colors")),
+        (None | Some(ChannelName::Value), Some(given)) => Coloring::Values(colors(given)?),
+        (Some(ChannelName::Material), Some(given)) => {
+            let label = |(number, color): (f64, [f64; 3])| {
+                let number = on.number("colors", number, [0.0, 255.0])?;
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+                Ok((number as u8, color))
+            };
+            Coloring::Labels(colors(given)?.into_iter().map(label).collect::<Result<_, SceneFault>>()?)
+        }
+    };
+    Ok((material, coloring))
+}
+
 fn material(name: &str, keys: &MaterialKeys) -> Result<Material, SceneFault> {
     let on = Checked(Table::Material(name.to_owned()));
     let base = match keys.preset.as_deref() {
@@ -180,21 +224,23 @@ fn clip(table: Table, keys: &ClipKeys) -> Result<Clip, SceneFault> {
 fn model(
     number: usize,
     keys: &ModelKeys,
-    materials: &[(&str, Material)],
+    materials: &[(&str, Substance)],
     all: &Clip,
 ) -> Result<SceneModel, SceneFault> {
     let on = Checked(Table::Model(number));
-    let material = match keys.material.as_deref() {
-        None => Material::default(),
+    let (material, coloring) = match keys.material.as_deref() {
+        None => Substance::default(),
         Some(name) => {
-            let own = materials.iter().find(|(own, _)| *own == name).map(|(_, material)| *material);
+            let own = materials.iter().find(|(own, _)| *own == name).map(|(_, own)| own.clone());
+            let preset = || Material::preset(name).map(|material| (material, Coloring::preset(name)));
             let known = || materials.iter().map(|(own, _)| *own).chain(PRESETS.iter().map(|(name, _)| *name));
-            own.or_else(|| Material::preset(name)).ok_or_else(|| on.unknown("material", name, known()))?
+            own.or_else(preset).ok_or_else(|| on.unknown("material", name, known()))?
         }
     };
     Ok(SceneModel {
         file: keys.file.clone().into(),
         material,
+        coloring,
         place: place(&on, keys)?,
         clip: clip(Table::ModelClip(number), &keys.clip)?.and(all),
         framed: keys.framed.unwrap_or(true),

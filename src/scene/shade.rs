@@ -15,7 +15,7 @@ use super::body::{Met, Side, Start};
 use super::light::{Ambient, Light, Way};
 use super::material::{Material, fresnel, power};
 use super::rays::Rays;
-use super::world::{From, World};
+use super::world::{From, Lot, World};
 
 /// Least share of a point's light that a line is followed for.
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
@@ -43,13 +43,14 @@ impl Branch {
 pub(super) struct Kept {
     around: Vec<Surroundings>,
     waiting: Vec<Branch>,
+    lot: Lot,
     pub(super) rays: Rays,
 }
 
 impl Kept {
     pub(super) fn new(files: usize) -> Self {
         let around = (0..files).map(|_| Surroundings::new()).collect();
-        Self { around, waiting: Vec::new(), rays: Rays::default() }
+        Self { around, waiting: Vec::new(), lot: Lot::default(), rays: Rays::default() }
     }
 }
 
@@ -137,14 +138,12 @@ impl<V: NodeView> Stage<'_, V> {
         let (line, material) = (branch.line, body.part.material());
         let length = dot(line.1, line.1).sqrt();
         let sight = line.1.map(|c| c / length);
-        let mut color = material.color;
-        let (mut normal, enters) = match met {
+        let (color, (mut normal, enters)) = match met {
             Met::Cut { plane, .. } => {
                 let plane = body.part.clip().planes()[plane];
-                color = plane.cap.unwrap_or(color);
-                (plane.normal, true)
+                (plane.cap.unwrap_or(material.color), (plane.normal, true))
             }
-            Met::Surface(hit) => self.surface_normal(kept, branch, number, hit),
+            Met::Surface(hit) => (body.part.color(&hit), self.surface_normal(kept, branch, number, hit)),
         };
         if dot(normal, sight) > 0.0 {
             normal = normal.map(|c| -c);
@@ -271,11 +270,11 @@ impl<V: NodeView> Stage<'_, V> {
         let directions = self.sky.of(pixel);
         let [right, ahead] = beside(spot.normal);
         let from = spot.start(false);
-        let closed = directions.iter().filter(|d| {
-            let way = std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + spot.normal[a] * d[2]);
-            self.world.is_stopped((spot.point, way), [0.0, self.ambient.reach_mm], &from)
-        });
-        let closed = closed.count() as f64;
+        let way =
+            |d: &[f64; 3]| std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + spot.normal[a] * d[2]);
+        kept.lot.lines.clear();
+        kept.lot.lines.extend(directions.iter().map(|d| (spot.point, way(d))));
+        let closed = self.world.count_stopped(&mut kept.lot, [0.0, self.ambient.reach_mm], &from) as f64;
         kept.rays.ambient += directions.len() as u64;
         1.0 - closed / directions.len().max(1) as f64
     }

@@ -8,7 +8,7 @@ use crate::render::{NamedView, Projection};
 
 use super::clip::Clip;
 use super::light::{Ambient, Light};
-use super::material::Material;
+use super::material::{Coloring, Material};
 use super::place::Placement;
 
 /// A scene as its text says, checked.
@@ -56,6 +56,8 @@ pub struct SceneModel {
     pub file: PathBuf,
     /// What it is made of.
     pub material: Material,
+    /// Where its colour comes from.
+    pub coloring: Coloring,
     /// Where it is put.
     pub place: Place,
     /// What is cut from it, as well as from all models.

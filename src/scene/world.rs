@@ -1,17 +1,31 @@
 //! All bodies together: the nearest that a line meets, and how much light comes through.
 
 use crate::load::NodeView;
+use crate::render::batch::Batch;
 use crate::render::form::Form;
+use crate::render::ray::Ray;
 use crate::render::shown::Line;
 use crate::render::space::dot;
+use crate::render::traverse::Hit;
 
-use super::body::{Body, Met, Part, Side, Start};
+use super::body::{Body, Met, Part, Side, Start, Way};
 
 /// Surfaces of clear bodies that a line to a light passes at most.
 const MOST_SURFACES: u32 = 64;
 
 /// Where a line starts: the number of a body, and where on it.
 pub(super) type From = Option<(usize, Start)>;
+
+/// Lines from one place, and what a worker keeps to trace them together.
+#[derive(Default)]
+pub(super) struct Lot {
+    pub(super) lines: Vec<Line>,
+    /// Of each line its way, and t where its ray begins; of those that pass the body by nothing.
+    ways: Vec<Option<(Way, f64)>>,
+    rays: Vec<Ray>,
+    hits: Vec<Option<Hit>>,
+    batch: Batch,
+}
 
 /// The bodies of a scene.
 #[derive(Debug)]
@@ -49,6 +63,39 @@ impl<'a, V: NodeView> World<'a, V> {
                 body.meet(line, limits, start).is_some()
             },
         )
+    }
+
+    /// How many of `lot.lines` are stopped, as [`World::is_stopped`] says of each.
+    pub(super) fn count_stopped(&self, lot: &mut Lot, limits: [f64; 2], from: &From) -> usize {
+        let all = lot.lines.len();
+        for (number, body) in self.bodies.iter().enumerate() {
+            if body.part.material().is_clear() {
+                continue;
+            }
+            let start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| start);
+            lot.ways.clear();
+            lot.rays.clear();
+            lot.lines.retain(|line| match body.set_out(*line, limits, start) {
+                Ok((way, ray, before)) => {
+                    lot.ways.push(Some((way, before)));
+                    lot.rays.push(ray);
+                    true
+                }
+                Err(Some(_)) => false,
+                Err(None) => {
+                    lot.ways.push(None);
+                    true
+                }
+            });
+            body.nearest(&mut lot.batch, &lot.rays, &mut lot.hits);
+            let (mut ways, mut hits) = (lot.ways.iter(), lot.hits.iter());
+            lot.lines.retain(|_| {
+                let Some(Some((way, before))) = ways.next() else { return true };
+                let hit = hits.next().copied().flatten();
+                body.follow(*way, hit.map(|hit| Hit { t: before + hit.t, ..hit })).is_none()
+            });
+        }
+        all - lot.lines.len()
     }
 
     /// Part of the light that comes along a line, by colour: none past a body that is not clear, and of what is clear as

@@ -21,7 +21,57 @@ pub(crate) fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     dicoms(&mut all);
     volumes(&mut all);
     bodies(&mut all);
+    scenes(&mut all);
     all
+}
+
+/// Two scenes: all that a body can be, and all that stands around it.
+fn scenes(all: &mut Seeds) {
+    let body = r##"bounces = 2
+samples = 2
+[[model]]
+file = "m.oct"
+material = "a"
+scale = [1, -2.5, 1]
+turn = [10, 0, 7]
+pivot = "origin"
+at = [1, 2, 3]
+[[model]]
+file = "m.oct"
+material = "ct-bone"
+place = [[1, 0, 0, 9], [0, 2, 0, 0], [0, 0.5, 1, 0]]
+[material.a]
+preset = "glass"
+channel = "value"
+colors = [[-1, "#102030"], [0.5, "#ffffff"]]
+index = 1.3
+mirror = 0.2
+"##;
+    let around = r##"size = [9, 8]
+background = "#8aa4b8"
+bounces = 1
+model = [{ file = "m.oct", material = "metal", framed = true, clip = { planes = [[1, 0, 1, 4]] } }]
+[camera]
+projection = "perspective"
+eye = [3, -9, 4]
+look_at = [3, 3, 2]
+near = 0.5
+[[light]]
+kind = "point"
+at = [-5, -5, 9]
+[[light]]
+kind = "directional"
+from = [1, -1, 1]
+strength = 0.3
+shadows = false
+[ambient]
+rays = 4
+reach = 5
+[clip]
+box = [[0, 0, 0], [6, 5, 3]]
+cap = "#e8d8b0"
+"##;
+    all.extend([body, around].map(|text| ("scene", text.as_bytes().to_vec())));
 }
 
 type Seeds = Vec<(&'static str, Vec<u8>)>;

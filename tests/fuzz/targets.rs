@@ -12,16 +12,18 @@ use infobyte::builder::{BuildOptions, Silent, Threshold, build_volume};
 use infobyte::catalogue::Catalogue;
 use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
 use infobyte::export::ExportForm;
-use infobyte::format::{ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
+use infobyte::format::{Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
 use infobyte::geom::{Dims, VoxelIndex};
 use infobyte::jobs::export::{ExportRequest, export};
+use infobyte::jobs::picture::Outputs;
+use infobyte::jobs::scene::{SceneRequest, read_scene, render_scene};
 use infobyte::jobs::{measure, pack, render};
 use infobyte::load::{Frame, Model, NodeView, verify};
 use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
 use infobyte::render::reference::BitVolume;
 use infobyte::render::selfcheck::mismatches;
 use infobyte::source::OpenOptions;
-use infobyte::volume::{VolumeSource, Workspace};
+use infobyte::volume::{VolumeSource, Voxels, Workspace};
 use infobyte::{NamedView, Projection, RayCaster, RenderRequest, ViewPoint};
 
 use crate::frames::{Spec, encapsulated};
@@ -59,7 +61,7 @@ macro_rules! targets {
     ($($name:ident: $run:expr),* $(,)?) => { [$(Target { name: stringify!($name), run: $run }),*] };
 }
 
-pub(crate) const TARGETS: [Target; 22] = targets! {
+pub(crate) const TARGETS: [Target; 23] = targets! {
     oct: |bytes| model(bytes),
     packed: |bytes| archive(bytes),
     dicom: |bytes| volume("case.dcm", bytes, MOST_BUILT),
@@ -82,6 +84,7 @@ pub(crate) const TARGETS: [Target; 22] = targets! {
     glb: |bytes| mesh("case.glb", bytes),
     gltf: |bytes| mesh("case.gltf", bytes),
     threemf: |bytes| mesh("case.3mf", bytes),
+    scene: |bytes| scene(bytes),
 };
 
 /// A folder in memory, if the system has one.
@@ -124,6 +127,44 @@ fn volume(name: &str, bytes: &[u8], built: u64) -> bool {
         }
     }
     any
+}
+
+/// Most models, lights and bounces of a scene that is shown: more take longer than a case may.
+const MOST_SHOWN: usize = 3;
+
+/// Reads a scene, and shows it small if it is a simple one of the model beside it.
+fn scene(bytes: &[u8]) -> bool {
+    static MODEL: OnceLock<PathBuf> = OnceLock::new();
+    let model = MODEL.get_or_init(|| {
+        let ball =
+            Voxels::from_fn(Dims::new(7, 6, 5).unwrap(), |p| u8::from(p.iter().all(|c| (1..4).contains(c))));
+        let path = folder().join("m.oct");
+        let all = Channels::from([Channel::Normal, Channel::Value]);
+        let options = BuildOptions { threshold: Threshold::Iso(1.0), channels: all, ..options() };
+        build_volume(&ball, &options, &path, &Silent).unwrap();
+        path
+    });
+    let path = put("case.toml", bytes);
+    let simple = match read_scene(&path) {
+        Ok(scene) => {
+            let few = scene.models.len().max(scene.lights.len()) <= MOST_SHOWN;
+            let known = scene.models.iter().all(|one| model.file_name() == Some(one.file.as_os_str()));
+            few && known && scene.bounces as usize <= MOST_SHOWN && scene.samples <= 2
+        }
+        Err(refused) => return told(&refused.to_string()),
+    };
+    if !simple {
+        return true;
+    }
+    let picture = folder().join("case.png");
+    let _ = fs::remove_file(&picture);
+    let outputs = Outputs::of(&picture);
+    let request =
+        SceneRequest { size: Some([7, 5]), ambient_rays: Some(3), threads: 1, ..SceneRequest::default() };
+    match render_scene(&path, &outputs, &request, &Silent) {
+        Ok(_) => true,
+        Err(refused) => told(&refused.to_string()),
+    }
 }
 
 /// A refusal is one sentence.

@@ -85,6 +85,15 @@ impl fmt::Display for SceneFault {
                     "{key}: holds nothing; write the low corner first, as in [[-50, -50, 0], [50, 50, 90]]"
                 )
             }
+            Self::Order { key } => write!(
+                f,
+                "{key}: needs numbers that rise, each with its colour, as in [[-100, \"#e2b484\"], [400, \"#f0e8d8\"]]"
+            ),
+            Self::NoChannel { key, channel } => write!(
+                f,
+                "{key}: takes its colour from the channel {}, which the model lacks; build the model with it, or choose another material",
+                channel.name()
+            ),
             Self::Camera(fault) => write!(f, "[camera]: {fault}"),
         }
     }
