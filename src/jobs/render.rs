@@ -1,6 +1,6 @@
 //! `oct render`, `oct thumbnail` and the traversal's self-check, over any node view.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -9,7 +9,7 @@ use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
 use crate::progress::{Progress, Silent};
 use crate::render::annotate::annotate;
-use crate::render::picture::{self, Canvas, Traversal};
+use crate::render::picture::{self, Canvas, Counts, Traversal};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
 use crate::render::{Camera, GridSpace, Image, NamedView, Projection, RenderError, ViewPoint};
@@ -96,7 +96,7 @@ pub struct RenderReport {
     pub rays: u64,
     /// Rays that hit the model.
     pub hits: u64,
-    /// Seconds to place the camera and start the threads.
+    /// Seconds to place the camera.
     pub setup_s: f64,
     /// Seconds of tracing.
     pub trace_s: f64,
@@ -104,7 +104,7 @@ pub struct RenderReport {
     pub shade_s: f64,
     /// Seconds of looking around from what is seen, by rays that are not counted as such; 0 without ambient occlusion.
     pub ambient_s: f64,
-    /// Seconds of all that, without writing the file.
+    /// Seconds of all that, and of compressing the pictures; without putting the files in their places.
     pub wall_s: f64,
     /// Rays per second of tracing.
     pub rays_per_s: f64,
@@ -175,60 +175,129 @@ pub fn render_view_watched<V: NodeView>(
     request: &RenderRequest,
     progress: &dyn Progress,
 ) -> Result<(Image, RenderReport), RenderError> {
-    let start = Instant::now();
-    picture::check_size(request.width, request.height)?;
-    let space = GridSpace::new(dims, affine)?;
-    let aspect = f64::from(request.width) / f64::from(request.height);
-    let support = |direction| space.support(view, direction);
-    let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
-    let (near, far) = camera.depth_range_mm(support);
-    let lod_edge_log2 =
-        if request.lod { level_of_detail(view, &space, &camera, request.height, near) } else { 0 };
-    let canvas = Canvas {
-        width: request.width,
-        height: request.height,
-        threads: request.threads,
-        lod_edge_log2,
-        smooth_edges: request.smooth_edges,
-        depth_range_mm: request.depth.then_some((near, far)),
-        normals: request.normals,
-        ids: request.ids,
-        blended: request.blended,
-        ambient_rays: request.ambient_rays,
-        traversal: request.traversal,
-        coherence: request.coherence,
-    };
-    let rounds = if request.ambient_rays > 0 { 2 } else { 1 };
-    progress.stage("render", rounds * u64::from(request.height));
+    let scene = Prepared::new(view, dims, affine, request)?;
+    progress.stage("render", scene.rounds(request));
     let rows_done = |rows: u32| progress.advance(rows.into());
-    let (mut image, counts) = picture::paint_watched(view, &space, &camera, canvas, &rows_done)?;
+    let Prepared { space, camera, canvas, .. } = &scene;
+    let (mut image, counts) = picture::paint_watched(view, space, camera, *canvas, &rows_done)?;
     if request.annotate {
-        annotate(&mut image, &camera, (near + far) / 2.0);
+        annotate(&mut image, (0, request.height), camera, scene.middle_mm());
     }
-    let wall = start.elapsed();
-    let trace_s = counts.trace.as_secs_f64();
-    let report = RenderReport {
-        width: request.width,
-        height: request.height,
-        threads: request.threads.max(1),
-        traversal: request.traversal.name(),
-        rays: counts.rays,
-        hits: counts.hits,
-        setup_s: wall.saturating_sub(counts.trace + counts.shade + counts.ambient).as_secs_f64(),
-        trace_s,
-        shade_s: counts.shade.as_secs_f64(),
-        ambient_s: counts.ambient.as_secs_f64(),
-        wall_s: wall.as_secs_f64(),
-        #[expect(clippy::cast_precision_loss, reason = "a rate")]
-        rays_per_s: if trace_s > 0.0 { counts.rays as f64 / trace_s } else { 0.0 },
-        steps: counts.steps,
-        max_steps: counts.max_steps,
-        smallest_box: 1 << lod_edge_log2,
-        bytes_touched: None,
-        depth_near_mm: near,
-        depth_far_mm: far,
-    };
-    Ok((image, report))
+    Ok((image, scene.report(request, &counts)))
+}
+
+/// As [`render_view_watched`], but hands on some rows after the others: the picture is never held as a whole. Each part
+/// has the width of the picture.
+///
+/// # Errors
+/// As [`render_view`], and what `take` says.
+pub(super) fn render_view_parts<V: NodeView>(
+    view: &V,
+    dims: Dims,
+    affine: &Affine,
+    request: &RenderRequest,
+    progress: &dyn Progress,
+    take: &mut (dyn FnMut(&Image) -> Result<(), RenderError> + Send),
+) -> Result<RenderReport, RenderError> {
+    let scene = Prepared::new(view, dims, affine, request)?;
+    progress.stage("render", scene.rounds(request));
+    let rows_done = |rows: u32| progress.advance(rows.into());
+    let Prepared { space, camera, canvas, .. } = &scene;
+    let mut top = 0;
+    let counts = picture::paint_parts(view, space, camera, *canvas, &rows_done, &mut |part| {
+        if request.annotate {
+            annotate(part, (top, request.height), camera, scene.middle_mm());
+        }
+        top += part.height;
+        take(part)
+    })?;
+    Ok(scene.report(request, &counts))
+}
+
+/// A model in its place before its camera.
+struct Prepared {
+    start: Instant,
+    space: GridSpace,
+    camera: Camera,
+    canvas: Canvas,
+    /// Time that it took to get here.
+    setup: Duration,
+    /// Depths of the model in mm.
+    range_mm: (f64, f64),
+}
+
+impl Prepared {
+    fn new<V: NodeView>(
+        view: &V,
+        dims: Dims,
+        affine: &Affine,
+        request: &RenderRequest,
+    ) -> Result<Self, RenderError> {
+        let start = Instant::now();
+        picture::check_size(request.width, request.height)?;
+        let space = GridSpace::new(dims, affine)?;
+        let aspect = f64::from(request.width) / f64::from(request.height);
+        let support = |direction| space.support(view, direction);
+        let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
+        let range_mm = camera.depth_range_mm(support);
+        let lod_edge_log2 = if request.lod {
+            level_of_detail(view, &space, &camera, request.height, range_mm.0)
+        } else {
+            0
+        };
+        let canvas = Canvas {
+            width: request.width,
+            height: request.height,
+            threads: request.threads,
+            lod_edge_log2,
+            smooth_edges: request.smooth_edges,
+            depth_range_mm: request.depth.then_some(range_mm),
+            normals: request.normals,
+            ids: request.ids,
+            blended: request.blended,
+            ambient_rays: request.ambient_rays,
+            traversal: request.traversal,
+            coherence: request.coherence,
+        };
+        Ok(Self { start, space, camera, canvas, setup: start.elapsed(), range_mm })
+    }
+
+    /// Rows to be told of.
+    fn rounds(&self, request: &RenderRequest) -> u64 {
+        let rounds = if request.ambient_rays > 0 { 2 } else { 1 };
+        rounds * u64::from(self.canvas.height)
+    }
+
+    /// The depth at which a scale bar is true.
+    fn middle_mm(&self) -> f64 {
+        (self.range_mm.0 + self.range_mm.1) / 2.0
+    }
+
+    fn report(&self, request: &RenderRequest, counts: &Counts) -> RenderReport {
+        let wall = self.start.elapsed();
+        let trace_s = counts.trace.as_secs_f64();
+        RenderReport {
+            width: request.width,
+            height: request.height,
+            threads: request.threads.max(1),
+            traversal: request.traversal.name(),
+            rays: counts.rays,
+            hits: counts.hits,
+            setup_s: self.setup.as_secs_f64(),
+            trace_s,
+            shade_s: counts.shade.as_secs_f64(),
+            ambient_s: counts.ambient.as_secs_f64(),
+            wall_s: wall.as_secs_f64(),
+            #[expect(clippy::cast_precision_loss, reason = "a rate")]
+            rays_per_s: if trace_s > 0.0 { counts.rays as f64 / trace_s } else { 0.0 },
+            steps: counts.steps,
+            max_steps: counts.max_steps,
+            smallest_box: 1 << self.canvas.lod_edge_log2,
+            bytes_touched: None,
+            depth_near_mm: self.range_mm.0,
+            depth_far_mm: self.range_mm.1,
+        }
+    }
 }
 
 /// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point;

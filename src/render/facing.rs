@@ -13,6 +13,7 @@
 //! few nanoseconds where the stored normal is near the face's, else a look at the boxes around, some 0.2
 //! microseconds.
 
+use crate::format::normal;
 use crate::load::NodeView;
 
 use super::around::{SIDE, Surroundings};
@@ -47,6 +48,40 @@ pub(super) fn company(agrees: impl Fn(i64) -> bool) -> Company {
     }
     let agreeing = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().filter(|at| agrees(*at)).count();
     if agreeing <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
+}
+
+/// As [`company`], of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before
+/// and behind it. All are compared at once.
+#[inline]
+pub(super) fn company_of(codes: &[u16; 9]) -> Company {
+    const SCALE: i16 = normal::SCALE as i16;
+    let mut parts = [[0_i16; 9]; 3];
+    // Loops instead of closures: they are vectorised.
+    for i in 0..9 {
+        let [low, high] = codes[i].to_le_bytes();
+        let (u, v) = (i16::from(low as i8).max(-SCALE), i16::from(high as i8).max(-SCALE));
+        let z = SCALE - u.abs() - v.abs();
+        let fold_u = if u < 0 { v.abs() - SCALE } else { SCALE - v.abs() };
+        let fold_v = if v < 0 { u.abs() - SCALE } else { SCALE - u.abs() };
+        let folded = z < 0;
+        parts[0][i] = if folded { fold_u } else { u };
+        parts[1][i] = if folded { fold_v } else { v };
+        parts[2][i] = z;
+    }
+    let [x, y, z] = [parts[0][4], parts[1][4], parts[2][4]];
+    let mut agrees = [0_u16; 9];
+    for i in 0..9 {
+        let [a, b, c] = [parts[0][i], parts[1][i], parts[2][i]];
+        let to = (x - a).abs() + (y - b).abs() + (z - c).abs();
+        let fro = (x + a).abs() + (y + b).abs() + (z + c).abs();
+        agrees[i] = u16::from(2 * to.min(fro) < SCALE);
+    }
+    if agrees[5] & agrees[3] & (agrees[6] | agrees[2]) == 1 {
+        return Company::Calm;
+    }
+    // The one in the middle agrees with itself.
+    let agreeing = agrees.iter().sum::<u16>() - 1;
+    if usize::from(agreeing) <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
 }
 
 /// Do two normals of any length agree, or one and what is opposite to the other?
@@ -189,17 +224,18 @@ impl Around {
     /// The boxes that hang together with the middle one, by faces, edges and corners.
     fn connected(&self) -> u128 {
         let mut piece = 1_u128 << 62;
-        loop {
+        while piece != self.0 {
             let mut wider = piece;
             for (step, low, high) in [(1, ROW_LOW, ROW_HIGH), (5, COLUMN_LOW, COLUMN_HIGH), (25, 0, 0)] {
                 wider |= (wider & !high) << step | (wider & !low) >> step;
             }
             wider &= self.0;
             if wider | piece == piece {
-                return piece;
+                break;
             }
             piece |= wider;
         }
+        piece
     }
 
     /// Unit normal of the plane nearest to the connected boxes (least squares), on the side of `face`, and the part
@@ -209,11 +245,14 @@ impl Around {
     /// squaring: sums and products in one order, the same on every machine.
     fn plane(&self, face: [f64; 3]) -> ([f64; 3], f64) {
         let mut packed = [0_u64; 2];
-        let mut boxes = self.connected();
-        while boxes != 0 {
-            let moments = MOMENTS[(boxes.trailing_zeros() & 127) as usize];
-            boxes &= boxes - 1;
-            packed = [packed[0] + moments[0], packed[1] + moments[1]];
+        let boxes = self.connected();
+        #[expect(clippy::cast_possible_truncation, reason = "one half after the other")]
+        for (mut boxes, from) in [(boxes as u64, 0), ((boxes >> 64) as u64, 64)] {
+            while boxes != 0 {
+                let moments = MOMENTS[(boxes.trailing_zeros() & 63 | from) as usize];
+                boxes &= boxes - 1;
+                packed = [packed[0] + moments[0], packed[1] + moments[1]];
+            }
         }
         // At most 125 boxes of moments up to 16: 12 bits hold every sum.
         let field = |k: usize| (packed[k / 5] >> (12 * (k % 5)) & 0xfff) as f64;
@@ -244,8 +283,12 @@ impl Around {
                 xx * xz + xy * yz + xz * zz,
                 xy * xz + yy * yz + yz * zz,
             ];
+            // Its length does not matter, only that it does not vanish: by a power of two it stays exact.
             let trace = square[0] + square[1] + square[2];
-            m = square.map(|v| v / trace);
+            let scale = f64::from_bits((2045 << 52) - (trace.to_bits() & 0x7ff << 52));
+            for (m, v) in m.iter_mut().zip(square) {
+                *m = v * scale;
+            }
         }
         let [xx, yy, zz, xy, xz, yz] = m;
         let column = if xx >= yy && xx >= zz {
