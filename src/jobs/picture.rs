@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::opened::open_model;
-use super::render::{RenderReport, RenderRequest, render_view_parts, render_view_watched, thumbnail};
+use super::relief::Relief;
+use super::render::{RenderReport, RenderRequest, render_view_parts, render_view_relieved, thumbnail};
 use super::shots::{self, FrameNames, Shots};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
@@ -103,9 +104,8 @@ impl Layers {
             (self.normals, PngLayer::Normals),
             (self.ids, PngLayer::Ids),
         ];
-        let begin = |(file, layer): (Option<ImageFile>, _)| {
-            file.map(|file| PngRows::begin(file, layer, size))
-        };
+        let begin =
+            |(file, layer): (Option<ImageFile>, _)| file.map(|file| PngRows::begin(file, layer, size));
         Ok(LayerRows(named.into_iter().filter_map(begin).collect::<Result<_, _>>()?))
     }
 }
@@ -127,7 +127,8 @@ impl LayerRows {
 
 /// Renders the model at `model` to what is named in `outputs`.
 ///
-/// The files are begun before the picture is: a folder that cannot be written is told at once.
+/// The files are begun before the picture is: a folder that cannot be written is told at once. One picture is made and
+/// written band by band and is never held as a whole; several are held one at a time.
 ///
 /// # Errors
 /// The model cannot be used, the camera makes no sense, or a picture cannot be written.
@@ -149,27 +150,31 @@ pub fn render_file(
     };
     let (view, dims, affine) = (model.view(), model.dims(), model.affine());
     let size = [request.width, request.height];
+    let give_back = || model.give_back();
+    let relief = Relief::new(request.memory_bytes, &give_back);
+    let touched = || if relief.gave_back() { None } else { mapped_rss_bytes(model.bytes()) };
     if outputs.shots == Shots::One {
         let mut rows = layers.begin(size)?;
         let mut take = |part: &Image| rows.put(part);
-        let mut report = render_view_parts(&view, dims, &affine, &request, progress, &mut take)?;
+        let mut report = render_view_parts(&view, dims, &affine, &request, progress, &relief, &mut take)?;
         model.check_unchanged(path)?;
         rows.finish()?;
-        report.bytes_touched = mapped_rss_bytes(model.bytes());
+        report.bytes_touched = touched();
         return Ok(report);
     }
+    relief.hold_whole(outputs.shots.held_pixels(size))?;
     let mut report: Option<RenderReport> = None;
     shots::write(outputs.shots, layers, size, Some(request.point), progress, |shot, progress| {
         let [width, height] = shot.size;
         let request = RenderRequest { width, height, point: shot.point.unwrap_or(request.point), ..request };
-        let (image, own) = render_view_watched(&view, dims, &affine, &request, progress)?;
+        let (image, own) = render_view_relieved(&view, dims, &affine, &request, progress, &relief)?;
         model.check_unchanged(path)?;
         report = Some(report.take().map_or(own.clone(), |all| all.and(&own)));
         Ok(image)
     })?;
     let mut report = report.unwrap_or_default();
     (report.width, report.height) = (request.width, request.height);
-    report.bytes_touched = mapped_rss_bytes(model.bytes());
+    report.bytes_touched = touched();
     Ok(report)
 }
 

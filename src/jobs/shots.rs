@@ -91,6 +91,16 @@ const SHEET: [[NamedView; 3]; 2] = [
 const TURN_MS: u32 = 6000;
 
 impl Shots {
+    /// Pixels of pictures that are in memory together, where one is as large as this.
+    pub(super) fn held_pixels(self, [width, height]: [u32; 2]) -> u64 {
+        let one = u64::from(width) * u64::from(height);
+        match self {
+            Self::One | Self::Turntable(_) => one,
+            // A sheet, and a side on its way there.
+            Self::Contact => one + one / 6,
+        }
+    }
+
     /// Rows of all pictures, where one has so many.
     fn rows(self, height: u32) -> u64 {
         match self {

@@ -120,13 +120,9 @@ impl Place<'_> {
 
 impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     /// Finds how open the surroundings of every pixel of some rows are, if that is asked for; the time it took.
-    pub(super) fn look_around(
-        &mut self,
-        from: usize,
-        rows: usize,
-        rows_done: &(dyn Fn(u32) + Sync),
-    ) -> Duration {
+    pub(super) fn look_around(&mut self, from: usize, rows: usize) -> Duration {
         let start = Instant::now();
+        let rows_done = self.watch.rows_done;
         if self.canvas.ambient_rays == 0 {
             return Duration::ZERO;
         }
@@ -248,6 +244,7 @@ mod tests {
                 ambient_rays,
                 traversal: Traversal::Exact,
                 coherence: 0,
+                most_band_pixels: None,
             };
             let (image, _) = paint(&tree, &space, &camera, canvas).unwrap();
             image.rgba

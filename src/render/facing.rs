@@ -56,13 +56,14 @@ pub(super) fn company(agrees: impl Fn(i64) -> bool) -> Company {
 pub(super) fn company_of(codes: &[u16; 9]) -> Company {
     const SCALE: i16 = normal::SCALE as i16;
     let mut parts = [[0_i16; 9]; 3];
-    // Loops instead of closures: they are vectorised.
     for i in 0..9 {
         let [low, high] = codes[i].to_le_bytes();
         let (u, v) = (i16::from(low as i8).max(-SCALE), i16::from(high as i8).max(-SCALE));
-        let z = SCALE - u.abs() - v.abs();
-        let fold_u = if u < 0 { v.abs() - SCALE } else { SCALE - v.abs() };
-        let fold_v = if v < 0 { u.abs() - SCALE } else { SCALE - u.abs() };
+        let (size_u, size_v) = (u.wrapping_abs(), v.wrapping_abs());
+        let z = SCALE.wrapping_sub(size_u).wrapping_sub(size_v);
+        let (fold_u, fold_v) = (SCALE.wrapping_sub(size_v), SCALE.wrapping_sub(size_u));
+        let fold_u = if u < 0 { fold_u.wrapping_neg() } else { fold_u };
+        let fold_v = if v < 0 { fold_v.wrapping_neg() } else { fold_v };
         let folded = z < 0;
         parts[0][i] = if folded { fold_u } else { u };
         parts[1][i] = if folded { fold_v } else { v };
@@ -70,11 +71,15 @@ pub(super) fn company_of(codes: &[u16; 9]) -> Company {
     }
     let [x, y, z] = [parts[0][4], parts[1][4], parts[2][4]];
     let mut agrees = [0_u16; 9];
+    // Sums of sizes up to 127 do not wrap; said so, because a check of each would keep the loop from being vectorised.
     for i in 0..9 {
         let [a, b, c] = [parts[0][i], parts[1][i], parts[2][i]];
-        let to = (x - a).abs() + (y - b).abs() + (z - c).abs();
-        let fro = (x + a).abs() + (y + b).abs() + (z + c).abs();
-        agrees[i] = u16::from(2 * to.min(fro) < SCALE);
+        let size = |x: i16, y: i16, z: i16| {
+            x.wrapping_abs().wrapping_add(y.wrapping_abs()).wrapping_add(z.wrapping_abs())
+        };
+        let to = size(x.wrapping_sub(a), y.wrapping_sub(b), z.wrapping_sub(c));
+        let fro = size(x.wrapping_add(a), y.wrapping_add(b), z.wrapping_add(c));
+        agrees[i] = u16::from(to.min(fro) < SCALE / 2 + 1);
     }
     if agrees[5] & agrees[3] & (agrees[6] | agrees[2]) == 1 {
         return Company::Calm;
@@ -194,16 +199,18 @@ impl Around {
         let axis = usize::from(struck.face.axis % 3);
         let levels = view.depth().checked_sub(struck.edge_log2)?;
         let limit = (1_i64 << levels) - 1;
-        #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
-        let cell: [i64; 3] = std::array::from_fn(|a| {
+        let mut cell = [0; 3];
+        for a in 0..3 {
             let at = struck.at[a];
             let at = if a != axis {
                 at.floor()
             } else {
                 (at + 0.5).floor() - f64::from(u8::from(struck.face.high))
             };
-            (at as i64).clamp(0, limit)
-        });
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
+            let at = at as i64;
+            cell[a] = at.clamp(0, limit);
+        }
         if levels == 0 {
             return Some(Self(1 << 62));
         }
@@ -256,8 +263,8 @@ impl Around {
         }
         // At most 125 boxes of moments up to 16: 12 bits hold every sum.
         let field = |k: usize| (packed[k / 5] >> (12 * (k % 5)) & 0xfff) as f64;
-        let products = [0, 1, 2, 3, 4, 5].map(field);
-        let sum = [6, 7, 8].map(field);
+        let products = [field(0), field(1), field(2), field(3), field(4), field(5)];
+        let sum = [field(6), field(7), field(8)];
         let count = field(9);
         // Times the count squared, all whole numbers.
         let s: [f64; 6] = std::array::from_fn(|k| count * products[k] - sum[PAIRS[k].0] * sum[PAIRS[k].1]);
@@ -300,7 +307,7 @@ impl Around {
         };
         let length = dot(column, column).sqrt();
         let side = if dot(column, face) < 0.0 { -length } else { length };
-        let n = column.map(|c| c / side);
+        let n = [column[0] / side, column[1] / side, column[2] / side];
         let along: f64 = (0..6)
             .map(|k| if k < 3 { s[k] * n[k] * n[k] } else { 2.0 * s[k] * n[PAIRS[k].0] * n[PAIRS[k].1] })
             .sum();

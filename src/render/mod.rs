@@ -34,6 +34,7 @@ pub mod camera;
 mod caster;
 pub mod cells;
 mod coherence;
+mod coverage;
 pub mod discrete;
 mod error;
 mod facing;

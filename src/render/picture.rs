@@ -28,6 +28,9 @@ use super::{Camera, RenderError};
 /// Pixels traced between two shading passes; bounds the memory for hits to 4 MiB, or a row of tiles.
 const BAND_PIXELS: usize = 1 << 18;
 
+/// Tiles between two looks at how much memory the process has.
+const TILES_BETWEEN: usize = 8;
+
 /// Stack of a worker; nothing here recurses.
 const WORKER_STACK_BYTES: usize = 4 << 20;
 
@@ -66,6 +69,8 @@ pub struct Canvas {
     /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 for a ray
     /// per pixel. Half of it is allowed where that is looked at, the rest for what lies between.
     pub coherence: u8,
+    /// Pixels traced and coloured together, if fewer than usual; never fewer than 8 rows.
+    pub most_band_pixels: Option<u32>,
 }
 
 /// What the rays of a picture hit.
@@ -110,6 +115,13 @@ pub struct Counts {
     pub shade: Duration,
     /// Wall time of ambient occlusion.
     pub ambient: Duration,
+}
+
+impl Canvas {
+    /// Pixels that are traced and coloured together, unless 8 rows are more.
+    fn band_pixels(&self) -> usize {
+        self.most_band_pixels.map_or(BAND_PIXELS, |most| BAND_PIXELS.min(most as usize))
+    }
 }
 
 impl Counts {
@@ -221,6 +233,24 @@ pub(super) struct Painter<'a, V, S> {
     pub(super) canvas: Canvas,
     pub(super) shader: Shader,
     pub(super) open: Open,
+    pub(super) watch: Watch<'a>,
+}
+
+/// Who is told of a picture's progress.
+#[derive(Clone, Copy)]
+pub(crate) struct Watch<'a> {
+    /// Each time how many more rows are painted.
+    pub(crate) rows_done: &'a (dyn Fn(u32) + Sync),
+    /// Called by any worker after a few tiles, to look after memory.
+    pub(crate) between: &'a (dyn Fn() + Sync),
+}
+
+impl Watch<'_> {
+    fn tile(&self, number: usize) {
+        if number.is_multiple_of(TILES_BETWEEN) {
+            (self.between)();
+        }
+    }
 }
 
 /// How open the surroundings of some rows' pixels are, 0 to 255; empty where that does not matter.
@@ -250,6 +280,20 @@ pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     4 * pixels + band * size_of::<Seen>() as u64 + 2 * pixels + ((threads as u64) << 17)
 }
 
+/// Bytes that [`paint_parts`] takes for such a picture, beside the model and the program: the fewest, in bands of 8 rows.
+pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
+    let row = u64::from(canvas.width).next_multiple_of(TILE as u64);
+    let rows = (canvas.band_pixels() as u64 / (row * TILE as u64)).max(1) * TILE as u64;
+    let rows = rows.min(u64::from(canvas.height).next_multiple_of(TILE as u64));
+    let layers = 4
+        + if canvas.depth_range_mm.is_some() { 2 } else { 0 }
+        + if canvas.normals { 3 } else { 0 }
+        + if canvas.ids { 6 } else { 0 }
+        + if canvas.ambient_rays > 0 { 1 } else { 0 };
+    let hits = if canvas.coherence > 0 { 2 * size_of::<Sample>() } else { size_of::<Seen>() } as u64;
+    rows * row * (2 * layers + hits) + ((canvas.threads.max(1) as u64) << 18)
+}
+
 /// Paints a model as a camera sees it.
 ///
 /// Memory: the image, 4 MiB for hits, with smooth edges 8 bytes a pixel of the silhouette, and with ambient occlusion a
@@ -264,24 +308,23 @@ pub fn paint<V: NodeView>(
     camera: &Camera,
     canvas: Canvas,
 ) -> Result<(Image, Counts), RenderError> {
-    paint_watched(view, space, camera, canvas, &|_| {})
+    paint_watched(view, space, camera, canvas, Watch { rows_done: &|_| {}, between: &|| {} })
 }
 
-/// As [`paint`]; `rows_done` is told each time how many more rows are painted. With ambient occlusion all rows are done
-/// twice.
+/// As [`paint`], watched. With ambient occlusion all rows are done twice.
 ///
 /// # Errors
 /// As [`paint`].
-pub fn paint_watched<V: NodeView>(
+pub(crate) fn paint_watched<V: NodeView>(
     view: &V,
     space: &GridSpace,
     camera: &Camera,
     canvas: Canvas,
-    rows_done: &(dyn Fn(u32) + Sync),
+    watch: Watch<'_>,
 ) -> Result<(Image, Counts), RenderError> {
     check_size(canvas.width, canvas.height)?;
     let mut whole = blank(&canvas, canvas.height);
-    let counts = with_painter(view, space, camera, canvas, Whole { image: &mut whole, rows_done })?;
+    let counts = with_painter(view, space, camera, canvas, watch, Whole { image: &mut whole })?;
     Ok((whole, counts))
 }
 
@@ -297,11 +340,11 @@ pub(crate) fn paint_parts<V: NodeView>(
     space: &GridSpace,
     camera: &Camera,
     canvas: Canvas,
-    rows_done: &(dyn Fn(u32) + Sync),
+    watch: Watch<'_>,
     take: Taker<'_>,
 ) -> Result<Counts, RenderError> {
     check_size(canvas.width, canvas.height)?;
-    with_painter(view, space, camera, canvas, Parts { take, rows_done })?
+    with_painter(view, space, camera, canvas, watch, Parts { take })?
 }
 
 /// Rows of a picture without anything in them.
@@ -328,28 +371,26 @@ trait Job {
 /// Paints the whole picture.
 struct Whole<'a> {
     image: &'a mut Image,
-    rows_done: &'a (dyn Fn(u32) + Sync),
 }
 
 impl Job for Whole<'_> {
     type Output = Counts;
 
     fn run<V: NodeView, S: Surface<V>>(self, mut painter: Painter<'_, V, S>) -> Counts {
-        painter.paint(self.image, 0, self.rows_done)
+        painter.paint(self.image, 0)
     }
 }
 
 /// Paints part after part, and hands each on while the next is painted.
 struct Parts<'a> {
     take: Taker<'a>,
-    rows_done: &'a (dyn Fn(u32) + Sync),
 }
 
 impl Job for Parts<'_> {
     type Output = Result<Counts, RenderError>;
 
     fn run<V: NodeView, S: Surface<V>>(self, mut painter: Painter<'_, V, S>) -> Self::Output {
-        let Self { take, rows_done } = self;
+        let Self { take } = self;
         let canvas = painter.canvas;
         let rows = if canvas.smooth_edges { canvas.height } else { painter.band_rows() };
         let mut counts = Counts::default();
@@ -358,7 +399,7 @@ impl Job for Parts<'_> {
             next.clear(rows.min(canvas.height - top));
             let (taken, own) = rayon::join(
                 || if done.height > 0 { take(&mut done) } else { Ok(()) },
-                || painter.paint(&mut next, top as usize, rows_done),
+                || painter.paint(&mut next, top as usize),
             );
             taken?;
             counts = counts.plus(own);
@@ -375,6 +416,7 @@ fn with_painter<V: NodeView, J: Job + Send>(
     space: &GridSpace,
     camera: &Camera,
     canvas: Canvas,
+    watch: Watch<'_>,
     job: J,
 ) -> Result<J::Output, RenderError> {
     let sight = Sight::new(space, camera, canvas.width, canvas.height);
@@ -390,12 +432,14 @@ fn with_painter<V: NodeView, J: Job + Send>(
     let open = Open::default();
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
         Some(surface) => {
-            let painter = Painter { view, surface, normals, sight, discrete, form, canvas, shader, open };
+            let painter =
+                Painter { view, surface, normals, sight, discrete, form, canvas, shader, open, watch };
             pool.install(|| job.run(painter))
         }
         // Coarse boxes are solid, whatever the finest are.
         None => {
-            let painter = Painter { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open };
+            let painter =
+                Painter { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open, watch };
             pool.install(|| job.run(painter))
         }
     })
@@ -406,19 +450,20 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     fn band_rows(&self) -> u32 {
         let row = (self.canvas.width as usize).div_ceil(TILE) * TILE_PIXELS;
         #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
-        let rows = ((BAND_PIXELS / row).max(1) * TILE) as u32;
+        let rows = ((self.canvas.band_pixels() / row).max(1) * TILE) as u32;
         rows.min(self.canvas.height)
     }
 
     /// Paints the rows of the picture from `from` on that `image` holds, which is blank.
-    fn paint(&mut self, image: &mut Image, from: usize, rows_done: &(dyn Fn(u32) + Sync)) -> Counts {
+    fn paint(&mut self, image: &mut Image, from: usize) -> Counts {
+        let rows_done = self.watch.rows_done;
         let rows = image.height as usize;
-        let ambient = self.look_around(from, rows, rows_done);
+        let ambient = self.look_around(from, rows);
         let width = self.canvas.width as usize;
         let band_rows = self.band_rows() as usize;
         let mut counts = Counts::default();
         if self.canvas.coherence > 0 {
-            counts = self.paint_coherent(image, from, rows_done);
+            counts = self.paint_coherent(image, from);
         } else {
             let tiles_across = width.div_ceil(TILE);
             let mut seen = vec![Seen::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
@@ -440,7 +485,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// Linear RGB of a pixel whose surface has this normal.
     #[inline]
-    fn light(&self, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
+    pub(super) fn light(&self, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
         let light = self.shader.light(normal, line.1);
         match self.open.at(self.canvas.width as usize, [x, y]) {
             Some(open) => light.map(|c| c * (f64::from(open) / 255.0)),
@@ -459,6 +504,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             .map_init(
                 || Tracer::new(self.form),
                 |tracer, (tile, seen)| {
+                    self.watch.tile(tile);
                     let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
                     let limits = (width.saturating_sub(left), rows.saturating_sub(above));
                     self.trace_tile(tracer, seen, (left, top + above), limits)
@@ -502,12 +548,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     }
 
     /// Paints with fewer rays where neighbours look alike; tracing and shading take turns, so their times are one.
-    fn paint_coherent(
-        &self,
-        image: &mut Image,
-        from: usize,
-        rows_done: &(dyn Fn(u32) + Sync),
-    ) -> Counts {
+    fn paint_coherent(&self, image: &mut Image, from: usize) -> Counts {
+        let rows_done = self.watch.rows_done;
         let start = Instant::now();
         let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
         let (rows, band_rows) = (image.height as usize, self.band_rows() as usize);
@@ -552,14 +594,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     }
 
     /// Colours the rows of a traced band: `top` and those below it of an image that begins at the picture's row `from`.
-    fn shade_band(
-        &self,
-        seen: &[Seen],
-        image: &mut Image,
-        from: usize,
-        top: usize,
-        rows: usize,
-    ) -> Duration {
+    fn shade_band(&self, seen: &[Seen], image: &mut Image, from: usize, top: usize, rows: usize) -> Duration {
         let start = Instant::now();
         let width = self.canvas.width as usize;
         self.color(seen, &mut image.rgba, [from, top, rows]);
@@ -601,6 +636,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let (out, _) = out.as_chunks_mut::<N>();
             for (tile, seen) in seen.chunks(TILE_PIXELS).enumerate() {
                 if seen.iter().any(|pixel| pixel.is_hit()) {
+                    self.watch.tile(tile);
                     paint(kept, [tile * TILE, from + top + n * TILE], seen, out);
                 }
             }
@@ -614,6 +650,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let mut lit = Lit::NOTHING;
             // Towards the eye: no normal in the frame of the boxes is that.
             let mut to_eye = 0_u64;
+            let mut mixed = 0_u64;
             for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
                 let (x, y) = (corner[0] + at % TILE, corner[1] + at / TILE);
                 // Tiles at the border reach over it; what is there may be of an earlier band.
@@ -621,6 +658,22 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     continue;
                 }
                 let line = || self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
+                if self.canvas.lod_edge_log2 > 0
+                    && let Some((light, part)) = self.mixed(&mut kept.around, *pixel, line(), [x, y])
+                {
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "at most 255"
+                    )]
+                    let alpha = (255.0 * part + 0.5) as u8;
+                    if let (Some(out), true) = (out.get_mut(at / TILE * width + x), alpha > 0) {
+                        let [r, g, b] = light.map(|c| self.shader.encode(c));
+                        *out = [r, g, b, alpha];
+                    }
+                    mixed |= 1 << (at % TILE_PIXELS);
+                    continue;
+                }
                 match self.normal_of(kept, *pixel, line) {
                     Some(normal) => {
                         for a in 0..3 {
@@ -637,7 +690,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             self.form.run(TileLight { sight: &self.sight, corner, lit: &lit, out: &mut codes });
             for (at, _) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
                 let (x, y) = (corner[0] + at % TILE, at / TILE);
-                if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
+                if let (true, Some(out)) = (x < width && mixed >> at & 1 == 0, out.get_mut(y * width + x)) {
                     let [r, g, b] = if to_eye >> at & 1 == 1 {
                         let at = [x, corner[1] + y];
                         let line = self.sight.line(at[0] as f64 + 0.5, at[1] as f64 + 0.5);

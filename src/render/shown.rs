@@ -235,7 +235,8 @@ impl<'a, V: NodeView> Normals<'a, V> {
             let (origin, sight) = line();
             let world = add_scaled(origin, f64::from(seen.depth), sight);
             let edge = f64::from(1_u32 << edge_log2.min(31));
-            let at = space.world_to_grid().apply(world).map(|c| c / edge);
+            let at = space.world_to_grid().apply(world);
+            let at = [at[0] / edge, at[1] / edge, at[2] / edge];
             facing::Struck { number: seen.box_number, at, edge_log2, face }
         };
         let cubes = spacing[0] == spacing[1] && spacing[1] == spacing[2];

@@ -120,11 +120,8 @@ impl<'a> Sight<'a> {
             let across = (2.0 * x - self.width) / self.width * half_width;
             let along = (self.height - 2.0 * y) / self.height * half_height;
             for a in 0..3 {
-                out[a][i] = if frame.parallel {
-                    forward[a]
-                } else {
-                    forward[a] + across * right[a] + along * up[a]
-                };
+                out[a][i] =
+                    if frame.parallel { forward[a] } else { forward[a] + across * right[a] + along * up[a] };
             }
         }
     }
