@@ -5,7 +5,6 @@ use std::fmt;
 use super::foreign::shown;
 use super::system::writing;
 use crate::budget::{ExactSize, SizeArgument};
-use crate::budget::{ExactSize, SizeArgument};
 use crate::render::ray::BadRay;
 use crate::render::{CameraFault, Layer, RenderError};
 
