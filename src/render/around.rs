@@ -81,6 +81,7 @@ impl Surroundings {
 
     /// The boxes within [`REACH`] of `cell`, in a grid of 2^levels boxes a side, as bits `x + 5 y + 25 z`; and the
     /// number of the one in the middle, if it is there.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few bits")]
     pub(super) fn window<V: NodeView>(
         &mut self,
         view: &V,
@@ -102,7 +103,7 @@ impl Surroundings {
             found |= u128::from(pairs | next) << (25 * z);
         }
         // The middle is in one of the eight.
-        let brick = (0..3).fold(0, |brick, a| brick | ((cell[a] >> 2) - (low[a] >> 2) & 1) << a) as usize;
+        let brick = (0..3).fold(0, |brick, a| brick | (((cell[a] >> 2) - (low[a] >> 2)) & 1) << a) as usize;
         let (boxes, first) = block.boxes[brick & 7];
         let at = (0..3).fold(0, |at, a| at | (cell[a] & 1) << a | (cell[a] & 2) << (a + 2));
         let there = boxes >> at & 1 == 1;
@@ -112,6 +113,7 @@ impl Surroundings {
 
     /// The eight bricks from these coordinates on.
     #[inline]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few bits")]
     fn block<V: NodeView>(&mut self, view: &V, at: [i64; 3]) -> &Block {
         // One below the grid is a place, too.
         let [x, y, z] =

@@ -54,6 +54,7 @@ pub(super) fn company(agrees: impl Fn(i64) -> bool) -> Company {
 /// and behind it. All are compared at once.
 #[inline]
 pub(super) fn company_of(codes: &[u16; 9]) -> Company {
+    #[expect(clippy::cast_possible_truncation, reason = "a byte")]
     const SCALE: i16 = normal::SCALE as i16;
     let mut parts = [[0_i16; 9]; 3];
     for i in 0..9 {
@@ -200,7 +201,7 @@ impl Around {
         let levels = view.depth().checked_sub(struck.edge_log2)?;
         let limit = (1_i64 << levels) - 1;
         let mut cell = [0; 3];
-        for a in 0..3 {
+        for (a, cell) in cell.iter_mut().enumerate() {
             let at = struck.at[a];
             let at = if a != axis {
                 at.floor()
@@ -209,7 +210,7 @@ impl Around {
             };
             #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
             let at = at as i64;
-            cell[a] = at.clamp(0, limit);
+            *cell = at.clamp(0, limit);
         }
         if levels == 0 {
             return Some(Self(1 << 62));

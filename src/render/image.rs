@@ -87,9 +87,15 @@ impl Image {
             layer.resize(pixels * each, 0);
         };
         bytes(&mut self.rgba, 4);
-        self.normals.as_mut().map(|layer| bytes(layer, 3));
-        self.depth.as_mut().map(|layer| words(layer, 1));
-        self.ids.as_mut().map(|layer| words(layer, 3));
+        if let Some(normals) = &mut self.normals {
+            bytes(normals, 3);
+        }
+        if let Some(depth) = &mut self.depth {
+            words(depth, 1);
+        }
+        if let Some(ids) = &mut self.ids {
+            words(ids, 3);
+        }
     }
 
     /// Writes `count` pictures of one size as an animated PNG, each shown for so many milliseconds, over and over.

@@ -676,8 +676,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                 }
                 match self.normal_of(kept, *pixel, line) {
                     Some(normal) => {
-                        for a in 0..3 {
-                            lit.normals[a][at % TILE_PIXELS] = normal[a];
+                        for (out, part) in lit.normals.iter_mut().zip(normal) {
+                            out[at % TILE_PIXELS] = part;
                         }
                     }
                     None => to_eye |= 1 << (at % TILE_PIXELS),

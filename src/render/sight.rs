@@ -110,6 +110,7 @@ impl<'a> Sight<'a> {
 
     /// Directions of the lines through the pixels of the tile at `corner`, axis by axis, as [`Sight::line`] has them.
     #[inline(always)]
+    #[expect(clippy::needless_range_loop, reason = "loops like this one are vectorised")]
     pub(super) fn directions(&self, corner: [usize; 2], out: &mut [[f64; RAYS]; 3]) {
         let frame = self.camera.frame();
         let (half_width, half_height) = self.camera.half_sides();
