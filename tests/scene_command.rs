@@ -261,6 +261,23 @@ fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
         assert_eq!(turning["rays"].as_u64(), Some(5 * 96 * 64), "{turning}");
         let names = chunks(&folder.path().join("p.png"));
         assert_eq!(names.iter().filter(|name| *name == "fcTL").count(), 5, "{names:?}");
+        for (output, second) in [("frames/", "frames/0001.png"), ("turn-%02d.png", "turn-01.png")] {
+            let json = oct(&[
+                "render",
+                &at(input),
+                "-o",
+                &at(output),
+                "--size",
+                "40x30",
+                "--turntable",
+                "3",
+                "--json",
+            ]);
+            assert_eq!(json.json()["rays"].as_u64(), Some(3 * 40 * 30));
+            let names = chunks(&folder.path().join(second));
+            assert!(names.iter().any(|name| name == "IDAT") && !names.iter().any(|name| name == "fcTL"));
+            assert!(!folder.path().join(second.replace('1', "3")).exists());
+        }
         run(&["--contact", "--view", "left"]).refused(2, &["--view"]);
         run(&["--turntable", "1"]).refused(2, &["--turntable"]);
     }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use infobyte::budget::parse_size;
 use infobyte::jobs::render::RenderRequest;
 use infobyte::jobs::scene::SceneRequest;
 use infobyte::jobs::shots::Shots;
@@ -56,6 +57,12 @@ pub(crate) struct RenderArgs {
     /// Stop at nodes about as small as a pixel instead of at voxels
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     pub(crate) lod: Switch,
+    /// With --lod on: boxes 2^N times as large, or with less than 0 as small
+    #[arg(long, value_name = "-8..8", default_value_t = 0, allow_negative_numbers = true, value_parser = clap::value_parser!(i8).range(-8..=8))]
+    pub(crate) lod_bias: i8,
+    /// Peak resident memory of the whole process; by default as much as the picture takes
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub(crate) memory: Option<u64>,
     /// Shade by the normals as they are stored, or blended between the boxes around a hit: no facets in close-ups; or
     /// by stored normals and ambient occlusion: hollows turn dark
     #[arg(long, value_enum, default_value_t = Shading::Stored)]
@@ -138,6 +145,8 @@ impl RenderArgs {
             fov_deg: self.fov.unwrap_or(usual.fov_deg),
             threads: self.threads.count(),
             lod: self.lod == Switch::On,
+            lod_bias: self.lod_bias,
+            memory_bytes: self.memory,
             blended: self.shading == Shading::Blended,
             ambient_rays: self.ambient_rays().unwrap_or(0),
             traversal: self.traversal,
@@ -173,6 +182,7 @@ impl RenderArgs {
     pub(crate) fn model_flag(&self) -> Option<&'static str> {
         let given = [
             (self.lod == Switch::On, "--lod"),
+            (self.memory.is_some(), "--memory"),
             (self.shading == Shading::Blended, "--shading blended"),
             (self.traversal != Traversal::Exact, "--traversal"),
             (self.coherence > 0, "--coherence"),

@@ -23,7 +23,9 @@ pub mod costs;
 mod process;
 mod size;
 
-pub use process::{current_rss_bytes, file_rss_bytes, mapped_rss_bytes, own_rss_bytes, peak_rss_bytes};
+pub use process::{
+    current_rss_bytes, file_rss_bytes, mapped_rss_bytes, own_rss_bytes, peak_rss_bytes, resident_bytes,
+};
 pub use size::{Bytes, ExactSize, SizeArgument, parse_size};
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};

@@ -11,6 +11,14 @@ pub fn current_rss_bytes() -> u64 {
     proc_status_bytes("VmRSS:")
 }
 
+/// The same at less cost, some 2 us: pages of `/proc/self/statm`, of 4 KiB; 0 where the system does not tell. Of other
+/// pages this is too little, and a cap that is kept by it too large.
+pub fn resident_bytes() -> u64 {
+    let statm = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
+    let pages = statm.split(' ').nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0);
+    pages.saturating_mul(4096)
+}
+
 /// Resident memory of this process that is no file's, in bytes; all of it where the system does not tell them
 /// apart (old kernels, some sandboxes), and 0 where it does not tell that either.
 pub fn own_rss_bytes() -> u64 {

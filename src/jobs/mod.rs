@@ -16,6 +16,7 @@ pub mod mesh;
 pub mod opened;
 pub mod pack;
 pub mod picture;
+mod relief;
 pub mod render;
 pub mod report;
 pub mod scan;

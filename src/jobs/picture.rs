@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use super::opened::open_model;
-use super::render::{RenderReport, RenderRequest, render_view_watched, thumbnail};
-use super::shots::{self, Shots};
+use super::relief::Relief;
+use super::render::{RenderReport, RenderRequest, render_view_parts, render_view_relieved, thumbnail};
+use super::shots::{self, FrameNames, Shots};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::progress::Progress;
-use crate::render::Image;
-use crate::render::image::ImageFile;
+use crate::render::image::{ImageFile, PngLayer, PngRows};
+use crate::render::{Image, RenderError};
 
 /// Where the pictures of one call go.
 #[derive(Clone, Copy, Debug)]
@@ -26,9 +27,17 @@ pub struct Outputs<'a> {
     pub shots: Shots,
 }
 
+/// Where the colours go.
+pub(super) enum Target {
+    /// Into one file.
+    File(ImageFile),
+    /// Into files of these names, of which the first is begun.
+    Frames(FrameNames, ImageFile),
+}
+
 /// Pictures that are begun.
 pub(super) struct Layers {
-    pub(super) image: ImageFile,
+    pub(super) image: Target,
     depth: Option<ImageFile>,
     normals: Option<ImageFile>,
     ids: Option<ImageFile>,
@@ -45,15 +54,31 @@ impl<'a> Outputs<'a> {
         [Some(self.image), self.depth, self.normals, self.ids].into_iter().flatten().collect()
     }
 
+    /// Names of the frames, if there are several files of them.
+    fn frames(&self) -> Option<(FrameNames, u32)> {
+        match self.shots {
+            Shots::Turntable(count) => Some((FrameNames::of(self.image)?, count)),
+            _ => None,
+        }
+    }
+
     /// Refuses names that are the input's, or each other's.
     pub(super) fn refuse_clash(&self, input: &Path) -> Result<(), Error> {
-        refuse_clash(input, &self.all())
+        match self.frames() {
+            Some((names, count)) => {
+                (0..count).try_for_each(|number| refuse_clash(input, &[&names.file(number)]))
+            }
+            None => refuse_clash(input, &self.all()),
+        }
     }
 
     /// Begins the files: a folder that cannot be written is told before the work is done.
     pub(super) fn create(&self) -> Result<Layers, Error> {
         Ok(Layers {
-            image: ImageFile::create(self.image)?,
+            image: match self.frames() {
+                Some((names, _)) => names.begin()?,
+                None => Target::File(ImageFile::create(self.image)?),
+            },
             depth: self.depth.map(ImageFile::create).transpose()?,
             normals: self.normals.map(ImageFile::create).transpose()?,
             ids: self.ids.map(ImageFile::create).transpose()?,
@@ -62,25 +87,48 @@ impl<'a> Outputs<'a> {
 }
 
 impl Layers {
-    /// Writes them.
+    /// Writes a picture that is finished.
     pub(super) fn write(self, image: &Image) -> Result<(), Error> {
-        image.write_png_to(self.image)?;
-        if let Some(file) = self.depth {
-            image.write_depth_png_to(file)?;
-        }
-        if let Some(file) = self.normals {
-            image.write_normals_png_to(file)?;
-        }
-        if let Some(file) = self.ids {
-            image.write_ids_png_to(file)?;
-        }
-        Ok(())
+        let mut rows = self.begin([image.width, image.height])?;
+        rows.put(image)?;
+        rows.finish()
+    }
+
+    /// Begins pictures of this size.
+    pub(super) fn begin(self, size: [u32; 2]) -> Result<LayerRows, Error> {
+        // Frames of a turntable are written one by one.
+        let (Target::File(image) | Target::Frames(_, image)) = self.image;
+        let named = [
+            (Some(image), PngLayer::Color),
+            (self.depth, PngLayer::Depth),
+            (self.normals, PngLayer::Normals),
+            (self.ids, PngLayer::Ids),
+        ];
+        let begin =
+            |(file, layer): (Option<ImageFile>, _)| file.map(|file| PngRows::begin(file, layer, size));
+        Ok(LayerRows(named.into_iter().filter_map(begin).collect::<Result<_, _>>()?))
+    }
+}
+
+/// Pictures of which some rows are written.
+pub(super) struct LayerRows(Vec<PngRows>);
+
+impl LayerRows {
+    /// Writes some more.
+    pub(super) fn put(&mut self, part: &Image) -> Result<(), RenderError> {
+        self.0.iter_mut().try_for_each(|rows| rows.put(part))
+    }
+
+    /// Puts the files in their places.
+    pub(super) fn finish(self) -> Result<(), Error> {
+        Ok(self.0.into_iter().try_for_each(PngRows::finish)?)
     }
 }
 
 /// Renders the model at `model` to what is named in `outputs`.
 ///
-/// The files are begun before the picture is: a folder that cannot be written is told at once.
+/// The files are begun before the picture is: a folder that cannot be written is told at once. One picture is made and
+/// written band by band and is never held as a whole; several are held one at a time.
 ///
 /// # Errors
 /// The model cannot be used, the camera makes no sense, or a picture cannot be written.
@@ -101,19 +149,32 @@ pub fn render_file(
         ..*request
     };
     let (view, dims, affine) = (model.view(), model.dims(), model.affine());
-    let mut report: Option<RenderReport> = None;
     let size = [request.width, request.height];
+    let give_back = || model.give_back();
+    let relief = Relief::new(request.memory_bytes, &give_back);
+    let touched = || if relief.gave_back() { None } else { mapped_rss_bytes(model.bytes()) };
+    if outputs.shots == Shots::One {
+        let mut rows = layers.begin(size)?;
+        let mut take = |part: &Image| rows.put(part);
+        let mut report = render_view_parts(&view, dims, &affine, &request, progress, &relief, &mut take)?;
+        model.check_unchanged(path)?;
+        rows.finish()?;
+        report.bytes_touched = touched();
+        return Ok(report);
+    }
+    relief.hold_whole(outputs.shots.held_pixels(size))?;
+    let mut report: Option<RenderReport> = None;
     shots::write(outputs.shots, layers, size, Some(request.point), progress, |shot, progress| {
         let [width, height] = shot.size;
         let request = RenderRequest { width, height, point: shot.point.unwrap_or(request.point), ..request };
-        let (image, own) = render_view_watched(&view, dims, &affine, &request, progress)?;
+        let (image, own) = render_view_relieved(&view, dims, &affine, &request, progress, &relief)?;
         model.check_unchanged(path)?;
         report = Some(report.take().map_or(own.clone(), |all| all.and(&own)));
         Ok(image)
     })?;
     let mut report = report.unwrap_or_default();
     (report.width, report.height) = (request.width, request.height);
-    report.bytes_touched = mapped_rss_bytes(model.bytes());
+    report.bytes_touched = touched();
     Ok(report)
 }
 
@@ -129,7 +190,7 @@ pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) ->
     let (image, mut report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
     report.bytes_touched = mapped_rss_bytes(model.bytes());
     model.check_unchanged(path)?;
-    image.write_png_to(output)?;
+    image.write_layer_to(output, PngLayer::Color)?;
     Ok(report)
 }
 

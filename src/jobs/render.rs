@@ -1,15 +1,16 @@
 //! `oct render`, `oct thumbnail` and the traversal's self-check, over any node view.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::relief::Relief;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
 use crate::progress::{Progress, Silent};
 use crate::render::annotate::annotate;
-use crate::render::picture::{self, Canvas, Traversal};
+use crate::render::picture::{self, Canvas, Counts, Traversal, Watch};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
 use crate::render::{Camera, GridSpace, Image, NamedView, Projection, RenderError, ViewPoint};
@@ -29,8 +30,12 @@ pub struct RenderRequest {
     pub fov_deg: f64,
     /// Threads; 0 counts as 1. The picture does not depend on them.
     pub threads: usize,
-    /// Stop at nodes about as small as a pixel instead of at voxels.
+    /// Stop at nodes about as small as a pixel instead of at voxels; what they cover in part is mixed with what is behind.
     pub lod: bool,
+    /// With `lod`, boxes 2^this times as large as they would be.
+    pub lod_bias: i8,
+    /// Cap of the whole process's resident memory in bytes; looked after by what renders files.
+    pub memory_bytes: Option<u64>,
     /// Soften the silhouette with four more rays per pixel on it.
     pub smooth_edges: bool,
     /// Make a depth image, too.
@@ -68,6 +73,8 @@ impl Default for RenderRequest {
             fov_deg: Self::FOV_DEG,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             lod: false,
+            lod_bias: 0,
+            memory_bytes: None,
             smooth_edges: false,
             depth: false,
             normals: false,
@@ -96,7 +103,7 @@ pub struct RenderReport {
     pub rays: u64,
     /// Rays that hit the model.
     pub hits: u64,
-    /// Seconds to place the camera and start the threads.
+    /// Seconds to place the camera and get ready.
     pub setup_s: f64,
     /// Seconds of tracing.
     pub trace_s: f64,
@@ -104,7 +111,7 @@ pub struct RenderReport {
     pub shade_s: f64,
     /// Seconds of looking around from what is seen, by rays that are not counted as such; 0 without ambient occlusion.
     pub ambient_s: f64,
-    /// Seconds of all that, without writing the file.
+    /// Seconds of all that, and of compressing the pictures; without putting the files in their places.
     pub wall_s: f64,
     /// Rays per second of tracing.
     pub rays_per_s: f64,
@@ -175,76 +182,170 @@ pub fn render_view_watched<V: NodeView>(
     request: &RenderRequest,
     progress: &dyn Progress,
 ) -> Result<(Image, RenderReport), RenderError> {
-    let start = Instant::now();
-    picture::check_size(request.width, request.height)?;
-    let space = GridSpace::new(dims, affine)?;
-    let aspect = f64::from(request.width) / f64::from(request.height);
-    let support = |direction| space.support(view, direction);
-    let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
-    let (near, far) = camera.depth_range_mm(support);
-    let lod_edge_log2 =
-        if request.lod { level_of_detail(view, &space, &camera, request.height, near) } else { 0 };
-    let canvas = Canvas {
-        width: request.width,
-        height: request.height,
-        threads: request.threads,
-        lod_edge_log2,
-        smooth_edges: request.smooth_edges,
-        depth_range_mm: request.depth.then_some((near, far)),
-        normals: request.normals,
-        ids: request.ids,
-        blended: request.blended,
-        ambient_rays: request.ambient_rays,
-        traversal: request.traversal,
-        coherence: request.coherence,
-    };
-    let rounds = if request.ambient_rays > 0 { 2 } else { 1 };
-    progress.stage("render", rounds * u64::from(request.height));
-    let rows_done = |rows: u32| progress.advance(rows.into());
-    let (mut image, counts) = picture::paint_watched(view, &space, &camera, canvas, &rows_done)?;
-    if request.annotate {
-        annotate(&mut image, &camera, (near + far) / 2.0);
-    }
-    let wall = start.elapsed();
-    let trace_s = counts.trace.as_secs_f64();
-    let report = RenderReport {
-        width: request.width,
-        height: request.height,
-        threads: request.threads.max(1),
-        traversal: request.traversal.name(),
-        rays: counts.rays,
-        hits: counts.hits,
-        setup_s: wall.saturating_sub(counts.trace + counts.shade + counts.ambient).as_secs_f64(),
-        trace_s,
-        shade_s: counts.shade.as_secs_f64(),
-        ambient_s: counts.ambient.as_secs_f64(),
-        wall_s: wall.as_secs_f64(),
-        #[expect(clippy::cast_precision_loss, reason = "a rate")]
-        rays_per_s: if trace_s > 0.0 { counts.rays as f64 / trace_s } else { 0.0 },
-        steps: counts.steps,
-        max_steps: counts.max_steps,
-        smallest_box: 1 << lod_edge_log2,
-        bytes_touched: None,
-        depth_near_mm: near,
-        depth_far_mm: far,
-    };
-    Ok((image, report))
+    render_view_relieved(view, dims, affine, request, progress, &Relief::new(None, &|| {}))
 }
 
-/// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point;
-/// 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals
+/// As [`render_view_watched`], with a look at the process's memory now and then.
+pub(super) fn render_view_relieved<V: NodeView>(
+    view: &V,
+    dims: Dims,
+    affine: &Affine,
+    request: &RenderRequest,
+    progress: &dyn Progress,
+    relief: &Relief<'_>,
+) -> Result<(Image, RenderReport), RenderError> {
+    let scene = Prepared::new(view, dims, affine, request)?;
+    progress.stage("render", scene.rounds(request));
+    let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
+    let Prepared { space, camera, canvas, .. } = &scene;
+    let (mut image, counts) = picture::paint_watched(view, space, camera, *canvas, watch)?;
+    if request.annotate {
+        annotate(&mut image, (0, request.height), camera, scene.middle_mm());
+    }
+    Ok((image, scene.report(request, &counts)))
+}
+
+/// As [`render_view_watched`], but hands on some rows after the others: the picture is never held as a whole. Each part
+/// has the width of the picture.
+///
+/// # Errors
+/// As [`render_view`], and what `take` says.
+pub(super) fn render_view_parts<V: NodeView>(
+    view: &V,
+    dims: Dims,
+    affine: &Affine,
+    request: &RenderRequest,
+    progress: &dyn Progress,
+    relief: &Relief<'_>,
+    take: &mut (dyn FnMut(&Image) -> Result<(), RenderError> + Send),
+) -> Result<RenderReport, RenderError> {
+    let mut scene = Prepared::new(view, dims, affine, request)?;
+    progress.stage("render", scene.rounds(request));
+    scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas)?;
+    let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
+    let Prepared { space, camera, canvas, .. } = &scene;
+    let mut top = 0;
+    let counts = picture::paint_parts(view, space, camera, *canvas, watch, &mut |part| {
+        if request.annotate {
+            annotate(part, (top, request.height), camera, scene.middle_mm());
+        }
+        top += part.height;
+        take(part)
+    })?;
+    Ok(scene.report(request, &counts))
+}
+
+/// A model in its place before its camera.
+struct Prepared {
+    start: Instant,
+    space: GridSpace,
+    camera: Camera,
+    canvas: Canvas,
+    /// Time that it took to get here.
+    setup: Duration,
+    /// Depths of the model in mm.
+    range_mm: (f64, f64),
+}
+
+impl Prepared {
+    fn new<V: NodeView>(
+        view: &V,
+        dims: Dims,
+        affine: &Affine,
+        request: &RenderRequest,
+    ) -> Result<Self, RenderError> {
+        let start = Instant::now();
+        picture::check_size(request.width, request.height)?;
+        let space = GridSpace::new(dims, affine)?;
+        let aspect = f64::from(request.width) / f64::from(request.height);
+        let (mut lod_edge_log2, mut finest) = (0, 0);
+        if request.lod {
+            // A first look, by boxes of which there are few, tells how large the boxes of the picture are; more of the
+            // file is not needed to place the camera.
+            let few = dims.depth().saturating_sub(FIRST_LOOK_LEVELS);
+            let support = |direction| space.support_to(view, direction, few);
+            let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
+            let near_mm = camera.depth_range_mm(support).0;
+            lod_edge_log2 = level_of_detail(view, &space, &camera, request, near_mm);
+            finest = lod_edge_log2;
+        }
+        let support = |direction| space.support_to(view, direction, finest);
+        let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
+        let range_mm = camera.depth_range_mm(support);
+        let canvas = Canvas {
+            width: request.width,
+            height: request.height,
+            threads: request.threads,
+            lod_edge_log2,
+            // Coarse boxes tell how much of a pixel they cover.
+            smooth_edges: request.smooth_edges && lod_edge_log2 == 0,
+            depth_range_mm: request.depth.then_some(range_mm),
+            normals: request.normals,
+            ids: request.ids,
+            blended: request.blended,
+            ambient_rays: request.ambient_rays,
+            traversal: request.traversal,
+            coherence: request.coherence,
+            most_band_pixels: None,
+        };
+        Ok(Self { start, space, camera, canvas, setup: start.elapsed(), range_mm })
+    }
+
+    /// Rows to be told of.
+    fn rounds(&self, request: &RenderRequest) -> u64 {
+        let rounds = if request.ambient_rays > 0 { 2 } else { 1 };
+        rounds * u64::from(self.canvas.height)
+    }
+
+    /// The depth at which a scale bar is true.
+    fn middle_mm(&self) -> f64 {
+        (self.range_mm.0 + self.range_mm.1) / 2.0
+    }
+
+    fn report(&self, request: &RenderRequest, counts: &Counts) -> RenderReport {
+        let wall = self.start.elapsed();
+        let trace_s = counts.trace.as_secs_f64();
+        RenderReport {
+            width: request.width,
+            height: request.height,
+            threads: request.threads.max(1),
+            traversal: request.traversal.name(),
+            rays: counts.rays,
+            hits: counts.hits,
+            setup_s: self.setup.as_secs_f64(),
+            trace_s,
+            shade_s: counts.shade.as_secs_f64(),
+            ambient_s: counts.ambient.as_secs_f64(),
+            wall_s: wall.as_secs_f64(),
+            #[expect(clippy::cast_precision_loss, reason = "a rate")]
+            rays_per_s: if trace_s > 0.0 { counts.rays as f64 / trace_s } else { 0.0 },
+            steps: counts.steps,
+            max_steps: counts.max_steps,
+            smallest_box: 1 << self.canvas.lod_edge_log2,
+            bytes_touched: None,
+            depth_near_mm: self.range_mm.0,
+            depth_far_mm: self.range_mm.1,
+        }
+    }
+}
+
+/// Levels of the octree that tell roughly where a model is.
+const FIRST_LOOK_LEVELS: u32 = 6;
+
+/// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point, or as much more
+/// as is asked for; 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals
 /// but no mean ones.
 fn level_of_detail<V: NodeView>(
     view: &V,
     space: &GridSpace,
     camera: &Camera,
-    height: u32,
+    request: &RenderRequest,
     near_mm: f64,
 ) -> u32 {
     if view.voxel_normal(VoxelIndex::new(0)).is_some() && view.node_normal(NodeIndex::ROOT).is_none() {
         return 0;
     }
-    let most_mm = 1.5 * camera.pixel_mm(height, near_mm);
+    let most_mm = 1.5 * camera.pixel_mm(request.height, near_mm) * 2.0_f64.powi(request.lod_bias.into());
     let edge_mm = |k: u32| f64::from(1_u32 << k) * space.largest_spacing_mm();
     let k = (1..=space.dims().depth()).take_while(|k| edge_mm(*k) <= most_mm).last().unwrap_or(0);
     if k >= 2 { k } else { 0 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::opened::open_model;
-use super::picture::{Outputs, refuse_clash};
+use super::picture::Outputs;
 use super::shots;
 use crate::budget::mapped_rss_bytes;
 use crate::error::Error;
@@ -153,7 +153,7 @@ pub fn render_scene(
     let scene = read_scene(path)?;
     let files = Files::open(path, &scene)?;
     for model in &files.paths {
-        refuse_clash(model, &outputs.all())?;
+        outputs.refuse_clash(model)?;
     }
     let layers = outputs.create()?;
     let views: Vec<ModelView<'_>> = files.models.iter().map(Model::view).collect();
@@ -177,7 +177,7 @@ pub fn render_scene(
         let (mut image, rays, traced) = scene::paint(&parts, &look, &rows_done)?;
         let (near, far) = depth_range(&parts, &look.camera);
         if request.annotate {
-            annotate(&mut image, &look.camera, (near + far) / 2.0);
+            annotate(&mut image, (0, look.height), &look.camera, (near + far) / 2.0);
         }
         for (model, path) in files.models.iter().zip(&files.paths) {
             model.check_unchanged(path)?;

@@ -1,10 +1,13 @@
-//! Several pictures in one file: six sides on a sheet, or a turntable.
+//! Several pictures of one call: six sides on a sheet; a turntable in one file or in many.
 
-use super::picture::Layers;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::picture::{Layers, Target};
 use crate::error::Error;
 use crate::progress::Progress;
 use crate::render::annotate::caption;
-use crate::render::image::ImageFile;
+use crate::render::image::{ImageFile, PngLayer};
 use crate::render::{Image, NamedView, ViewPoint};
 
 /// Which pictures are made.
@@ -15,8 +18,67 @@ pub enum Shots {
     One,
     /// Six sides on one sheet.
     Contact,
-    /// So many, all around, as an animated PNG.
+    /// So many, all around: an animated PNG; or a file for each, where the output is a folder, ends with a slash, or has
+    /// a number's place in its name, as `turn-%03d.png` has.
     Turntable(u32),
+}
+
+/// Names of the frames of a turntable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum FrameNames {
+    /// `0000.png` and so on in a folder.
+    In(PathBuf),
+    /// A number between the parts of a name, of at least so many digits.
+    Numbered { folder: PathBuf, before: String, digits: usize, after: String },
+}
+
+/// Digits of a frame's number in a folder: there are at most 3600 of them.
+const DIGITS: usize = 4;
+
+impl FrameNames {
+    /// What an output says; `None` where it is one file.
+    pub(super) fn of(output: &Path) -> Option<Self> {
+        if output.as_os_str().as_encoded_bytes().ends_with(b"/") || output.is_dir() {
+            return Some(Self::In(output.to_path_buf()));
+        }
+        let name = output.file_name()?.to_str()?;
+        let (before, rest) = name.split_once('%')?;
+        let (digits, after) = rest.split_once('d')?;
+        let digits = match digits.strip_prefix('0') {
+            Some(digits) => digits.parse().ok().filter(|digits| *digits < 10)?,
+            None if digits.is_empty() => 1,
+            None => return None,
+        };
+        let folder = output.parent().map(Path::to_path_buf).unwrap_or_default();
+        Some(Self::Numbered { folder, before: before.into(), digits, after: after.into() })
+    }
+
+    /// The file of a frame, counted from 0.
+    pub(super) fn file(&self, number: u32) -> PathBuf {
+        match self {
+            Self::In(folder) => folder.join(format!("{number:0DIGITS$}.png")),
+            Self::Numbered { folder, before, digits, after } => {
+                folder.join(format!("{before}{number:0digits$}{after}"))
+            }
+        }
+    }
+
+    /// Makes the folder that was named, in one that is there.
+    fn make_folder(&self) -> Result<(), Error> {
+        match self {
+            Self::In(folder) if !folder.is_dir() => {
+                fs::create_dir(folder).map_err(|cause| Error::Output { path: folder.clone(), cause })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Begins the first frame, so that a folder that cannot be written is told at once.
+    pub(super) fn begin(self) -> Result<Target, Error> {
+        self.make_folder()?;
+        let first = ImageFile::create(&self.file(0))?;
+        Ok(Target::Frames(self, first))
+    }
 }
 
 /// The sides on a sheet, row by row.
@@ -29,6 +91,16 @@ const SHEET: [[NamedView; 3]; 2] = [
 const TURN_MS: u32 = 6000;
 
 impl Shots {
+    /// Pixels of pictures that are in memory together, where one is as large as this.
+    pub(super) fn held_pixels(self, [width, height]: [u32; 2]) -> u64 {
+        let one = u64::from(width) * u64::from(height);
+        match self {
+            Self::One | Self::Turntable(_) => one,
+            // A sheet, and a side on its way there.
+            Self::Contact => one + one / 6,
+        }
+    }
+
     /// Rows of all pictures, where one has so many.
     fn rows(self, height: u32) -> u64 {
         match self {
@@ -76,7 +148,22 @@ pub(super) fn write(
                 Some(ViewPoint::Named(view)) => view,
                 _ => NamedView::Front,
             };
-            turntable(layers.image, size, count, view, &mut at)
+            let place = |number: u32| {
+                let degrees = 360.0 * f64::from(number) / f64::from(count);
+                ViewPoint::Turned { view, degrees }
+            };
+            match layers.image {
+                Target::File(file) => animation(file, size, count, |number| at(place(number), size)),
+                Target::Frames(names, first) => {
+                    let mut begun = Some(first);
+                    for number in 0..count {
+                        let image = at(place(number), size)?;
+                        let file = begun.take().map_or_else(|| ImageFile::create(&names.file(number)), Ok)?;
+                        image.write_layer_to(file, PngLayer::Color)?;
+                    }
+                    Ok(())
+                }
+            }
         }
     }
 }
@@ -105,17 +192,32 @@ fn sheet(
     Ok(sheet)
 }
 
-/// All around one thing, from a named view on; `take` makes a picture.
-fn turntable(
+/// All around one thing in one file.
+fn animation(
     file: ImageFile,
     size: [u32; 2],
     count: u32,
-    view: NamedView,
-    mut take: impl FnMut(ViewPoint, [u32; 2]) -> Result<Image, Error>,
+    frame: impl FnMut(u32) -> Result<Image, Error>,
 ) -> Result<(), Error> {
     let each_ms = u16::try_from(TURN_MS / count.max(1)).unwrap_or(u16::MAX).max(1);
-    Image::write_frames_to(file, size, count, each_ms, |number| {
-        let degrees = 360.0 * f64::from(number) / f64::from(count);
-        take(ViewPoint::Turned { view, degrees }, size)
-    })
+    Image::write_frames_to(file, size, count, each_ms, frame)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_go_into_a_folder_or_where_a_number_has_its_place() {
+        let file = |output: &str, number| FrameNames::of(Path::new(output)).map(|names| names.file(number));
+        let named = |name: &str| Some(PathBuf::from(name));
+        assert_eq!(file("new/", 7), named("new/0007.png"));
+        assert_eq!(file("a/turn-%03d.png", 7), named("a/turn-007.png"));
+        assert_eq!(file("%d.png", 12), named("12.png"));
+        let here = tempfile::tempdir().unwrap();
+        assert_eq!(FrameNames::of(here.path()).unwrap().file(0), here.path().join("0000.png"));
+        for one in ["turn.png", "100%.png", "50%off.d", "%3d.png", "%0x3d.png", "a%d/b.png", "-"] {
+            assert_eq!(file(one, 1), None, "{one}");
+        }
+    }
 }

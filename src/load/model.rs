@@ -316,6 +316,13 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline]
+    fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
+        let at = voxel.index()?.checked_sub(4)?;
+        let codes = self.normals?.get(at..)?.first_chunk::<9>()?;
+        Some(codes.map(u16::from_le_bytes))
+    }
+
+    #[inline]
     fn node_normal(&self, node: NodeIndex) -> Option<u16> {
         code(self.node_normals, node.index())
     }
@@ -367,6 +374,11 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     #[inline]
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
         self.view().voxel_normal(voxel)
+    }
+
+    #[inline]
+    fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
+        self.view().voxel_normals_near(voxel)
     }
 
     #[inline]

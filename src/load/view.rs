@@ -50,6 +50,17 @@ pub trait NodeView: Sync {
     /// Normal code of a voxel (SPEC 4.6), if the model has normals.
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16>;
 
+    /// Normal codes of a voxel, of the four before and of the four behind it in the order of the file; `None` if one of
+    /// them is missing.
+    #[inline]
+    fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
+        let mut codes = [0; 9];
+        for (code, at) in codes.iter_mut().zip(voxel.get().checked_sub(4)?..) {
+            *code = self.voxel_normal(VoxelIndex::new(at))?;
+        }
+        Some(codes)
+    }
+
     /// Fine part of a voxel's normal (SPEC 4.6), if the model has normals of 24 bits.
     #[inline]
     fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8> {

@@ -21,7 +21,7 @@ use super::around::Surroundings;
 use super::batch::Batch;
 use super::form::Form;
 use super::leave;
-use super::picture::Painter;
+use super::picture::{Open, Painter};
 use super::ray::Ray;
 use super::space::{GridSpace, add_scaled, cross, dot};
 use super::surface::Surface;
@@ -132,19 +132,20 @@ impl Place<'_> {
 }
 
 impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
-    /// Finds how open the surroundings of every pixel are, if that is asked for; the time it took.
-    pub(super) fn look_around(&mut self, rows_done: &(dyn Fn(u32) + Sync)) -> Duration {
+    /// Finds how open the surroundings of every pixel of some rows are, if that is asked for; the time it took.
+    pub(super) fn look_around(&mut self, from: usize, rows: usize) -> Duration {
         let start = Instant::now();
+        let rows_done = self.watch.rows_done;
         if self.canvas.ambient_rays == 0 {
             return Duration::ZERO;
         }
         let sky = Sky::new(self.canvas.ambient_rays);
-        let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
-        let mut open = vec![u8::MAX; width * height];
+        let width = self.canvas.width as usize;
+        let mut open = vec![u8::MAX; width * rows];
         open.par_chunks_mut(width * TILE).enumerate().for_each_init(
             || (Tracer::new(self.form), Surroundings::new(), Lot::new(self.form)),
             |(tracer, around, lot), (tile_row, rows)| {
-                let (top, height) = (tile_row * TILE, rows.len() / width);
+                let (top, height) = (from + tile_row * TILE, rows.len() / width);
                 for left in (0..width).step_by(TILE) {
                     let limits = (TILE.min(width - left), height);
                     let tile = Tile { corner: (left, top), limits, lod_edge_log2: self.canvas.lod_edge_log2 };
@@ -162,7 +163,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                 rows_done(height as u32);
             },
         );
-        self.open = open;
+        self.open = Open { top: from, pixels: open };
         start.elapsed()
     }
 
@@ -263,6 +264,7 @@ mod tests {
                 ambient_rays,
                 traversal: Traversal::Exact,
                 coherence: 0,
+                most_band_pixels: None,
             };
             let (image, _) = paint(&tree, &space, &camera, canvas).unwrap();
             image.rgba

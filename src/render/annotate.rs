@@ -24,13 +24,15 @@ const BLACK: [u8; 4] = [0, 0, 0, 255];
 
 /// Draws a bar with its length in mm at the bottom left, true at `depth_mm` (everywhere, of a parallel camera), and at
 /// the bottom right a cube with the letters of the patient's sides. Pictures under 64 pixels stay as they are.
-pub(crate) fn annotate(image: &mut Image, camera: &Camera, depth_mm: f64) {
-    let side = image.width.min(image.height);
+///
+/// The image may be a part of the picture: the rows from the first number on, of a picture of as many as the second.
+pub(crate) fn annotate(image: &mut Image, (top, height): (u32, u32), camera: &Camera, depth_mm: f64) {
+    let side = image.width.min(height);
     if side < 64 {
         return;
     }
     let size = i64::from(side.div_ceil(SIDE_A_SIZE));
-    let mut sheet = Sheet { image, size };
+    let mut sheet = Sheet { image, top, height, size };
     sheet.bar(camera, depth_mm);
     sheet.cube(camera, f64::from(side) / 16.0);
 }
@@ -42,18 +44,29 @@ pub(crate) fn caption(image: &mut Image, word: &str) {
         return;
     }
     let size = i64::from(side.div_ceil(SIDE_A_SIZE));
-    Sheet { image, size }.text(word, [4 * size, 4 * size]);
+    let height = image.height;
+    Sheet { image, top: 0, height, size }.text(word, [4 * size, 4 * size]);
 }
 
 struct Sheet<'a> {
     image: &'a mut Image,
+    /// The picture's row that the image begins at, and the picture's rows.
+    top: u32,
+    height: u32,
     /// Pixels of a letter's point.
     size: i64,
 }
 
 impl Sheet<'_> {
+    /// Rows of the picture that are drawn.
+    fn rows(&self) -> std::ops::Range<i64> {
+        let top = i64::from(self.top);
+        top..top + i64::from(self.image.height)
+    }
+
     fn put(&mut self, [x, y]: [i64; 2], color: [u8; 4]) {
         let (width, height) = (i64::from(self.image.width), i64::from(self.image.height));
+        let y = y - i64::from(self.top);
         if (0..width).contains(&x) && (0..height).contains(&y) {
             let at = usize::try_from(4 * (y * width + x)).unwrap_or(usize::MAX);
             if let Some(pixel) = at.checked_add(4).and_then(|end| self.image.rgba.get_mut(at..end)) {
@@ -63,9 +76,10 @@ impl Sheet<'_> {
     }
 
     fn fill(&mut self, [x, y]: [i64; 2], [wide, high]: [i64; 2], color: [u8; 4]) {
-        for dy in 0..high {
-            for dx in 0..wide {
-                self.put([x + dx, y + dy], color);
+        let rows = self.rows();
+        for y in y.max(rows.start)..(y + high).min(rows.end) {
+            for x in x..x + wide {
+                self.put([x, y], color);
             }
         }
     }
@@ -95,12 +109,12 @@ impl Sheet<'_> {
     /// A bar of 1, 2 or 5 times a power of ten of mm.
     #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
     fn bar(&mut self, camera: &Camera, depth_mm: f64) {
-        let pixel_mm = camera.pixel_mm(self.image.height, depth_mm);
+        let pixel_mm = camera.pixel_mm(self.height, depth_mm);
         let most_mm = LONGEST * f64::from(self.image.width) * pixel_mm;
         let Some((length_mm, label)) = round_length(most_mm) else { return };
         let size = self.size;
         let pixels = (length_mm / pixel_mm).round() as i64;
-        let (left, bottom) = (6 * size, i64::from(self.image.height) - 6 * size);
+        let (left, bottom) = (6 * size, i64::from(self.height) - 6 * size);
         for (border, color) in [(size, BLACK), (0, WHITE)] {
             let across = |x: i64| {
                 ([x - border, bottom - 5 * size - border], [size + 2 * border, 5 * size + 2 * border])
@@ -120,7 +134,7 @@ impl Sheet<'_> {
     fn cube(&mut self, camera: &Camera, half: f64) {
         let [right, up, forward] = camera.axes();
         let reach = 1.8 * half + 4.0 * self.size as f64;
-        let middle = [f64::from(self.image.width) - reach, f64::from(self.image.height) - reach];
+        let middle = [f64::from(self.image.width) - reach, f64::from(self.height) - reach];
         let place = |p: [f64; 3]| [middle[0] + half * dot(p, right), middle[1] - half * dot(p, up)];
         for (axis, letters) in SIDES.into_iter().enumerate() {
             for (letter, sign) in letters.into_iter().zip([1.0, -1.0]) {
@@ -150,16 +164,18 @@ impl Sheet<'_> {
     /// A convex face with a black border.
     #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
     fn face(&mut self, corners: &[[f64; 2]; 4], grey: u8) {
+        let drawn = self.rows();
         let range = |a: usize| {
             let all = || corners.iter().map(|c| c[a]);
             let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
-            low.floor() as i64..=high.ceil() as i64
+            low.floor() as i64..high.ceil() as i64 + 1
         };
         let area = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| {
             (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
         };
         let turn = area(corners[0], corners[1], corners[2]).signum();
-        for y in range(1) {
+        let rows = range(1);
+        for y in rows.start.max(drawn.start)..rows.end.min(drawn.end) {
             for x in range(0) {
                 let at = [x as f64 + 0.5, y as f64 + 0.5];
                 let within = (0..4).map(|i| {
@@ -227,7 +243,7 @@ mod tests {
             normals: None,
             ids: None,
         };
-        annotate(&mut image, &camera, 0.0);
+        annotate(&mut image, (0, 400), &camera, 0.0);
         let pixel_mm = camera.pixel_mm(400, 0.0);
         let row = (400 - 6 * 2 - 3 * 2) as usize;
         let white = (0..200).filter(|x| image.rgba[4 * (row * 400 + x)..][..4] == WHITE).count();

@@ -8,9 +8,16 @@ use crate::load::NodeView;
 /// Most voxels whose colours are averaged.
 const MOST: u64 = 64;
 
+/// Do the voxels of a model have colours?
+pub(super) fn has_colors<V: NodeView>(view: &V) -> bool {
+    view.voxel_color(VoxelIndex::new(0)).is_some()
+}
+
 /// Linear RGB of what was hit, if the model has colours.
 pub(super) fn color_of<V: NodeView>(view: &V, shader: &Shader, seen: Seen) -> Option<[f64; 3]> {
-    view.voxel_color(VoxelIndex::new(0))?;
+    if !has_colors(view) {
+        return None;
+    }
     let at = BoxIndex::new(seen.box_number());
     if seen.is_finest() {
         return view.voxel_color(at.voxel(view.node_count())).map(|color| shader.decode(color));

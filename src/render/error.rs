@@ -48,6 +48,13 @@ pub enum RenderError {
     DiscreteCells,
     /// The model's affine cannot be inverted.
     SingularAffine,
+    /// The memory allowed is too little for the picture.
+    Memory {
+        /// Bytes allowed.
+        limit_bytes: u64,
+        /// The fewest that do.
+        minimum_bytes: u64,
+    },
     /// The image cannot be written.
     Write {
         /// The image.
@@ -118,6 +125,7 @@ impl RenderError {
             | Self::Threads { .. }
             | Self::TooDeep { .. } => ExitKind::Usage,
             Self::SingularAffine => ExitKind::Input,
+            Self::Memory { .. } => ExitKind::Budget,
             Self::Write { .. } => ExitKind::Io,
         }
     }

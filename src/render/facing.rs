@@ -13,6 +13,7 @@
 //! few nanoseconds where the stored normal is near the face's, else a look at the boxes around, some 0.2
 //! microseconds.
 
+use crate::format::normal;
 use crate::load::NodeView;
 
 use super::around::{SIDE, Surroundings};
@@ -47,6 +48,46 @@ pub(super) fn company(agrees: impl Fn(i64) -> bool) -> Company {
     }
     let agreeing = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().filter(|at| agrees(*at)).count();
     if agreeing <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
+}
+
+/// As [`company`], of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before
+/// and behind it. All are compared at once.
+#[inline]
+pub(super) fn company_of(codes: &[u16; 9]) -> Company {
+    #[expect(clippy::cast_possible_truncation, reason = "a byte")]
+    const SCALE: i16 = normal::SCALE as i16;
+    let mut parts = [[0_i16; 9]; 3];
+    for i in 0..9 {
+        let [low, high] = codes[i].to_le_bytes();
+        let (u, v) = (i16::from(low as i8).max(-SCALE), i16::from(high as i8).max(-SCALE));
+        let (size_u, size_v) = (u.wrapping_abs(), v.wrapping_abs());
+        let z = SCALE.wrapping_sub(size_u).wrapping_sub(size_v);
+        let (fold_u, fold_v) = (SCALE.wrapping_sub(size_v), SCALE.wrapping_sub(size_u));
+        let fold_u = if u < 0 { fold_u.wrapping_neg() } else { fold_u };
+        let fold_v = if v < 0 { fold_v.wrapping_neg() } else { fold_v };
+        let folded = z < 0;
+        parts[0][i] = if folded { fold_u } else { u };
+        parts[1][i] = if folded { fold_v } else { v };
+        parts[2][i] = z;
+    }
+    let [x, y, z] = [parts[0][4], parts[1][4], parts[2][4]];
+    let mut agrees = [0_u16; 9];
+    // Sums of sizes up to 127 do not wrap; said so, because a check of each would keep the loop from being vectorised.
+    for i in 0..9 {
+        let [a, b, c] = [parts[0][i], parts[1][i], parts[2][i]];
+        let size = |x: i16, y: i16, z: i16| {
+            x.wrapping_abs().wrapping_add(y.wrapping_abs()).wrapping_add(z.wrapping_abs())
+        };
+        let to = size(x.wrapping_sub(a), y.wrapping_sub(b), z.wrapping_sub(c));
+        let fro = size(x.wrapping_add(a), y.wrapping_add(b), z.wrapping_add(c));
+        agrees[i] = u16::from(to.min(fro) < SCALE / 2 + 1);
+    }
+    if agrees[5] & agrees[3] & (agrees[6] | agrees[2]) == 1 {
+        return Company::Calm;
+    }
+    // The one in the middle agrees with itself.
+    let agreeing = agrees.iter().sum::<u16>() - 1;
+    if usize::from(agreeing) <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
 }
 
 /// Do two normals of any length agree, or one and what is opposite to the other?
@@ -159,16 +200,18 @@ impl Around {
         let axis = usize::from(struck.face.axis % 3);
         let levels = view.depth().checked_sub(struck.edge_log2)?;
         let limit = (1_i64 << levels) - 1;
-        #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
-        let cell: [i64; 3] = std::array::from_fn(|a| {
+        let mut cell = [0; 3];
+        for (a, cell) in cell.iter_mut().enumerate() {
             let at = struck.at[a];
             let at = if a != axis {
                 at.floor()
             } else {
                 (at + 0.5).floor() - f64::from(u8::from(struck.face.high))
             };
-            (at as i64).clamp(0, limit)
-        });
+            #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
+            let at = at as i64;
+            *cell = at.clamp(0, limit);
+        }
         if levels == 0 {
             return Some(Self(1 << 62));
         }
@@ -189,17 +232,18 @@ impl Around {
     /// The boxes that hang together with the middle one, by faces, edges and corners.
     fn connected(&self) -> u128 {
         let mut piece = 1_u128 << 62;
-        loop {
+        while piece != self.0 {
             let mut wider = piece;
             for (step, low, high) in [(1, ROW_LOW, ROW_HIGH), (5, COLUMN_LOW, COLUMN_HIGH), (25, 0, 0)] {
                 wider |= (wider & !high) << step | (wider & !low) >> step;
             }
             wider &= self.0;
             if wider | piece == piece {
-                return piece;
+                break;
             }
             piece |= wider;
         }
+        piece
     }
 
     /// Unit normal of the plane nearest to the connected boxes (least squares), on the side of `face`, and the part
@@ -209,16 +253,19 @@ impl Around {
     /// squaring: sums and products in one order, the same on every machine.
     fn plane(&self, face: [f64; 3]) -> ([f64; 3], f64) {
         let mut packed = [0_u64; 2];
-        let mut boxes = self.connected();
-        while boxes != 0 {
-            let moments = MOMENTS[(boxes.trailing_zeros() & 127) as usize];
-            boxes &= boxes - 1;
-            packed = [packed[0] + moments[0], packed[1] + moments[1]];
+        let boxes = self.connected();
+        #[expect(clippy::cast_possible_truncation, reason = "one half after the other")]
+        for (mut boxes, from) in [(boxes as u64, 0), ((boxes >> 64) as u64, 64)] {
+            while boxes != 0 {
+                let moments = MOMENTS[(boxes.trailing_zeros() & 63 | from) as usize];
+                boxes &= boxes - 1;
+                packed = [packed[0] + moments[0], packed[1] + moments[1]];
+            }
         }
         // At most 125 boxes of moments up to 16: 12 bits hold every sum.
         let field = |k: usize| (packed[k / 5] >> (12 * (k % 5)) & 0xfff) as f64;
-        let products = [0, 1, 2, 3, 4, 5].map(field);
-        let sum = [6, 7, 8].map(field);
+        let products = [field(0), field(1), field(2), field(3), field(4), field(5)];
+        let sum = [field(6), field(7), field(8)];
         let count = field(9);
         // Times the count squared, all whole numbers.
         let s: [f64; 6] = std::array::from_fn(|k| count * products[k] - sum[PAIRS[k].0] * sum[PAIRS[k].1]);
@@ -244,8 +291,12 @@ impl Around {
                 xx * xz + xy * yz + xz * zz,
                 xy * xz + yy * yz + yz * zz,
             ];
+            // Its length does not matter, only that it does not vanish: by a power of two it stays exact.
             let trace = square[0] + square[1] + square[2];
-            m = square.map(|v| v / trace);
+            let scale = f64::from_bits((2045 << 52) - (trace.to_bits() & 0x7ff << 52));
+            for (m, v) in m.iter_mut().zip(square) {
+                *m = v * scale;
+            }
         }
         let [xx, yy, zz, xy, xz, yz] = m;
         let column = if xx >= yy && xx >= zz {
@@ -257,7 +308,7 @@ impl Around {
         };
         let length = dot(column, column).sqrt();
         let side = if dot(column, face) < 0.0 { -length } else { length };
-        let n = column.map(|c| c / side);
+        let n = [column[0] / side, column[1] / side, column[2] / side];
         let along: f64 = (0..6)
             .map(|k| if k < 3 { s[k] * n[k] * n[k] } else { 2.0 * s[k] * n[PAIRS[k].0] * n[PAIRS[k].1] })
             .sum();

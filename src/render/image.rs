@@ -1,5 +1,6 @@
 //! Pictures in memory and as PNG files.
 
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -39,7 +40,7 @@ impl Image {
     /// # Errors
     /// [`RenderError::Write`] when the folder is missing or the disk refuses.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
-        self.write_png_to(ImageFile::create(path.as_ref())?)
+        self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Color)
     }
 
     /// Writes the depth as a 16-bit grey PNG.
@@ -47,7 +48,7 @@ impl Image {
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without depth; else as [`Image::write_png`].
     pub fn write_depth_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
-        self.write_depth_png_to(ImageFile::create(path.as_ref())?)
+        self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Depth)
     }
 
     /// Writes the normals as an RGB PNG.
@@ -55,7 +56,7 @@ impl Image {
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without normals; else as [`Image::write_png`].
     pub fn write_normals_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
-        self.write_normals_png_to(ImageFile::create(path.as_ref())?)
+        self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Normals)
     }
 
     /// Writes the numbers of boxes as a 16-bit RGB PNG.
@@ -63,36 +64,38 @@ impl Image {
     /// # Errors
     /// [`RenderError::NoLayer`] when the picture was made without them; else as [`Image::write_png`].
     pub fn write_ids_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
-        self.write_ids_png_to(ImageFile::create(path.as_ref())?)
+        self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Ids)
     }
 
-    /// As [`Image::write_ids_png`], to a file begun before.
-    pub(crate) fn write_ids_png_to(&self, file: ImageFile) -> Result<(), RenderError> {
-        let Some(ids) = &self.ids else { return Err(RenderError::NoLayer(Layer::Ids)) };
-        let bytes: Vec<u8> = ids.iter().flat_map(|d| d.to_be_bytes()).collect();
-        let format = Format { colour: png::ColorType::Rgb, bits: png::BitDepth::Sixteen, srgb: false };
-        file.fill(|out| self.encode(out, format, &bytes))
+    /// As [`Image::write_png`] and its like, to a file begun before.
+    pub(crate) fn write_layer_to(&self, file: ImageFile, layer: PngLayer) -> Result<(), RenderError> {
+        let mut rows = PngRows::begin(file, layer, [self.width, self.height])?;
+        rows.put(self)?;
+        rows.finish()
     }
 
-    /// As [`Image::write_png`], to a file begun before.
-    pub(crate) fn write_png_to(&self, file: ImageFile) -> Result<(), RenderError> {
-        let format = Format { colour: png::ColorType::Rgba, bits: png::BitDepth::Eight, srgb: true };
-        file.fill(|out| self.encode(out, format, &self.rgba))
-    }
-
-    /// As [`Image::write_depth_png`], to a file begun before.
-    pub(crate) fn write_depth_png_to(&self, file: ImageFile) -> Result<(), RenderError> {
-        let Some(depth) = &self.depth else { return Err(RenderError::NoLayer(Layer::Depth)) };
-        let bytes: Vec<u8> = depth.iter().flat_map(|d| d.to_be_bytes()).collect();
-        let format = Format { colour: png::ColorType::Grayscale, bits: png::BitDepth::Sixteen, srgb: false };
-        file.fill(|out| self.encode(out, format, &bytes))
-    }
-
-    /// As [`Image::write_normals_png`], to a file begun before.
-    pub(crate) fn write_normals_png_to(&self, file: ImageFile) -> Result<(), RenderError> {
-        let Some(normals) = &self.normals else { return Err(RenderError::NoLayer(Layer::Normals)) };
-        let format = Format { colour: png::ColorType::Rgb, bits: png::BitDepth::Eight, srgb: false };
-        file.fill(|out| self.encode(out, format, normals))
+    /// Empties the picture, and gives it so many rows.
+    pub(crate) fn clear(&mut self, rows: u32) {
+        let pixels = self.width as usize * rows as usize;
+        self.height = rows;
+        let bytes = |layer: &mut Vec<u8>, each: usize| {
+            layer.clear();
+            layer.resize(pixels * each, 0);
+        };
+        let words = |layer: &mut Vec<u16>, each: usize| {
+            layer.clear();
+            layer.resize(pixels * each, 0);
+        };
+        bytes(&mut self.rgba, 4);
+        if let Some(normals) = &mut self.normals {
+            bytes(normals, 3);
+        }
+        if let Some(depth) = &mut self.depth {
+            words(depth, 1);
+        }
+        if let Some(ids) = &mut self.ids {
+            words(ids, 3);
+        }
     }
 
     /// Writes `count` pictures of one size as an animated PNG, each shown for so many milliseconds, over and over.
@@ -129,32 +132,109 @@ impl Image {
         stopped.map_or(Ok(()), Err)?;
         Ok(filled?)
     }
+}
 
-    fn encode(&self, out: &mut dyn Write, format: Format, bytes: &[u8]) -> io::Result<()> {
-        let mut encoder = png::Encoder::new(out, self.width, self.height);
-        encoder.set_color(format.colour);
-        encoder.set_depth(format.bits);
-        if u64::from(self.width) * u64::from(self.height) > MOST_SMALL {
-            encoder.set_compression(png::Compression::Fast);
-            encoder.set_filter(png::Filter::Paeth);
+/// A layer of a picture as a PNG.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PngLayer {
+    /// Colours.
+    Color,
+    /// Depths.
+    Depth,
+    /// Normals.
+    Normals,
+    /// Numbers of boxes.
+    Ids,
+}
+
+impl PngLayer {
+    fn format(self) -> (png::ColorType, png::BitDepth) {
+        match self {
+            Self::Color => (png::ColorType::Rgba, png::BitDepth::Eight),
+            Self::Depth => (png::ColorType::Grayscale, png::BitDepth::Sixteen),
+            Self::Normals => (png::ColorType::Rgb, png::BitDepth::Eight),
+            Self::Ids => (png::ColorType::Rgb, png::BitDepth::Sixteen),
         }
-        // It lies in the folder of its volume as often as not, and must not become a slice of it.
-        encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;
-        if format.srgb {
-            encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        }
-        let mut writer = encoder.write_header().map_err(io::Error::from)?;
-        writer.write_image_data(bytes).map_err(io::Error::from)?;
-        writer.finish().map_err(io::Error::from)
     }
 }
 
-/// Kind of PNG.
-#[derive(Clone, Copy)]
-struct Format {
-    colour: png::ColorType,
-    bits: png::BitDepth,
-    srgb: bool,
+/// Bytes of compressed pixels that are written together.
+const CHUNK: usize = 64 << 10;
+
+/// A layer on its way into a file, some rows after the others.
+pub(crate) struct PngRows {
+    layer: PngLayer,
+    writer: png::StreamWriter<'static, File>,
+    path: PathBuf,
+    file: AtomicFile,
+}
+
+impl PngRows {
+    /// Begins a picture of this size.
+    ///
+    /// # Errors
+    /// [`RenderError::Write`] when the disk refuses.
+    pub(crate) fn begin(
+        file: ImageFile,
+        layer: PngLayer,
+        [width, height]: [u32; 2],
+    ) -> Result<Self, RenderError> {
+        let ImageFile { path, file } = file;
+        let begin = || -> io::Result<png::StreamWriter<'static, File>> {
+            let mut encoder = png::Encoder::new(file.file().try_clone()?, width, height);
+            let (color, bits) = layer.format();
+            encoder.set_color(color);
+            encoder.set_depth(bits);
+            if u64::from(width) * u64::from(height) > MOST_SMALL {
+                encoder.set_compression(png::Compression::Fast);
+                encoder.set_filter(png::Filter::Paeth);
+            }
+            // It lies in the folder of its volume as often as not, and must not become a slice of it.
+            encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;
+            if layer == PngLayer::Color {
+                encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+            }
+            let writer = encoder.write_header().map_err(io::Error::from)?;
+            writer.into_stream_writer_with_size(CHUNK).map_err(io::Error::from)
+        };
+        match begin() {
+            Ok(writer) => Ok(Self { layer, writer, path, file }),
+            Err(cause) => Err(RenderError::Write { path, cause }),
+        }
+    }
+
+    /// Adds the rows of a part of the picture.
+    ///
+    /// # Errors
+    /// [`RenderError::NoLayer`] when the part is without this layer; else as [`PngRows::begin`].
+    pub(crate) fn put(&mut self, part: &Image) -> Result<(), RenderError> {
+        let words = |writer: &mut png::StreamWriter<'_, File>, words: &[u16]| {
+            words.chunks(CHUNK / 2).try_for_each(|words| {
+                let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_be_bytes()).collect();
+                writer.write_all(&bytes)
+            })
+        };
+        let written = match (self.layer, part) {
+            (PngLayer::Color, part) => self.writer.write_all(&part.rgba),
+            (PngLayer::Depth, Image { depth: Some(depth), .. }) => words(&mut self.writer, depth),
+            (PngLayer::Normals, Image { normals: Some(normals), .. }) => self.writer.write_all(normals),
+            (PngLayer::Ids, Image { ids: Some(ids), .. }) => words(&mut self.writer, ids),
+            (PngLayer::Depth, _) => return Err(RenderError::NoLayer(Layer::Depth)),
+            (PngLayer::Normals, _) => return Err(RenderError::NoLayer(Layer::Normals)),
+            (PngLayer::Ids, _) => return Err(RenderError::NoLayer(Layer::Ids)),
+        };
+        written.map_err(|cause| RenderError::Write { path: self.path.clone(), cause })
+    }
+
+    /// Puts the file in its place, which all rows have been given to.
+    ///
+    /// # Errors
+    /// As [`PngRows::begin`].
+    pub(crate) fn finish(self) -> Result<(), RenderError> {
+        let Self { writer, path, file, .. } = self;
+        let written = writer.finish().map_err(io::Error::from).and_then(|()| file.commit());
+        written.map_err(|cause| RenderError::Write { path, cause })
+    }
 }
 
 /// An image's file before it has its name: what keeps it from being written shows when it is begun.

@@ -12,12 +12,12 @@ use crate::load::NodeView;
 use super::around::Surroundings;
 use super::cells::Cells;
 use super::coherence::{Band, Look, Sample, Tolerance};
-use super::colors::color_of;
+use super::colors::{color_of, has_colors};
 use super::discrete::DiscreteRays;
 use super::form::Form;
 use super::image::Image;
-use super::shade::Shader;
-use super::shown::{Line, Normals, Seen};
+use super::shade::{Lit, Shader, TileLight};
+use super::shown::{Line, Normals, Seen, towards_eye};
 use super::sight::Sight;
 use super::single;
 use super::space::GridSpace;
@@ -28,6 +28,9 @@ use super::{Camera, RenderError};
 
 /// Pixels traced between two shading passes; bounds the memory for hits to 4 MiB, or a row of tiles.
 const BAND_PIXELS: usize = 1 << 18;
+
+/// Tiles between two looks at how much memory the process has.
+const TILES_BETWEEN: usize = 8;
 
 /// Stack of a worker; nothing here recurses.
 const WORKER_STACK_BYTES: usize = 4 << 20;
@@ -67,6 +70,8 @@ pub struct Canvas {
     /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 for a ray
     /// per pixel. Half of it is allowed where that is looked at, the rest for what lies between.
     pub coherence: u8,
+    /// Pixels traced and coloured together, if fewer than usual; never fewer than 8 rows.
+    pub most_band_pixels: Option<u32>,
 }
 
 /// What the rays of a picture hit.
@@ -111,6 +116,13 @@ pub struct Counts {
     pub shade: Duration,
     /// Wall time of ambient occlusion.
     pub ambient: Duration,
+}
+
+impl Canvas {
+    /// Pixels that are traced and coloured together, unless 8 rows are more.
+    fn band_pixels(&self) -> usize {
+        self.most_band_pixels.map_or(BAND_PIXELS, |most| BAND_PIXELS.min(most as usize))
+    }
 }
 
 impl Counts {
@@ -194,7 +206,7 @@ const MIXER: u64 = 0x9e37_79b9_7f4a_7c15;
 /// What a worker keeps from one pixel to the next.
 struct Kept {
     around: Surroundings,
-    /// Round, box and face, and the normal that is shown there.
+    /// Round, box and face, and the normal that is shown there, in the frame of the boxes.
     normals: Vec<(u32, u64, [f64; 3])>,
     round: u32,
 }
@@ -221,9 +233,45 @@ pub(super) struct Painter<'a, V, S> {
     pub(super) form: Form,
     pub(super) canvas: Canvas,
     pub(super) shader: Shader,
-    /// How open each pixel's surroundings are, 0 to 255; empty where that does not matter.
-    pub(super) open: Vec<u8>,
+    pub(super) open: Open,
+    pub(super) watch: Watch<'a>,
 }
+
+/// Who is told of a picture's progress.
+#[derive(Clone, Copy)]
+pub(crate) struct Watch<'a> {
+    /// Each time how many more rows are painted.
+    pub(crate) rows_done: &'a (dyn Fn(u32) + Sync),
+    /// Called by any worker after a few tiles, to look after memory.
+    pub(crate) between: &'a (dyn Fn() + Sync),
+}
+
+impl Watch<'_> {
+    fn tile(&self, number: usize) {
+        if number.is_multiple_of(TILES_BETWEEN) {
+            (self.between)();
+        }
+    }
+}
+
+/// How open the surroundings of some rows' pixels are, 0 to 255; empty where that does not matter.
+#[derive(Default)]
+pub(super) struct Open {
+    /// The first row.
+    pub(super) top: usize,
+    pub(super) pixels: Vec<u8>,
+}
+
+impl Open {
+    /// That of a pixel of a picture of this width.
+    #[inline]
+    fn at(&self, width: usize, [x, y]: [usize; 2]) -> Option<u8> {
+        self.pixels.get(y.wrapping_sub(self.top).wrapping_mul(width).wrapping_add(x)).copied()
+    }
+}
+
+/// Takes a picture from the top, a part after the other.
+pub(crate) type Taker<'a> = &'a mut (dyn FnMut(&mut Image) -> Result<(), RenderError> + Send);
 
 /// Bytes that [`paint`] takes for a picture of this size with smooth edges, beside the model: the picture,
 /// a band of hits, edges if a quarter of it is silhouette; and a stack for each thread.
@@ -231,6 +279,20 @@ pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     let pixels = u64::from(width) * u64::from(height);
     let band = pixels.next_multiple_of(TILE_PIXELS as u64).min(BAND_PIXELS as u64 + 4096 * u64::from(width));
     4 * pixels + band * size_of::<Seen>() as u64 + 2 * pixels + ((threads as u64) << 17)
+}
+
+/// Bytes that [`paint_parts`] takes for such a picture, beside the model and the program: the fewest, in bands of 8 rows.
+pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
+    let row = u64::from(canvas.width).next_multiple_of(TILE as u64);
+    let rows = (canvas.band_pixels() as u64 / (row * TILE as u64)).max(1) * TILE as u64;
+    let rows = rows.min(u64::from(canvas.height).next_multiple_of(TILE as u64));
+    let layers = 4
+        + if canvas.depth_range_mm.is_some() { 2 } else { 0 }
+        + if canvas.normals { 3 } else { 0 }
+        + if canvas.ids { 6 } else { 0 }
+        + if canvas.ambient_rays > 0 { 1 } else { 0 };
+    let hits = if canvas.coherence > 0 { 2 * size_of::<Sample>() } else { size_of::<Seen>() } as u64;
+    rows * row * (2 * layers + hits) + ((canvas.threads.max(1) as u64) << 18)
 }
 
 /// Paints a model as a camera sees it.
@@ -247,22 +309,117 @@ pub fn paint<V: NodeView>(
     camera: &Camera,
     canvas: Canvas,
 ) -> Result<(Image, Counts), RenderError> {
-    paint_watched(view, space, camera, canvas, &|_| {})
+    paint_watched(view, space, camera, canvas, Watch { rows_done: &|_| {}, between: &|| {} })
 }
 
-/// As [`paint`]; `rows_done` is told each time how many more rows are painted. With ambient occlusion all rows are done
-/// twice.
+/// As [`paint`], watched. With ambient occlusion all rows are done twice.
 ///
 /// # Errors
 /// As [`paint`].
-pub fn paint_watched<V: NodeView>(
+pub(crate) fn paint_watched<V: NodeView>(
     view: &V,
     space: &GridSpace,
     camera: &Camera,
     canvas: Canvas,
-    rows_done: &(dyn Fn(u32) + Sync),
+    watch: Watch<'_>,
 ) -> Result<(Image, Counts), RenderError> {
     check_size(canvas.width, canvas.height)?;
+    let mut whole = blank(&canvas, canvas.height);
+    let counts = with_painter(view, space, camera, canvas, watch, Whole { image: &mut whole })?;
+    Ok((whole, counts))
+}
+
+/// As [`paint_watched`], a part of some rows after the other: the picture is never held as a whole, unless its edges are
+/// smooth. While `take` has one part the next is painted, where there are threads enough.
+///
+/// Memory: 4 MiB for hits or 8 rows of them, whichever is more, and two parts of 2^18 pixels or 8 rows, of all layers.
+///
+/// # Errors
+/// As [`paint`]; and what `take` says, which ends it.
+pub(crate) fn paint_parts<V: NodeView>(
+    view: &V,
+    space: &GridSpace,
+    camera: &Camera,
+    canvas: Canvas,
+    watch: Watch<'_>,
+    take: Taker<'_>,
+) -> Result<Counts, RenderError> {
+    check_size(canvas.width, canvas.height)?;
+    with_painter(view, space, camera, canvas, watch, Parts { take })?
+}
+
+/// Rows of a picture without anything in them.
+fn blank(canvas: &Canvas, rows: u32) -> Image {
+    let mut image = Image {
+        width: canvas.width,
+        height: 0,
+        rgba: Vec::new(),
+        depth: canvas.depth_range_mm.map(|_| Vec::new()),
+        normals: canvas.normals.then(Vec::new),
+        ids: canvas.ids.then(Vec::new),
+    };
+    image.clear(rows);
+    image
+}
+
+/// What is done with a painter.
+trait Job {
+    type Output: Send;
+
+    fn run<V: NodeView, S: Surface<V>>(self, painter: Painter<'_, V, S>) -> Self::Output;
+}
+
+/// Paints the whole picture.
+struct Whole<'a> {
+    image: &'a mut Image,
+}
+
+impl Job for Whole<'_> {
+    type Output = Counts;
+
+    fn run<V: NodeView, S: Surface<V>>(self, mut painter: Painter<'_, V, S>) -> Counts {
+        painter.paint(self.image, 0)
+    }
+}
+
+/// Paints part after part, and hands each on while the next is painted.
+struct Parts<'a> {
+    take: Taker<'a>,
+}
+
+impl Job for Parts<'_> {
+    type Output = Result<Counts, RenderError>;
+
+    fn run<V: NodeView, S: Surface<V>>(self, mut painter: Painter<'_, V, S>) -> Self::Output {
+        let Self { take } = self;
+        let canvas = painter.canvas;
+        let rows = if canvas.smooth_edges { canvas.height } else { painter.band_rows() };
+        let mut counts = Counts::default();
+        let [mut done, mut next] = [0, 1].map(|_| blank(&canvas, 0));
+        for top in (0..canvas.height).step_by(rows as usize) {
+            next.clear(rows.min(canvas.height - top));
+            let (taken, own) = rayon::join(
+                || if done.height > 0 { take(&mut done) } else { Ok(()) },
+                || painter.paint(&mut next, top as usize),
+            );
+            taken?;
+            counts = counts.plus(own);
+            std::mem::swap(&mut done, &mut next);
+        }
+        take(&mut done)?;
+        Ok(counts)
+    }
+}
+
+/// Makes a painter, and has it work in a pool of its own.
+fn with_painter<V: NodeView, J: Job + Send>(
+    view: &V,
+    space: &GridSpace,
+    camera: &Camera,
+    canvas: Canvas,
+    watch: Watch<'_>,
+    job: J,
+) -> Result<J::Output, RenderError> {
     let sight = Sight::new(space, camera, canvas.width, canvas.height);
     let cells = view.cells().map(Cells::new);
     let discrete = (canvas.traversal == Traversal::Discrete)
@@ -273,66 +430,69 @@ pub fn paint_watched<V: NodeView>(
     let (form, shader) = (Form::best(), Shader::new());
     let pool = pool(canvas.threads)?;
     let normals = Normals::new(view, space, canvas.blended, canvas.lod_edge_log2);
+    let open = Open::default();
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
         Some(surface) => {
             let painter =
-                Painter { view, surface, normals, sight, discrete, form, canvas, shader, open: vec![] };
-            pool.install(|| painter.paint(rows_done))
+                Painter { view, surface, normals, sight, discrete, form, canvas, shader, open, watch };
+            pool.install(|| job.run(painter))
         }
         // Coarse boxes are solid, whatever the finest are.
         None => {
             let painter =
-                Painter { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open: vec![] };
-            pool.install(|| painter.paint(rows_done))
+                Painter { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open, watch };
+            pool.install(|| job.run(painter))
         }
     })
 }
 
 impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
-    fn paint(mut self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Counts) {
-        let ambient = self.look_around(rows_done);
-        let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
-        let mut image = Image {
-            width: self.canvas.width,
-            height: self.canvas.height,
-            rgba: vec![0; width * height * 4],
-            depth: self.canvas.depth_range_mm.map(|_| vec![0; width * height]),
-            normals: self.canvas.normals.then(|| vec![0; width * height * 3]),
-            ids: self.canvas.ids.then(|| vec![0; width * height * 3]),
-        };
-        let tiles_across = width.div_ceil(TILE);
-        let tile_rows = (BAND_PIXELS / (tiles_across * TILE_PIXELS)).clamp(1, height.div_ceil(TILE));
-        let mut seen = vec![Seen::NOTHING; tile_rows * tiles_across * TILE_PIXELS];
+    /// Rows that are traced between two passes of shading.
+    fn band_rows(&self) -> u32 {
+        let row = (self.canvas.width as usize).div_ceil(TILE) * TILE_PIXELS;
+        #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+        let rows = ((self.canvas.band_pixels() / row).max(1) * TILE) as u32;
+        rows.min(self.canvas.height)
+    }
+
+    /// Paints the rows of the picture from `from` on that `image` holds, which is blank.
+    fn paint(&mut self, image: &mut Image, from: usize) -> Counts {
+        let rows_done = self.watch.rows_done;
+        let rows = image.height as usize;
+        let ambient = self.look_around(from, rows);
+        let width = self.canvas.width as usize;
+        let band_rows = self.band_rows() as usize;
         let mut counts = Counts::default();
         if self.canvas.coherence > 0 {
-            counts = self.paint_coherent(&mut image, tile_rows * TILE, rows_done);
-        }
-        let mut top = if self.canvas.coherence > 0 { height } else { 0 };
-        while top < height {
-            let rows = (tile_rows * TILE).min(height - top);
-            let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
-            let band = seen.get_mut(..used).unwrap_or_default();
-            counts = counts.plus(self.trace_band(band, top, rows));
-            counts.shade += self.shade_band(band, &mut image, top, rows);
-            top += rows;
-            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
-            rows_done(rows as u32);
+            counts = self.paint_coherent(image, from);
+        } else {
+            let tiles_across = width.div_ceil(TILE);
+            let mut seen = vec![Seen::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
+            for top in (0..rows).step_by(band_rows) {
+                let rows = band_rows.min(rows - top);
+                let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
+                let band = seen.get_mut(..used).unwrap_or_default();
+                counts = counts.plus(self.trace_band(band, from + top, rows));
+                counts.shade += self.shade_band(band, image, from, top, rows);
+                #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+                rows_done(rows as u32);
+            }
         }
         if self.canvas.smooth_edges {
-            counts = counts.plus(self.smooth_edges(&mut image));
+            counts = counts.plus(self.smooth_edges(image));
         }
-        (image, Counts { ambient, ..counts })
+        Counts { ambient, ..counts }
     }
 
     /// Linear RGB of a pixel that saw a surface with this normal.
     #[inline]
-    fn light(&self, seen: Seen, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
+    pub(super) fn light(&self, seen: Seen, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
         let light = match color_of(self.view, &self.shader, seen) {
             Some(color) => Shader::lit(color, normal, line.1),
             None => self.shader.light(normal, line.1),
         };
-        match self.open.get(y * self.canvas.width as usize + x) {
-            Some(open) => light.map(|c| c * (f64::from(*open) / 255.0)),
+        match self.open.at(self.canvas.width as usize, [x, y]) {
+            Some(open) => light.map(|c| c * (f64::from(open) / 255.0)),
             None => light,
         }
     }
@@ -348,6 +508,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             .map_init(
                 || Tracer::new(self.form),
                 |tracer, (tile, seen)| {
+                    self.watch.tile(tile);
                     let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
                     let limits = (width.saturating_sub(left), rows.saturating_sub(above));
                     self.trace_tile(tracer, seen, (left, top + above), limits)
@@ -391,14 +552,11 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     }
 
     /// Paints with fewer rays where neighbours look alike; tracing and shading take turns, so their times are one.
-    fn paint_coherent(
-        &self,
-        image: &mut Image,
-        band_rows: usize,
-        rows_done: &(dyn Fn(u32) + Sync),
-    ) -> Counts {
+    fn paint_coherent(&self, image: &mut Image, from: usize) -> Counts {
+        let rows_done = self.watch.rows_done;
         let start = Instant::now();
         let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
+        let (rows, band_rows) = (image.height as usize, self.band_rows() as usize);
         let edge_mm =
             f64::from(1_u32 << self.canvas.lod_edge_log2.min(31)) * self.sight.space().largest_spacing_mm();
         #[expect(clippy::cast_possible_truncation, reason = "a tolerance")]
@@ -406,13 +564,13 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             Tolerance { color: self.canvas.coherence / 2, depth_mm: (TOLERATED_BOXES * edge_mm) as f32 };
         let looks = Looks { painter: self };
         let mut counts = Counts::default();
-        for top in (0..height).step_by(band_rows) {
-            let rows = band_rows.min(height - top);
-            let mut band = Band::new(width, height, top, rows);
+        for top in (0..rows).step_by(band_rows) {
+            let rows = band_rows.min(rows - top);
+            let mut band = Band::new(width, height, from + top, rows);
             counts = counts.plus(band.fill(&looks, tolerance));
             image.rgba.par_chunks_mut(width * 4).enumerate().skip(top).take(rows).for_each(|(y, out)| {
                 let (out, _) = out.as_chunks_mut::<4>();
-                for (sample, out) in band.row(y).iter().zip(out) {
+                for (sample, out) in band.row(from + y).iter().zip(out) {
                     if sample.is_hit() {
                         let [r, g, b] = sample.color;
                         *out = [r, g, b, 255];
@@ -421,14 +579,14 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             });
             if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
                 for (y, out) in depth.chunks_mut(width).enumerate().skip(top).take(rows) {
-                    for (sample, out) in band.row(y).iter().zip(out) {
+                    for (sample, out) in band.row(from + y).iter().zip(out) {
                         *out = if sample.is_hit() { depth_code(range, sample.depth) } else { 0 };
                     }
                 }
             }
             if let Some(normals) = &mut image.normals {
                 for (y, out) in normals.chunks_mut(width * 3).enumerate().skip(top).take(rows) {
-                    for (sample, out) in band.row(y).iter().zip(out.as_chunks_mut::<3>().0) {
+                    for (sample, out) in band.row(from + y).iter().zip(out.as_chunks_mut::<3>().0) {
                         *out = sample.normal;
                     }
                 }
@@ -439,14 +597,11 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         Counts { rays: counts.compared, trace: start.elapsed(), ..counts }
     }
 
-    /// Colours the rows of a traced band.
-    fn shade_band(&self, seen: &[Seen], image: &mut Image, top: usize, rows: usize) -> Duration {
+    /// Colours the rows of a traced band: `top` and those below it of an image that begins at the picture's row `from`.
+    fn shade_band(&self, seen: &[Seen], image: &mut Image, from: usize, top: usize, rows: usize) -> Duration {
         let start = Instant::now();
         let width = self.canvas.width as usize;
-        self.fill(seen, &mut image.rgba, top, rows, |pixel, normal, line, at| {
-            let [r, g, b] = self.light(pixel, normal, line, at).map(|c| self.shader.encode(c));
-            [r, g, b, 255]
-        });
+        self.color(seen, &mut image.rgba, [from, top, rows]);
         if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
             depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
                 for (pixel, out) in row_of(seen, width, y).zip(row) {
@@ -462,19 +617,19 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             });
         }
         if let Some(normals) = &mut image.normals {
-            self.fill(seen, normals, top, rows, |_, normal, _, _| normal.map(normal_code));
+            self.fill_normals(seen, normals, [from, top, rows]);
         }
         start.elapsed()
     }
 
-    /// Gives each pixel of a traced band that hit something its bytes, from what it saw, its normal, line of sight and place.
-    fn fill<const N: usize>(
+    /// The pixels of a traced band that hit something, tile after tile, with a worker's memory: column and row of the
+    /// tile's corner, the tile's hits, and the bytes of its row of tiles, `N` a pixel.
+    fn each_tile<const N: usize>(
         &self,
         seen: &[Seen],
         out: &mut [u8],
-        top: usize,
-        rows: usize,
-        bytes: impl Fn(Seen, [f64; 3], Line, [usize; 2]) -> [u8; N] + Sync,
+        [from, top, rows]: [usize; 3],
+        paint: impl Fn(&mut Kept, [usize; 2], &[Seen], &mut [[u8; N]]) + Sync,
     ) {
         let width = self.canvas.width as usize;
         let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
@@ -483,13 +638,98 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         tiles.for_each_init(Kept::new, |kept, (n, (out, seen))| {
             kept.forget();
             let (out, _) = out.as_chunks_mut::<N>();
+            for (tile, seen) in seen.chunks(TILE_PIXELS).enumerate() {
+                if seen.iter().any(|pixel| pixel.is_hit()) {
+                    self.watch.tile(tile);
+                    paint(kept, [tile * TILE, from + top + n * TILE], seen, out);
+                }
+            }
+        });
+    }
+
+    /// Colours of the hits of a traced band.
+    fn color(&self, seen: &[Seen], out: &mut [u8], place: [usize; 3]) {
+        let width = self.canvas.width as usize;
+        let has_colors = has_colors(self.view);
+        self.each_tile::<4>(seen, out, place, |kept, corner, seen, out| {
+            let mut lit = Lit::NOTHING;
+            // Towards the eye: no normal in the frame of the boxes is that.
+            let mut to_eye = 0_u64;
+            let mut mixed = 0_u64;
             for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
-                let (x, y) = (at / TILE_PIXELS * TILE + at % TILE, at % TILE_PIXELS / TILE);
+                let (x, y) = (corner[0] + at % TILE, corner[1] + at / TILE);
                 // Tiles at the border reach over it; what is there may be of an earlier band.
+                if x >= width {
+                    continue;
+                }
+                let line = || self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
+                if self.canvas.lod_edge_log2 > 0
+                    && let Some((light, part)) = self.mixed(&mut kept.around, *pixel, line(), [x, y])
+                {
+                    #[expect(
+                        clippy::cast_possible_truncation,
+                        clippy::cast_sign_loss,
+                        reason = "at most 255"
+                    )]
+                    let alpha = (255.0 * part + 0.5) as u8;
+                    if let (Some(out), true) = (out.get_mut(at / TILE * width + x), alpha > 0) {
+                        let [r, g, b] = light.map(|c| self.shader.encode(c));
+                        *out = [r, g, b, alpha];
+                    }
+                    mixed |= 1 << (at % TILE_PIXELS);
+                    continue;
+                }
+                match self.normal_of(kept, *pixel, line) {
+                    Some(normal) => {
+                        for (out, part) in lit.normals.iter_mut().zip(normal) {
+                            out[at % TILE_PIXELS] = part;
+                        }
+                    }
+                    None => to_eye |= 1 << (at % TILE_PIXELS),
+                }
+                if let Some(open) = self.open.at(width, [x, y]) {
+                    lit.open[at % TILE_PIXELS] = f64::from(open) / 255.0;
+                }
+            }
+            let mut codes = [[0; TILE_PIXELS]; 3];
+            self.form.run(TileLight { sight: &self.sight, corner, lit: &lit, out: &mut codes });
+            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
+                let (x, y) = (corner[0] + at % TILE, at / TILE);
+                if let (true, Some(out)) = (x < width && mixed >> at & 1 == 0, out.get_mut(y * width + x)) {
+                    let faces_eye = to_eye >> at & 1 == 1;
+                    let [r, g, b] = if faces_eye || has_colors {
+                        let line = self.sight.line(x as f64 + 0.5, (corner[1] + y) as f64 + 0.5);
+                        let own = lit.normals.map(|parts| parts[at % TILE_PIXELS]);
+                        let normal =
+                            if faces_eye { towards_eye(line) } else { self.sight.space().normal_to_world(own) };
+                        let light = self.light(*pixel, normal, line, [x, corner[1] + y]);
+                        light.map(|c| self.shader.encode(c))
+                    } else {
+                        [
+                            self.shader.code(codes[0][at]),
+                            self.shader.code(codes[1][at]),
+                            self.shader.code(codes[2][at]),
+                        ]
+                    };
+                    *out = [r, g, b, 255];
+                }
+            }
+        });
+    }
+
+    /// Normals of the hits of a traced band.
+    fn fill_normals(&self, seen: &[Seen], out: &mut [u8], place: [usize; 3]) {
+        let width = self.canvas.width as usize;
+        self.each_tile::<3>(seen, out, place, |kept, corner, seen, out| {
+            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
+                let (x, y) = (corner[0] + at % TILE, at / TILE);
                 if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
-                    let line = self.sight.line(x as f64 + 0.5, (top + n * TILE + y) as f64 + 0.5);
-                    let normal = self.normal_of(kept, *pixel, line);
-                    *out = bytes(*pixel, normal, line, [x, top + n * TILE + y]);
+                    let line = self.sight.line(x as f64 + 0.5, (corner[1] + y) as f64 + 0.5);
+                    let normal = match self.normal_of(kept, *pixel, || line) {
+                        Some(normal) => self.sight.space().normal_to_world(normal),
+                        None => towards_eye(line),
+                    };
+                    *out = normal.map(normal_code);
                 }
             }
         });
@@ -569,23 +809,23 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         self.normals.seen(trace, || self.sight.line(x, y))
     }
 
-    /// As [`Normals::normal`]; pixels of one face have one normal, which is found once.
+    /// As [`Normals::in_boxes`]; pixels of one face have one normal, which is found once.
     #[inline]
-    fn normal_of(&self, kept: &mut Kept, seen: Seen, line: Line) -> [f64; 3] {
+    fn normal_of(&self, kept: &mut Kept, seen: Seen, line: impl Fn() -> Line) -> Option<[f64; 3]> {
         // Without a face it may depend on the line of sight.
         if !seen.is_of_face() || self.canvas.blended {
-            return self.normals.normal(&mut kept.around, seen, line);
+            return self.normals.in_boxes(&mut kept.around, seen, line);
         }
         let key = seen.key();
         let slot = (key.wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize;
         match kept.normals.get(slot) {
-            Some((round, known, normal)) if (*round, *known) == (kept.round, key) => *normal,
+            Some((round, known, normal)) if (*round, *known) == (kept.round, key) => Some(*normal),
             _ => {
-                let normal = self.normals.normal(&mut kept.around, seen, line);
+                let normal = self.normals.in_boxes(&mut kept.around, seen, line)?;
                 if let Some(place) = kept.normals.get_mut(slot) {
                     *place = (kept.round, key, normal);
                 }
-                normal
+                Some(normal)
             }
         }
     }

@@ -3,6 +3,11 @@
 //! All arithmetic is IEEE addition, multiplication, division and square root in a fixed order, so pixels
 //! are the same on every machine; powers are not taken from the system.
 
+use super::form::LanesKernel;
+use super::lanes::Lanes;
+use super::sight::Sight;
+use super::tile::RAYS;
+
 /// Part of the light that reaches every surface: keeps edges visible on a black background, and dark enough
 /// to be seen on a white one.
 const AMBIENT: f64 = 0.07;
@@ -76,12 +81,74 @@ impl Shader {
         color.map(|c| c * strength)
     }
 
+    /// sRGB code at a place in the table.
+    #[inline]
+    pub(super) fn code(&self, at: u16) -> u8 {
+        self.srgb.get(usize::from(at)).copied().unwrap_or(255)
+    }
+
     /// sRGB code of linear light 0..=1.
     #[inline]
     pub fn encode(&self, light: f64) -> u8 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let at = (light.clamp(0.0, 1.0) * STEPS as f64 + 0.5) as usize;
         self.srgb.get(at).copied().unwrap_or(255)
+    }
+}
+
+/// What the pixels of a tile are coloured by, axis by axis.
+pub(super) struct Lit {
+    /// Normals in the frame of the boxes, of any length, not null.
+    pub(super) normals: [[f64; RAYS]; 3],
+    /// Part of the light that comes through.
+    pub(super) open: [f64; RAYS],
+}
+
+impl Lit {
+    pub(super) const NOTHING: Self = Self { normals: [[1.0; RAYS]; 3], open: [1.0; RAYS] };
+}
+
+/// Colours of a tile's pixels: the same as those of [`Shader::light`] and [`Shader::encode`] one by one.
+pub(super) struct TileLight<'a> {
+    pub(super) sight: &'a Sight<'a>,
+    /// Column and row of the tile's first pixel.
+    pub(super) corner: [usize; 2],
+    pub(super) lit: &'a Lit,
+    /// Places in the table of codes, colour by colour.
+    pub(super) out: &'a mut [[u16; RAYS]; 3],
+}
+
+impl LanesKernel for TileLight<'_> {
+    type Output = ();
+
+    // Loops over arrays instead of lanes or closures: they are vectorised for the form that runs them.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    fn run(self, _: impl Lanes) {
+        let Self { sight, corner, lit, out } = self;
+        let rows = sight.space().normal_rows();
+        let mut sights = [[0.0; RAYS]; 3];
+        sight.directions(corner, &mut sights);
+        for i in 0..RAYS {
+            let n = [lit.normals[0][i], lit.normals[1][i], lit.normals[2][i]];
+            let s = [sights[0][i], sights[1][i], sights[2][i]];
+            let mut world = [0.0; 3];
+            for a in 0..3 {
+                world[a] = rows[a][0] * n[0] + rows[a][1] * n[1] + rows[a][2] * n[2];
+            }
+            let length = (world[0] * world[0] + world[1] * world[1] + world[2] * world[2]).sqrt();
+            let unit = if length > 0.0 { length } else { 1.0 };
+            let along = world[0] / unit * s[0] + world[1] / unit * s[1] + world[2] / unit * s[2];
+            let length = (s[0] * s[0] + s[1] * s[1] + s[2] * s[2]).sqrt();
+            let cosine = (along / length).abs();
+            let cosine = if cosine < 1.0 { cosine } else { 1.0 };
+            let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
+            let strength = AMBIENT + (1.0 - AMBIENT) * falloff;
+            for c in 0..3 {
+                let light = SURFACE[c] * strength * lit.open[i];
+                out[c][i] = (light * STEPS as f64 + 0.5) as i32 as u16;
+            }
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! What a ray saw, and the normal that is shown there.
 
 use crate::format::normal;
-use crate::geom::{BoxIndex, NodeIndex};
+use crate::geom::{BoxIndex, NodeIndex, VoxelIndex};
 use crate::load::NodeView;
 
 use super::around::Surroundings;
@@ -104,13 +104,16 @@ pub(crate) struct Normals<'a, V> {
     cells: Option<Cells<'a>>,
     space: &'a GridSpace,
     blended: bool,
+    /// Have normals 24 bits?
+    fine: bool,
     lod_edge_log2: u32,
 }
 
 impl<'a, V: NodeView> Normals<'a, V> {
     /// Of a model; `blended` between the boxes around a hit, where hits may be boxes of `2^lod_edge_log2`.
     pub(crate) fn new(view: &'a V, space: &'a GridSpace, blended: bool, lod_edge_log2: u32) -> Self {
-        Self { view, cells: view.cells().map(Cells::new), space, blended, lod_edge_log2 }
+        let fine = view.voxel_fine(VoxelIndex::new(0)).is_some();
+        Self { view, cells: view.cells().map(Cells::new), space, blended, fine, lod_edge_log2 }
     }
 
     /// What was seen along a line.
@@ -138,10 +141,11 @@ impl<'a, V: NodeView> Normals<'a, V> {
 
     /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
     #[inline]
-    fn blended(&self, seen: Seen, (origin, sight): Line, own: [f64; 3]) -> [f64; 3] {
+    fn blended(&self, seen: Seen, line: impl Fn() -> Line, own: [f64; 3]) -> [f64; 3] {
         if !self.blended || seen.kind == SeenKind::Node {
             return own;
         }
+        let (origin, sight) = line();
         let world = add_scaled(origin, f64::from(seen.depth), sight);
         blend::blended(self.view, self.space.to_grid(world), own)
     }
@@ -149,28 +153,38 @@ impl<'a, V: NodeView> Normals<'a, V> {
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
     /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
     pub(crate) fn normal(&self, around: &mut Surroundings, seen: Seen, line: Line) -> [f64; 3] {
-        let box_frame = match (self.stored(seen, 0), seen.face()) {
-            (Some(stored), _) if self.cells.is_some() => {
-                let own = self.blended(seen, line, stored.map(f64::from));
-                return self.space.index_normal_to_world(own);
-            }
-            (Some(stored), Some(face)) => {
-                let own = self.facing(around, seen, face, line, stored).unwrap_or(stored.map(f64::from));
-                self.blended(seen, line, own)
-            }
-            (Some(stored), None) => self.blended(seen, line, stored.map(f64::from)),
-            (None, Some(face)) => {
-                let mut n = [0.0; 3];
-                n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
-                n
-            }
-            (None, None) => {
-                let sight = line.1;
-                let length = dot(sight, sight).sqrt();
-                return sight.map(|c| -c / length);
-            }
+        match self.in_boxes(around, seen, || line) {
+            Some(normal) => self.space.normal_to_world(normal),
+            None => towards_eye(line),
+        }
+    }
+
+    /// The same in the frame of the boxes, of any length; `None` towards the eye.
+    #[inline]
+    pub(super) fn in_boxes(
+        &self,
+        around: &mut Surroundings,
+        seen: Seen,
+        line: impl Fn() -> Line,
+    ) -> Option<[f64; 3]> {
+        let Some(stored) = self.stored(seen, 0) else {
+            let face = seen.face()?;
+            let mut n = [0.0; 3];
+            n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
+            return Some(n);
         };
-        self.space.normal_to_world(box_frame)
+        let mut own = [f64::from(stored[0]), f64::from(stored[1]), f64::from(stored[2])];
+        if self.cells.is_some() {
+            let own = self.blended(seen, line, own);
+            let [x, y, z] = self.space.spacing_mm();
+            return Some([own[0] / x, own[1] / y, own[2] / z]);
+        }
+        if let Some(face) = seen.face()
+            && let Some(turned) = self.facing(around, seen, face, &line, stored)
+        {
+            own = turned;
+        }
+        Some(self.blended(seen, line, own))
     }
 
     /// Unit vector of the world out of the body, as it is stored; `None` where none is stored.
@@ -189,7 +203,7 @@ impl<'a, V: NodeView> Normals<'a, V> {
 
     /// The same, blended where that is wanted.
     pub(crate) fn smooth_outward(&self, seen: Seen, line: Line) -> Option<[f64; 3]> {
-        Some(self.to_world(self.blended(seen, line, self.stored(seen, 0)?.map(f64::from))))
+        Some(self.to_world(self.blended(seen, || line, self.stored(seen, 0)?.map(f64::from))))
     }
 
     fn to_world(&self, normal: [f64; 3]) -> [f64; 3] {
@@ -220,28 +234,47 @@ impl<'a, V: NodeView> Normals<'a, V> {
         around: &mut Surroundings,
         seen: Seen,
         face: Face,
-        (origin, sight): Line,
+        line: impl Fn() -> Line,
         stored: [i32; 3],
     ) -> Option<[f64; 3]> {
         let space = self.space;
         // In voxels instead of millimetres: a normal's components grow with the spacing.
         let spacing = space.spacing_mm();
-        let scale = |n: [i32; 3]| -> [f64; 3] { std::array::from_fn(|a| f64::from(n[a]) * spacing[a]) };
+        let scale = |n: [i32; 3]| {
+            [f64::from(n[0]) * spacing[0], f64::from(n[1]) * spacing[1], f64::from(n[2]) * spacing[2]]
+        };
         let in_voxels = scale(stored);
         let edge_log2 = if seen.kind == SeenKind::Voxel { 0 } else { self.lod_edge_log2 };
         let struck = || {
+            let (origin, sight) = line();
             let world = add_scaled(origin, f64::from(seen.depth), sight);
             let edge = f64::from(1_u32 << edge_log2.min(31));
-            let at = space.world_to_grid().apply(world).map(|c| c / edge);
+            let at = space.world_to_grid().apply(world);
+            let at = [at[0] / edge, at[1] / edge, at[2] / edge];
             facing::Struck { number: seen.box_number, at, edge_log2, face }
         };
         let cubes = spacing[0] == spacing[1] && spacing[1] == spacing[2];
-        let company = facing::company(|distance| match self.stored(seen, distance) {
-            Some(other) if cubes => facing::alike_whole(stored, other, normal::FINE_SCALE),
-            Some(other) => facing::alike(in_voxels, scale(other)),
-            None => true,
-        });
+        let near = if cubes && !self.fine && seen.kind == SeenKind::Voxel {
+            let voxel = BoxIndex::new(seen.box_number).voxel(self.view.node_count());
+            self.view.voxel_normals_near(voxel)
+        } else {
+            None
+        };
+        let company = match &near {
+            Some(codes) => facing::company_of(codes),
+            None => facing::company(|distance| match self.stored(seen, distance) {
+                Some(other) if cubes => facing::alike_whole(stored, other, normal::FINE_SCALE),
+                Some(other) => facing::alike(in_voxels, scale(other)),
+                None => true,
+            }),
+        };
         let shown = facing::shown(self.view, around, face, struck, in_voxels, company)?;
-        Some(std::array::from_fn(|a| shown[a] / spacing[a]))
+        Some([shown[0] / spacing[0], shown[1] / spacing[1], shown[2] / spacing[2]])
     }
+}
+
+/// Unit vector against a line of sight.
+pub(super) fn towards_eye((_, sight): Line) -> [f64; 3] {
+    let length = dot(sight, sight).sqrt();
+    sight.map(|c| -c / length)
 }

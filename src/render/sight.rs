@@ -7,6 +7,7 @@ use super::camera::Camera;
 use super::lanes::{DOUBLES, Lanes, each3};
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, Ray};
 use super::space::GridSpace;
+use super::tile::{RAYS, TILE};
 
 /// The lines of sight through a picture's pixels.
 #[derive(Clone, Copy, Debug)]
@@ -105,6 +106,25 @@ impl<'a> Sight<'a> {
     #[inline]
     pub fn line(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
         self.camera.ray((2.0 * x - self.width) / self.width, (self.height - 2.0 * y) / self.height)
+    }
+
+    /// Directions of the lines through the pixels of the tile at `corner`, axis by axis, as [`Sight::line`] has them.
+    #[inline(always)]
+    #[expect(clippy::needless_range_loop, reason = "loops like this one are vectorised")]
+    pub(super) fn directions(&self, corner: [usize; 2], out: &mut [[f64; RAYS]; 3]) {
+        let frame = self.camera.frame();
+        let (half_width, half_height) = self.camera.half_sides();
+        let [right, up, forward] = [frame.unit_right, frame.unit_up, frame.direction[0]];
+        for i in 0..RAYS {
+            let x = (corner[0] + i % TILE) as f64 + 0.5;
+            let y = (corner[1] + i / TILE) as f64 + 0.5;
+            let across = (2.0 * x - self.width) / self.width * half_width;
+            let along = (self.height - 2.0 * y) / self.height * half_height;
+            for a in 0..3 {
+                out[a][i] =
+                    if frame.parallel { forward[a] } else { forward[a] + across * right[a] + along * up[a] };
+            }
+        }
     }
 
     /// The ray through a point of the picture; `None` when it misses the grid.

@@ -92,6 +92,11 @@ impl GridSpace {
         Ray::new(self.dims.depth(), o, d, 0.0)
     }
 
+    /// Rows of the matrix of [`GridSpace::normal_to_world`].
+    pub(super) fn normal_rows(&self) -> &[[f64; 3]; 3] {
+        &self.normal_rows
+    }
+
     /// Unit world normal of a box-frame vector that is not null.
     #[inline]
     pub fn normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
@@ -131,8 +136,13 @@ impl GridSpace {
     ///
     /// Descends only where a box could still exceed the best so far: a few hundred nodes.
     pub fn support<V: NodeView>(&self, view: &V, direction: [f64; 3]) -> f64 {
+        self.support_to(view, direction, 0)
+    }
+
+    /// As [`GridSpace::support`], of boxes of 2^`finest` voxels.
+    pub(crate) fn support_to<V: NodeView>(&self, view: &V, direction: [f64; 3], finest: u32) -> f64 {
         let depth = self.dims.depth();
-        let finest = depth.saturating_sub(11);
+        let finest = depth.saturating_sub(11).max(finest);
         let weight: [f64; 3] = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
         let constant = dot(direction, self.grid_to_world.origin());
         let bound = |low: [u32; 3], edge: u32| {

@@ -97,7 +97,7 @@ pub enum Looked {
 }
 
 /// What the boxes of an octree hold.
-pub trait Surface<V: NodeView>: Sync {
+pub trait Surface<V: NodeView>: Send + Sync {
     /// Is every box that a ray enters a hit, at its point of entry?
     ///
     /// Then [`Surface::meet`] must be [`Passage::entry_hit`]; kernels need not call it.

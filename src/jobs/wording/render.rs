@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::foreign::shown;
 use super::system::writing;
+use crate::budget::{ExactSize, SizeArgument};
 use crate::render::ray::BadRay;
 use crate::render::{CameraFault, Layer, RenderError};
 
@@ -43,6 +44,12 @@ impl fmt::Display for RenderError {
             ),
             Self::DiscreteCells => f.write_str(
                 "discrete rays meet voxels, and this model has cells with a surface within; leave --traversal exact, or build it with --surface skin",
+            ),
+            Self::Memory { limit_bytes, minimum_bytes } => write!(
+                f,
+                "--memory {} is too small for this picture; the smallest that works is --memory {}",
+                ExactSize(*limit_bytes),
+                SizeArgument(*minimum_bytes)
             ),
             Self::SingularAffine => f.write_str(
                 "the model's axes are (nearly) parallel, so it has no volume to look at; check its spacing and orientation",
