@@ -5,6 +5,8 @@
 //! `scripts/fuzz.py` makes those files; `INFOBYTE_FUZZ_SEEDS` names a folder to write the first inputs of every
 //! target to.
 
+#[path = "support/containers.rs"]
+mod containers;
 #[path = "support/dicom.rs"]
 mod dicom;
 #[path = "support/formats.rs"]

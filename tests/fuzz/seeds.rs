@@ -7,6 +7,7 @@ use infobyte::jobs::pack;
 use infobyte::volume::ScalarType;
 use infobyte::{BuildOptions, Dims, Threshold, Voxels};
 
+use crate::containers::{buffer, description, glb, gltf, threemf};
 use crate::dicom::{Elements, Image, Syntax, csa, mosaic};
 use crate::formats::{Object, Tiff, bzip2, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
 use crate::frames::{DEFLATED, ENCAPSULATED, RLE, Spec, deflated, encapsulated, rle, rle16};
@@ -154,5 +155,8 @@ fn bodies(all: &mut Seeds) {
         }
         all.push(("obj", body.obj()));
         all.push(("off", body.off()));
+        all.push(("glb", glb(&description(&body), &buffer(&body))));
+        all.push(("gltf", gltf(&body)));
+        all.push(("threemf", threemf(&body)));
     }
 }
