@@ -63,6 +63,9 @@ struct Contents {
     materials: Vec<Material>,
 }
 
+/// Is called with the runs of a mesh and how it is placed.
+type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
+
 /// An open file.
 #[derive(Debug)]
 pub(super) struct ThreeMf {
@@ -109,7 +112,7 @@ impl ThreeMf {
     }
 
     /// Calls `each` with every mesh that is built and how it is placed.
-    fn walk(&self, each: &mut dyn FnMut([u64; 4], &Affine) -> Result<(), Stop>) -> Result<(), Stop> {
+    fn walk(&self, each: &mut EachMesh<'_>) -> Result<(), Stop> {
         let mut steps = 0_u64;
         for item in &self.contents.items {
             // Parts of an object that are still to come, of each object on the way.
