@@ -148,10 +148,10 @@ mod tests {
             #[expect(clippy::cast_precision_loss, reason = "small")]
             let v = at as f32;
             let look = Look {
-                colors: (at % 3 == 0).then_some([[v, 0.5, 0.25], [1.0, v, 0.0], [0.0, 0.0, v]]),
-                places: (at % 7 == 0).then_some([[v, -v], [0.0, 1.0], [v, v]]),
-                normals: (at % 2 == 0).then_some([[v; 3], [1.0; 3], [-v; 3]]),
-                material: if at % 5 == 0 { NO_MATERIAL } else { at },
+                colors: at.is_multiple_of(3).then_some([[v, 0.5, 0.25], [1.0, v, 0.0], [0.0, 0.0, v]]),
+                places: at.is_multiple_of(7).then_some([[v, -v], [0.0, 1.0], [v, v]]),
+                normals: at.is_multiple_of(2).then_some([[v; 3], [1.0; 3], [-v; 3]]),
+                material: if at.is_multiple_of(5) { NO_MATERIAL } else { at },
             };
             Record { material: look.material, part: (at % 256) as u8, look }
         };

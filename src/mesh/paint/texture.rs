@@ -232,7 +232,6 @@ impl Texture {
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
     reason = "brought near to the image before"
 )]
 fn texels_around(at: f32, whole: u32, level: usize, side: u32, wrap: Wrap) -> [(u32, f32); 2] {

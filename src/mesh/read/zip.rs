@@ -17,8 +17,8 @@ use crate::facts::{Feature, MeshFault};
 const END: u64 = 22;
 const COMMENT: u64 = 65_535;
 /// Bytes of an entry of the list and of a member's header, before their names.
-const ENTRY: u64 = 46;
-const HEADER: u64 = 30;
+const ENTRY: usize = 46;
+const HEADER: usize = 30;
 /// Longest name that is compared.
 const NAME: u16 = 1024;
 /// A member that inflates to more than this, and more than so many times its own bytes, is a bomb. Lists of vertices
@@ -73,7 +73,7 @@ impl Archive {
         let wanted = wanted.trim_start_matches('/').as_bytes();
         let mut stream = Stream::new(file, self.list);
         for _ in 0..self.entries {
-            let entry: [u8; ENTRY as usize] = stream.take()?;
+            let entry: [u8; ENTRY] = stream.take()?;
             if !entry.starts_with(b"PK\x01\x02") {
                 return Err(bad());
             }
@@ -102,12 +102,12 @@ impl Archive {
                 return Err(MeshFault::Unsupported(Feature::Zip64).into());
             }
             let header = u64::from(four(42));
-            let head: [u8; HEADER as usize] = Stream::new(file, header).take()?;
+            let head: [u8; HEADER] = Stream::new(file, header).take()?;
             if !head.starts_with(b"PK\x03\x04") {
                 return Err(bad());
             }
             let lengths = [26, 28].map(|at| u64::from(u16::from_le_bytes([head[at], head[at + 1]])));
-            let offset = header + HEADER + lengths.iter().sum::<u64>();
+            let offset = header + HEADER as u64 + lengths.iter().sum::<u64>();
             if offset.checked_add(stored).is_none_or(|end| end > self.bytes) {
                 return Err(MeshFault::CutShort.into());
             }

@@ -34,6 +34,9 @@ const COLORED: u32 = u32::MAX - 1;
 /// How deep objects may hold objects.
 const MOST_DEPTH: usize = 64;
 
+/// Is called with first vertex, vertices, first triangle and triangles of a mesh, and how it is placed.
+type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
+
 /// An object by its number, in the text of this number.
 type Key = (u32, u32);
 
@@ -109,7 +112,7 @@ impl ThreeMf {
     }
 
     /// Calls `each` with every mesh that is built and how it is placed.
-    fn walk(&self, each: &mut dyn FnMut([u64; 4], &Affine) -> Result<(), Stop>) -> Result<(), Stop> {
+    fn walk(&self, each: &mut EachMesh<'_>) -> Result<(), Stop> {
         let mut steps = 0_u64;
         for item in &self.contents.items {
             // Parts of an object that are still to come, of each object on the way.
