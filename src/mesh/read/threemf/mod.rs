@@ -34,6 +34,9 @@ const COLORED: u32 = u32::MAX - 1;
 /// How deep objects may hold objects.
 const MOST_DEPTH: usize = 64;
 
+/// Is called with first vertex, vertices, first triangle and triangles of a mesh, and how it is placed.
+type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
+
 /// An object by its number, in the text of this number.
 type Key = (u32, u32);
 
