@@ -60,7 +60,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark"]),
-    ("scene", &["exit", "geom", "load", "render"]),
+    ("scene", &["exit", "format", "geom", "load", "render"]),
     ("enclosed", &["format", "geom", "load"]),
     ("export", &["enclosed", "format", "geom", "load", "progress", "render", "scratch"]),
     (
