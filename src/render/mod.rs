@@ -24,7 +24,6 @@
 //! | `ambient` | how open a point's surroundings are: hollows turn dark |
 //! | `shown` | what a ray saw, and its normal; `facing`, `around`: normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
-//! | `coverage` | coarse boxes that their surface fills in part |
 //! | `annotate`, `font` | a scale bar, the patient's sides, letters |
 
 pub(crate) mod ambient;
@@ -35,7 +34,6 @@ pub mod camera;
 mod caster;
 pub mod cells;
 mod coherence;
-mod coverage;
 pub mod discrete;
 mod error;
 mod facing;

@@ -485,7 +485,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
 
     /// Linear RGB of a pixel whose surface has this normal.
     #[inline]
-    pub(super) fn light(&self, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
+    fn light(&self, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
         let light = self.shader.light(normal, line.1);
         match self.open.at(self.canvas.width as usize, [x, y]) {
             Some(open) => light.map(|c| c * (f64::from(open) / 255.0)),
@@ -650,7 +650,6 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let mut lit = Lit::NOTHING;
             // Towards the eye: no normal in the frame of the boxes is that.
             let mut to_eye = 0_u64;
-            let mut mixed = 0_u64;
             for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
                 let (x, y) = (corner[0] + at % TILE, corner[1] + at / TILE);
                 // Tiles at the border reach over it; what is there may be of an earlier band.
@@ -658,22 +657,6 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     continue;
                 }
                 let line = || self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-                if self.canvas.lod_edge_log2 > 0
-                    && let Some((light, part)) = self.mixed(&mut kept.around, *pixel, line(), [x, y])
-                {
-                    #[expect(
-                        clippy::cast_possible_truncation,
-                        clippy::cast_sign_loss,
-                        reason = "at most 255"
-                    )]
-                    let alpha = (255.0 * part + 0.5) as u8;
-                    if let (Some(out), true) = (out.get_mut(at / TILE * width + x), alpha > 0) {
-                        let [r, g, b] = light.map(|c| self.shader.encode(c));
-                        *out = [r, g, b, alpha];
-                    }
-                    mixed |= 1 << (at % TILE_PIXELS);
-                    continue;
-                }
                 match self.normal_of(kept, *pixel, line) {
                     Some(normal) => {
                         for (out, part) in lit.normals.iter_mut().zip(normal) {
@@ -690,7 +673,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             self.form.run(TileLight { sight: &self.sight, corner, lit: &lit, out: &mut codes });
             for (at, _) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
                 let (x, y) = (corner[0] + at % TILE, at / TILE);
-                if let (true, Some(out)) = (x < width && mixed >> at & 1 == 0, out.get_mut(y * width + x)) {
+                if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
                     let [r, g, b] = if to_eye >> at & 1 == 1 {
                         let at = [x, corner[1] + y];
                         let line = self.sight.line(at[0] as f64 + 0.5, at[1] as f64 + 0.5);
