@@ -287,30 +287,17 @@ fn a_camera_within_the_model_sees_what_is_before_it() {
     assert!(image.depth.unwrap().iter().all(|d| *d == 1), "the eye's own voxel is hit at depth 0");
 }
 
-/// Opaque pixels' worth of a picture.
-fn covered(image: &Image) -> f64 {
-    image.rgba.as_chunks::<4>().0.iter().map(|pixel| f64::from(pixel[3]) / 255.0).sum()
-}
-
 #[test]
-fn coarse_boxes_cover_what_their_skin_covers() {
+fn coarse_boxes_are_as_large_as_is_asked() {
     let ball = Scene::skin("ball", [128; 3], |c| in_ball(c, 128)).with_normals(|p| p.map(|v| v - 64.0));
-    for view in [NamedView::Front, NamedView::Iso] {
-        let of = |size: u32, lod: bool, lod_bias: i8| {
-            let exact = request(view, Projection::Parallel);
-            let asked = RenderRequest { width: size, height: size, lod, lod_bias, ..exact };
-            render(&ball.tree, ball.dims, &unit_affine(), &asked).unwrap()
-        };
-        let truth = covered(&of(320, false, 0).0) / 100.0;
-        let (coarse, report) = of(32, true, 0);
-        assert_eq!(report.smallest_box, 4);
-        assert!((covered(&coarse) / truth - 1.0).abs() < 0.06, "{} of {truth}", covered(&coarse));
-        assert!(coarse.rgba.as_chunks::<4>().0.iter().any(|p| (1..255).contains(&p[3])), "soft edges");
-        assert_eq!(coarse.rgba, of(32, true, 0).0.rgba);
-        assert_eq!(of(32, true, 1).1.smallest_box, 8);
-        // Below four voxels there are no mean normals: voxels are shown.
-        assert_eq!(of(32, true, -1).0.rgba, of(32, false, 0).0.rgba);
-    }
+    let of = |lod: bool, lod_bias: i8| {
+        let exact = request(NamedView::Iso, Projection::Parallel);
+        let asked = RenderRequest { width: 32, height: 32, lod, lod_bias, ..exact };
+        render(&ball.tree, ball.dims, &unit_affine(), &asked).unwrap()
+    };
+    assert_eq!([0, 1].map(|bias| of(true, bias).1.smallest_box), [4, 8]);
+    // Below four voxels there are no mean normals: voxels are shown.
+    assert_eq!(of(true, -1).0.rgba, of(false, 0).0.rgba);
 }
 
 /// Pixels of which a colour differs by more than this, and pixels on the other side of the silhouette.

@@ -30,7 +30,7 @@ pub struct RenderRequest {
     pub fov_deg: f64,
     /// Threads; 0 counts as 1. The picture does not depend on them.
     pub threads: usize,
-    /// Stop at nodes about as small as a pixel instead of at voxels; what they cover in part is mixed with what is behind.
+    /// Stop at nodes about as small as a pixel instead of at voxels.
     pub lod: bool,
     /// With `lod`, boxes 2^this times as large as they would be.
     pub lod_bias: i8,
@@ -277,8 +277,7 @@ impl Prepared {
             height: request.height,
             threads: request.threads,
             lod_edge_log2,
-            // Coarse boxes tell how much of a pixel they cover.
-            smooth_edges: request.smooth_edges && lod_edge_log2 == 0,
+            smooth_edges: request.smooth_edges,
             depth_range_mm: request.depth.then_some(range_mm),
             normals: request.normals,
             ids: request.ids,

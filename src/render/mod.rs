@@ -25,12 +25,12 @@
 //! | `ambient` | how open a point's surroundings are: hollows turn dark |
 //! | `shown` | what a ray saw, and its normal; `facing`, `around`: normals that the skin around a hit contradicts |
 //! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
-//! | `coverage` | coarse boxes that their surface fills in part |
 //! | `annotate`, `font` | a scale bar, the patient's sides, letters |
 
 pub(crate) mod ambient;
 pub(crate) mod annotate;
 pub(crate) mod around;
+mod band;
 pub mod batch;
 pub(crate) mod blend;
 pub mod camera;
@@ -38,7 +38,6 @@ mod caster;
 pub mod cells;
 mod coherence;
 mod colors;
-mod coverage;
 pub mod discrete;
 mod error;
 mod facing;

@@ -12,12 +12,11 @@ use crate::load::NodeView;
 use super::around::Surroundings;
 use super::cells::Cells;
 use super::coherence::{Band, Look, Sample, Tolerance};
-use super::colors::{color_of, has_colors};
 use super::discrete::DiscreteRays;
 use super::form::Form;
 use super::image::Image;
-use super::shade::{Lit, Shader, TileLight};
-use super::shown::{Line, Normals, Seen, towards_eye};
+use super::shade::Shader;
+use super::shown::{Normals, Seen};
 use super::sight::Sight;
 use super::single;
 use super::space::GridSpace;
@@ -185,43 +184,6 @@ pub(crate) fn normal_code(component: f64) -> u8 {
     (128.5 + component * 127.0).clamp(1.0, 255.0) as u8
 }
 
-/// The number of a box, counted from 1, in an image of them: the highest of 48 bits first.
-#[expect(clippy::cast_possible_truncation, reason = "16 bits each")]
-fn id_code(number: u64) -> [u16; 3] {
-    let id = number.wrapping_add(1);
-    [(id >> 32) as u16, (id >> 16) as u16, id as u16]
-}
-
-/// Row `y` of a band whose hits stand tile after tile.
-fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
-    let first = y / TILE * width.div_ceil(TILE) * TILE_PIXELS + y % TILE * TILE;
-    (0..width)
-        .map(move |x| seen.get(first + x / TILE * TILE_PIXELS + x % TILE).copied().unwrap_or(Seen::NOTHING))
-}
-
-/// Base-2 logarithm of the normals that a worker keeps, and an odd number that scatters their keys.
-const KEPT_BITS: u32 = 9;
-const MIXER: u64 = 0x9e37_79b9_7f4a_7c15;
-
-/// What a worker keeps from one pixel to the next.
-struct Kept {
-    around: Surroundings,
-    /// Round, box and face, and the normal that is shown there, in the frame of the boxes.
-    normals: Vec<(u32, u64, [f64; 3])>,
-    round: u32,
-}
-
-impl Kept {
-    fn new() -> Self {
-        Self { around: Surroundings::new(), normals: vec![(0, 0, [0.0; 3]); 1 << KEPT_BITS], round: 0 }
-    }
-
-    /// Begins a row of tiles without normals, so that the picture does not depend on who paints which.
-    fn forget(&mut self) {
-        self.round += 1;
-    }
-}
-
 /// Everything that a pixel's worker reads.
 pub(super) struct Painter<'a, V, S> {
     pub(super) view: &'a V,
@@ -247,7 +209,7 @@ pub(crate) struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    fn tile(&self, number: usize) {
+    pub(super) fn tile(&self, number: usize) {
         if number.is_multiple_of(TILES_BETWEEN) {
             (self.between)();
         }
@@ -265,7 +227,7 @@ pub(super) struct Open {
 impl Open {
     /// That of a pixel of a picture of this width.
     #[inline]
-    fn at(&self, width: usize, [x, y]: [usize; 2]) -> Option<u8> {
+    pub(super) fn at(&self, width: usize, [x, y]: [usize; 2]) -> Option<u8> {
         self.pixels.get(y.wrapping_sub(self.top).wrapping_mul(width).wrapping_add(x)).copied()
     }
 }
@@ -484,19 +446,6 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         Counts { ambient, ..counts }
     }
 
-    /// Linear RGB of a pixel that saw a surface with this normal.
-    #[inline]
-    pub(super) fn light(&self, seen: Seen, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
-        let light = match color_of(self.view, &self.shader, seen) {
-            Some(color) => Shader::lit(color, normal, line.1),
-            None => self.shader.light(normal, line.1),
-        };
-        match self.open.at(self.canvas.width as usize, [x, y]) {
-            Some(open) => light.map(|c| c * (f64::from(open) / 255.0)),
-            None => light,
-        }
-    }
-
     /// Traces the rays of `rows` rows from `top` on; `seen` is filled tile after tile.
     fn trace_band(&self, seen: &mut [Seen], top: usize, rows: usize) -> Counts {
         let start = Instant::now();
@@ -597,144 +546,6 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         Counts { rays: counts.compared, trace: start.elapsed(), ..counts }
     }
 
-    /// Colours the rows of a traced band: `top` and those below it of an image that begins at the picture's row `from`.
-    fn shade_band(&self, seen: &[Seen], image: &mut Image, from: usize, top: usize, rows: usize) -> Duration {
-        let start = Instant::now();
-        let width = self.canvas.width as usize;
-        self.color(seen, &mut image.rgba, [from, top, rows]);
-        if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
-            depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
-                for (pixel, out) in row_of(seen, width, y).zip(row) {
-                    *out = if pixel.is_hit() { depth_code(range, pixel.depth()) } else { 0 };
-                }
-            });
-        }
-        if let Some(ids) = &mut image.ids {
-            ids.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
-                for (pixel, out) in row_of(seen, width, y).zip(row.as_chunks_mut::<3>().0) {
-                    *out = if pixel.is_hit() { id_code(pixel.box_number()) } else { [0; 3] };
-                }
-            });
-        }
-        if let Some(normals) = &mut image.normals {
-            self.fill_normals(seen, normals, [from, top, rows]);
-        }
-        start.elapsed()
-    }
-
-    /// The pixels of a traced band that hit something, tile after tile, with a worker's memory: column and row of the
-    /// tile's corner, the tile's hits, and the bytes of its row of tiles, `N` a pixel.
-    fn each_tile<const N: usize>(
-        &self,
-        seen: &[Seen],
-        out: &mut [u8],
-        [from, top, rows]: [usize; 3],
-        paint: impl Fn(&mut Kept, [usize; 2], &[Seen], &mut [[u8; N]]) + Sync,
-    ) {
-        let width = self.canvas.width as usize;
-        let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
-        let out = out.par_chunks_mut(width * N * TILE).skip(top / TILE).take(rows.div_ceil(TILE));
-        let tiles = out.zip(seen.par_chunks(tile_row)).enumerate();
-        tiles.for_each_init(Kept::new, |kept, (n, (out, seen))| {
-            kept.forget();
-            let (out, _) = out.as_chunks_mut::<N>();
-            for (tile, seen) in seen.chunks(TILE_PIXELS).enumerate() {
-                if seen.iter().any(|pixel| pixel.is_hit()) {
-                    self.watch.tile(tile);
-                    paint(kept, [tile * TILE, from + top + n * TILE], seen, out);
-                }
-            }
-        });
-    }
-
-    /// Colours of the hits of a traced band.
-    fn color(&self, seen: &[Seen], out: &mut [u8], place: [usize; 3]) {
-        let width = self.canvas.width as usize;
-        let has_colors = has_colors(self.view);
-        self.each_tile::<4>(seen, out, place, |kept, corner, seen, out| {
-            let mut lit = Lit::NOTHING;
-            // Towards the eye: no normal in the frame of the boxes is that.
-            let mut to_eye = 0_u64;
-            let mut mixed = 0_u64;
-            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
-                let (x, y) = (corner[0] + at % TILE, corner[1] + at / TILE);
-                // Tiles at the border reach over it; what is there may be of an earlier band.
-                if x >= width {
-                    continue;
-                }
-                let line = || self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-                if self.canvas.lod_edge_log2 > 0
-                    && let Some((light, part)) = self.mixed(&mut kept.around, *pixel, line(), [x, y])
-                {
-                    #[expect(
-                        clippy::cast_possible_truncation,
-                        clippy::cast_sign_loss,
-                        reason = "at most 255"
-                    )]
-                    let alpha = (255.0 * part + 0.5) as u8;
-                    if let (Some(out), true) = (out.get_mut(at / TILE * width + x), alpha > 0) {
-                        let [r, g, b] = light.map(|c| self.shader.encode(c));
-                        *out = [r, g, b, alpha];
-                    }
-                    mixed |= 1 << (at % TILE_PIXELS);
-                    continue;
-                }
-                match self.normal_of(kept, *pixel, line) {
-                    Some(normal) => {
-                        for (out, part) in lit.normals.iter_mut().zip(normal) {
-                            out[at % TILE_PIXELS] = part;
-                        }
-                    }
-                    None => to_eye |= 1 << (at % TILE_PIXELS),
-                }
-                if let Some(open) = self.open.at(width, [x, y]) {
-                    lit.open[at % TILE_PIXELS] = f64::from(open) / 255.0;
-                }
-            }
-            let mut codes = [[0; TILE_PIXELS]; 3];
-            self.form.run(TileLight { sight: &self.sight, corner, lit: &lit, out: &mut codes });
-            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
-                let (x, y) = (corner[0] + at % TILE, at / TILE);
-                if let (true, Some(out)) = (x < width && mixed >> at & 1 == 0, out.get_mut(y * width + x)) {
-                    let faces_eye = to_eye >> at & 1 == 1;
-                    let [r, g, b] = if faces_eye || has_colors {
-                        let line = self.sight.line(x as f64 + 0.5, (corner[1] + y) as f64 + 0.5);
-                        let own = lit.normals.map(|parts| parts[at % TILE_PIXELS]);
-                        let normal =
-                            if faces_eye { towards_eye(line) } else { self.sight.space().normal_to_world(own) };
-                        let light = self.light(*pixel, normal, line, [x, corner[1] + y]);
-                        light.map(|c| self.shader.encode(c))
-                    } else {
-                        [
-                            self.shader.code(codes[0][at]),
-                            self.shader.code(codes[1][at]),
-                            self.shader.code(codes[2][at]),
-                        ]
-                    };
-                    *out = [r, g, b, 255];
-                }
-            }
-        });
-    }
-
-    /// Normals of the hits of a traced band.
-    fn fill_normals(&self, seen: &[Seen], out: &mut [u8], place: [usize; 3]) {
-        let width = self.canvas.width as usize;
-        self.each_tile::<3>(seen, out, place, |kept, corner, seen, out| {
-            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
-                let (x, y) = (corner[0] + at % TILE, at / TILE);
-                if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
-                    let line = self.sight.line(x as f64 + 0.5, (corner[1] + y) as f64 + 0.5);
-                    let normal = match self.normal_of(kept, *pixel, || line) {
-                        Some(normal) => self.sight.space().normal_to_world(normal),
-                        None => towards_eye(line),
-                    };
-                    *out = normal.map(normal_code);
-                }
-            }
-        });
-    }
-
     /// Pixels whose neighbour is on the other side of the silhouette get the mean of four more rays.
     fn smooth_edges(&self, image: &mut Image) -> Counts {
         let start = Instant::now();
@@ -807,27 +618,6 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     #[inline]
     pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> Seen {
         self.normals.seen(trace, || self.sight.line(x, y))
-    }
-
-    /// As [`Normals::in_boxes`]; pixels of one face have one normal, which is found once.
-    #[inline]
-    fn normal_of(&self, kept: &mut Kept, seen: Seen, line: impl Fn() -> Line) -> Option<[f64; 3]> {
-        // Without a face it may depend on the line of sight.
-        if !seen.is_of_face() || self.canvas.blended {
-            return self.normals.in_boxes(&mut kept.around, seen, line);
-        }
-        let key = seen.key();
-        let slot = (key.wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize;
-        match kept.normals.get(slot) {
-            Some((round, known, normal)) if (*round, *known) == (kept.round, key) => Some(*normal),
-            _ => {
-                let normal = self.normals.in_boxes(&mut kept.around, seen, line)?;
-                if let Some(place) = kept.normals.get_mut(slot) {
-                    *place = (kept.round, key, normal);
-                }
-                Some(normal)
-            }
-        }
     }
 }
 

@@ -67,7 +67,6 @@ struct Contents {
 }
 
 /// Is called with the runs of a mesh and how it is placed.
-type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
 
 /// An open file.
 #[derive(Debug)]
