@@ -284,10 +284,17 @@ impl BuildSummary {
     /// A few lines for people.
     pub fn text(&self) -> String {
         let r = &self.report;
-        let range = if r.selection.hi.is_finite() {
-            format!("{}..{}", Short(r.selection.lo), Short(r.selection.hi))
+        let metadata = &self.info.frame.metadata;
+        let range = if !super::info::has_values(metadata) {
+            metadata.source.kind.clone()
+        } else if r.selection.hi.is_finite() {
+            format!("values {}..{}", Short(r.selection.lo), Short(r.selection.hi))
         } else {
-            format!("{} and more ({})", Short(r.selection.lo), super::info::kind_name(r.selection.kind))
+            format!(
+                "values {} and more ({})",
+                Short(r.selection.lo),
+                super::info::kind_name(r.selection.kind)
+            )
         };
         #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
@@ -297,7 +304,7 @@ impl BuildSummary {
         };
         let [x, y, z] = self.info.frame.metadata.dims;
         let mut text = format!(
-            "{}: {} {kept} of {x}x{y}x{z}, values {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
+            "{}: {} {kept} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
             shown(&self.output),
             r.skin_voxels,
             Bytes(r.file_bytes),

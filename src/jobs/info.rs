@@ -11,7 +11,7 @@ use super::wording::foreign::{data, shown};
 use super::wording::{Short, WithError};
 use crate::budget::Bytes;
 use crate::error::Error;
-use crate::format::{Encoding, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
+use crate::format::{Encoding, Metadata, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
 use crate::load::{Frame, LoadError, open_regular};
 use crate::volume::ScalarType;
 
@@ -253,17 +253,11 @@ impl Info {
         let letters = crate::geom::Affine { rows: m.affine }.orientation_letters();
         let [x, y, z] = [x, y, z].map(Short);
         row("spacing", format!("{x} x {y} x {z} mm, axes {letters}"));
-        let s = &m.selection;
-        let range = if s.hi.is_finite() {
-            format!("{} .. {}", Short(s.lo), Short(s.hi))
-        } else {
-            format!(">= {}", Short(s.lo))
-        };
         let (kept, surface) = match frame.surface() {
             SurfaceKind::Skin => ("skin voxels", format!("skin {}-connected", m.connectivity)),
             SurfaceKind::Cells => ("cells", "cells between samples".into()),
         };
-        row("inside", format!("{range} ({}), {surface}", kind_name(s.kind)));
+        row("inside", format!("{}, {surface}", inside(m)));
         row(kept, voxels.to_string());
         row("nodes", frame.header.nodes.to_string());
         for (name, text) in self.measured.iter().flat_map(Measured::rows) {
@@ -380,4 +374,21 @@ fn to_f64(bytes: u64) -> f64 {
 /// Nodes of every depth.
 fn level_nodes(frame: &Frame) -> Vec<u64> {
     frame.levels.windows(2).map(|w| w[1].saturating_sub(w[0])).collect()
+}
+
+/// Was a model made of values? Solids have none.
+pub(super) fn has_values(m: &Metadata) -> bool {
+    !matches!(m.source.format.as_str(), "mesh" | "csg")
+}
+
+/// What is inside a model, in words.
+fn inside(m: &Metadata) -> String {
+    let s = &m.selection;
+    if !has_values(m) {
+        format!("a {}", m.source.kind)
+    } else if s.hi.is_finite() {
+        format!("{} .. {} ({})", Short(s.lo), Short(s.hi), kind_name(s.kind))
+    } else {
+        format!(">= {} ({})", Short(s.lo), kind_name(s.kind))
+    }
 }

@@ -27,8 +27,9 @@
 //! | `solid` | all of it as a solid of the builder |
 //!
 //! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one
-//! for the bins, and one or two more where a mesh is open. Temporary disk: some 40 bytes a triangle, 36 more for
-//! every triangle and vertex of formats of text, and about the size of the model.
+//! for the bins, and one or two more where a mesh is open. Temporary disk: some 32 bytes a triangle of up to eight
+//! voxels (more for longer ones, in every bin that they meet), 36 more for every triangle and vertex of formats of
+//! text, and about the size of the model.
 
 mod bins;
 mod boundary;

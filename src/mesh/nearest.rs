@@ -104,8 +104,8 @@ impl Facet {
         if normal_squared == 0.0 {
             return None;
         }
-        let low = std::array::from_fn(|k| a[k].min(b[k]).min(c[k]));
-        let high = std::array::from_fn(|k| a[k].max(b[k]).max(c[k]));
+        let low = std::array::from_fn(|k| f64::from(t[k].min(t[k + 3]).min(t[k + 6])));
+        let high = std::array::from_fn(|k| f64::from(t[k].max(t[k + 3]).max(t[k + 6])));
         let (abab, abac, acac) = (dot(ab, ab), dot(ab, ac), dot(ac, ac));
         Some(Self { a, ab, ac, normal, normal_squared, abab, abac, acac, low, high, corners: *t })
     }
@@ -113,7 +113,9 @@ impl Facet {
     /// At most the squared distance of a point.
     #[inline]
     pub(super) fn box_distance(&self, p: [f64; 3]) -> f64 {
-        let beyond = |k: usize| (self.low[k] - p[k]).max(p[k] - self.high[k]).max(0.0);
+        // `f64::max` would look for NaN as well.
+        let larger = |a: f64, b: f64| if a > b { a } else { b };
+        let beyond = |k: usize| larger(larger(self.low[k] - p[k], p[k] - self.high[k]), 0.0);
         let d = [beyond(0), beyond(1), beyond(2)];
         dot(d, d)
     }

@@ -4,8 +4,8 @@
     reason = "slices are within a bin, numbers of triangles below 2^32"
 )]
 
-use super::bins::BEYOND;
-use super::lattice::{Triangle, centres};
+use super::bins::{BEYOND, Held, Record, held, unpacked, ways};
+use super::lattice::{Triangle, centres, first_centre, last_centre};
 
 /// Slices of a triangle, from the first of the run, and bricks along x that it is within a voxel of.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +30,6 @@ pub(super) struct Resident {
     triangles: Vec<Triangle>,
     /// Slices between whose centres each lies, from the first of the run.
     slices: Vec<Slices>,
-    /// Where each belongs while they are put into order.
-    order: Vec<u32>,
     base: i32,
     x0: i32,
     /// Of the slice whose rows were crossed last.
@@ -78,7 +76,7 @@ impl Live {
 impl Resident {
     /// Memory of one with room for so many triangles.
     pub(super) fn bytes(most: usize, bricks: usize) -> u64 {
-        let each = size_of::<Triangle>() + size_of::<Slices>() + 5 * size_of::<u32>();
+        let each = size_of::<Triangle>() + size_of::<Slices>() + 4 * size_of::<u32>();
         (most * each + (bricks + 3) * size_of::<u32>()) as u64
     }
 
@@ -87,7 +85,6 @@ impl Resident {
             most,
             triangles: Vec::with_capacity(most),
             slices: Vec::with_capacity(most),
-            order: Vec::with_capacity(most),
             base: 0,
             x0: 0,
             crossed: Live::new(0, most),
@@ -103,34 +100,45 @@ impl Resident {
         self.x0 = x0;
         self.triangles.clear();
         self.slices.clear();
-        self.order.clear();
         self.crossed.restart();
         self.near.restart();
     }
 
     /// Takes those triangles that bear upon slices `first..end`; `false` where there is no room.
-    pub(super) fn take(&mut self, block: &[Triangle], first: i32, end: i32) -> bool {
-        for t in block {
-            let (low, high) = centres(t, 2);
-            if low > end - 1 + BEYOND || high < first - BEYOND {
-                continue;
+    pub(super) fn take(&mut self, block: &[Record], first: i32, end: i32) -> bool {
+        let near = |low: i32, high: i32| low < end + BEYOND && high >= first - BEYOND;
+        held(block).all(|t| match t {
+            Held::Short(record) => {
+                let [a, b] = ways(record, 2);
+                let low = first_centre(record[2] + a.min(b).min(0));
+                let high = last_centre(record[2] + a.max(b).max(0));
+                !near(low, high) || self.keep(&unpacked(record), low, high)
             }
-            if self.triangles.len() == self.most {
-                return false;
+            Held::Long(t) => {
+                let (low, high) = centres(&t, 2);
+                !near(low, high) || self.keep(&t, low, high)
             }
-            self.triangles.push(*t);
-            let within = |at: i32| (at - self.base).clamp(-FAR, FAR) as i8;
-            let (left, right) = centres(t, 0);
-            let (from, to) = ((left - 1 - self.x0) >> 5, (right + 1 - self.x0) >> 5);
-            let bricks = self.starts.len() as i32 - 3;
-            let (from, to, away) = (from.max(0), to.min(bricks - 1), to < 0 || from >= bricks);
-            let brick = match to - from {
-                _ if away => AWAY,
-                0 | 1 => from as u16,
-                _ => WIDE,
-            };
-            self.slices.push(Slices { first: within(low), last: within(high), brick, next: to > from });
+        })
+    }
+
+    /// Takes a triangle between slices `low..=high`; `false` where there is no room.
+    #[inline]
+    fn keep(&mut self, t: &Triangle, low: i32, high: i32) -> bool {
+        if self.triangles.len() == self.most {
+            return false;
         }
+        self.triangles.push(*t);
+        let within = |at: i32| (at - self.base).clamp(-FAR, FAR) as i8;
+        let (left, right) = centres(t, 0);
+        let (from, to) = ((left - 1 - self.x0) >> 5, (right + 1 - self.x0) >> 5);
+        let bricks = self.starts.len() as i32 - 3;
+        let (from, to, away) = (from.max(0), to.min(bricks - 1), to < 0 || from >= bricks);
+        let brick = match to - from {
+            _ if away => AWAY,
+            0 | 1 => from as u16,
+            _ => WIDE,
+        };
+        self.slices.push(Slices { first: within(low), last: within(high), brick, next: to > from });
         true
     }
 
@@ -144,18 +152,20 @@ impl Resident {
         for at in 1..starts.len() {
             starts[at] += starts[at - 1];
         }
-        self.order.clear();
+        // The list by bricks is made anew for every slice; until then it tells where each belongs.
+        let order = &mut self.by_brick;
+        order.clear();
         for s in &self.slices {
             let to = &mut starts[place(s)];
-            self.order.push(*to);
+            order.push(*to);
             *to += 1;
         }
-        for at in 0..self.order.len() {
-            while self.order[at] as usize != at {
-                let to = self.order[at] as usize;
+        for at in 0..order.len() {
+            while order[at] as usize != at {
+                let to = order[at] as usize;
                 self.triangles.swap(at, to);
                 self.slices.swap(at, to);
-                self.order.swap(at, to);
+                order.swap(at, to);
             }
         }
     }

@@ -15,7 +15,7 @@
 
 use std::path::PathBuf;
 
-use super::bins::{BEYOND, Bins, BlockBuffers};
+use super::bins::{BEYOND, Bins, BlockBuffers, held};
 use super::lattice::{Grid, HALF, STEPS, Triangle, centres, first_centre, last_centre, span};
 use super::nearest::{Facet, Nearest};
 use super::paint::{Paint, Painter};
@@ -210,10 +210,10 @@ impl MeshWorker<'_> {
         };
         if self.streamed {
             solid.bins.for_each_block(column.y.start, self.run.0 as u32, buffers, &mut |block| {
-                for t in block {
-                    let (low, high) = centres(t, 2);
+                for t in held(block).map(|t| t.triangle()) {
+                    let (low, high) = centres(&t, 2);
                     if low <= slice && slice <= high {
-                        each(t);
+                        each(&t);
                     }
                 }
                 true
@@ -233,7 +233,7 @@ impl MeshWorker<'_> {
         let mut each = |t: &Triangle| offer_triangle(t, [x0, y0, z], wanted, reach, nearest);
         if self.streamed {
             return solid.bins.for_each_block(column.y.start, self.run.0 as u32, buffers, &mut |block| {
-                block.iter().for_each(&mut each);
+                held(block).for_each(|t| each(&t.triangle()));
                 true
             });
         }

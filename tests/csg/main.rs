@@ -511,6 +511,12 @@ fn prisms_and_polyhedra_are_what_their_faces_enclose() {
     };
     let got = skins(frame);
     assert_eq!(got, skins(parts));
+    // As people write it, without braces around one module.
+    let bare = parts
+        .replace("3) { difference", "3) difference")
+        .replace("]]) { square(size = [6, 5]); } } }", "]]) square(size = [6, 5]); }");
+    assert_ne!(bare.len(), parts.len());
+    assert_eq!(got, skins(&bare));
     let side =
         |p: [f64; 2], a: [f64; 2], b: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
     let want = skin(

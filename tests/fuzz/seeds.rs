@@ -159,4 +159,15 @@ fn bodies(all: &mut Seeds) {
         all.push(("gltf", gltf(&body)));
         all.push(("threemf", threemf(&body)));
     }
+    for text in TREES {
+        all.push(("csg", text.as_bytes().to_vec()));
+    }
 }
+
+/// Trees of solids that together have every operation and most shapes.
+const TREES: [&str; 3] = [
+    "difference() { cube(size = [9, 8, 7], center = true); sphere($fn = 0, $fa = 12, $fs = 2, r = 3.5);\n\
+     multmatrix([[0.8, 0, 0.6, 1], [0, 1, 0, 2], [-0.6, 0, 0.8, 0], [0, 0, 0, 1]]) cylinder(h = 9, r1 = 2, r2 = 1); }",
+    "union() { torus(major = 5, minor = 2); linear_extrude(height = 4) polygon(points = [[0, 0], [6, 0], [0, 5]]); }",
+    "intersection() { ellipsoid(radii = [5, 4, 3]); halfspace(normal = [0, 1, 1], offset = 1); }",
+];

@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use infobyte::budget::{Budget, MemoryCap};
 use infobyte::builder::{BuildOptions, Silent, Threshold, build_volume};
 use infobyte::catalogue::Catalogue;
+use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
 use infobyte::export::ExportForm;
 use infobyte::format::{ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
 use infobyte::geom::{Dims, VoxelIndex};
@@ -58,7 +59,7 @@ macro_rules! targets {
     ($($name:ident: $run:expr),* $(,)?) => { [$(Target { name: stringify!($name), run: $run }),*] };
 }
 
-pub(crate) const TARGETS: [Target; 21] = targets! {
+pub(crate) const TARGETS: [Target; 22] = targets! {
     oct: |bytes| model(bytes),
     packed: |bytes| archive(bytes),
     dicom: |bytes| volume("case.dcm", bytes, MOST_BUILT),
@@ -80,6 +81,7 @@ pub(crate) const TARGETS: [Target; 21] = targets! {
     glb: |bytes| mesh("case.glb", bytes),
     gltf: |bytes| mesh("case.gltf", bytes),
     threemf: |bytes| mesh("case.3mf", bytes),
+    csg: |bytes| solids(bytes),
 };
 
 /// A folder in memory, if the system has one.
@@ -165,6 +167,28 @@ fn mesh(name: &str, bytes: &[u8]) -> bool {
     };
     let output = folder().join("mesh.oct");
     match build_mesh(&[path], &how, &options(), &output, &Silent) {
+        Ok(_) => {
+            verify(&fs::File::open(&output).unwrap()).expect("what is built is sound");
+            true
+        }
+        Err(refused) => told(&refused.to_string()),
+    }
+}
+
+/// Reads a tree of solids, and builds it if it names no file.
+fn solids(bytes: &[u8]) -> bool {
+    let path = put("case.csg", bytes);
+    let (tree, root) = match read_tree(&path, options().memory) {
+        Ok(read) => read,
+        Err(refused) => return told(&refused.to_string()),
+    };
+    if tree.files().next().is_some() {
+        return true;
+    }
+    let how = CsgOptions { grid: Some(GridChoice::Side { voxels: 12, margin: 1 }), unit_mm: 1.0 };
+    let input = CsgInput { tree, root, name: path, volumes: Vec::new() };
+    let output = folder().join("csg.oct");
+    match build_csg(input, &how, &options(), &output, &Silent) {
         Ok(_) => {
             verify(&fs::File::open(&output).unwrap()).expect("what is built is sound");
             true

@@ -20,6 +20,8 @@ struct Open {
     line: u64,
     /// Is it left out, with all that is in it?
     left_out: bool,
+    /// Has it no braces, but the one module that follows?
+    single: bool,
 }
 
 struct Parser<'a> {
@@ -29,6 +31,8 @@ struct Parser<'a> {
     open: Vec<Open>,
     /// Nodes that wait for their block to be closed.
     waiting: Vec<NodeId>,
+    /// What was read too far: the beginning of a module.
+    pending: Option<Token>,
 }
 
 /// Reads a text; files that it names lie in `folder`.
@@ -45,8 +49,9 @@ pub(in crate::csg) fn parse(
         lexer: Lexer::new(input),
         folder,
         tree: Tree::new(),
-        open: vec![Open { block: top, first: 0, extruded: None, line: 1, left_out: false }],
+        open: vec![Open { block: top, first: 0, extruded: None, line: 1, left_out: false, single: false }],
         waiting: Vec::new(),
+        pending: None,
     };
     while parser.step()? {
         let bytes = parser.bytes();
@@ -66,7 +71,10 @@ impl Parser<'_> {
 
     /// Reads a module or the end of a block; `false` at the end of the text.
     fn step(&mut self) -> Result<bool, Stop> {
-        let token = self.lexer.next()?;
+        let token = match self.pending.take() {
+            Some(token) => token,
+            None => self.lexer.next()?,
+        };
         let expected =
             |parser: &Self, what| Stop::from(CsgFault::Expected { line: parser.lexer.line(), what });
         match token {
@@ -106,7 +114,10 @@ impl Parser<'_> {
                 }
                 // A leaf has no children; should there be any, they count for nothing.
                 return match self.lexer.next()? {
-                    Token::Sign(b';') => Ok(()),
+                    Token::Sign(b';') => {
+                        self.close_singles();
+                        Ok(())
+                    }
                     Token::Sign(b'{') => {
                         self.begin(union, extruded, line, true);
                         Ok(())
@@ -118,22 +129,43 @@ impl Parser<'_> {
             Meaning::Extruded(z) => (union, Some(z)),
         };
         let token = self.lexer.next()?;
-        if !matches!(token, Token::Sign(b';' | b'{')) {
-            return Err(expected(self.lexer.line(), CsgToken::End));
-        }
-        self.begin(block, extruded, line, left_out);
-        if token == Token::Sign(b';') {
-            self.close();
+        match token {
+            Token::Sign(b'{') => self.begin(block, extruded, line, left_out),
+            Token::Sign(b';') => {
+                self.begin(block, extruded, line, left_out);
+                self.close();
+            }
+            // As people write it: a module that follows at once is the only child.
+            Token::Name(_) | Token::Sign(b'#' | b'%' | b'*') => {
+                self.begin(block, extruded, line, left_out);
+                if let Some(open) = self.open.last_mut() {
+                    open.single = true;
+                }
+                self.pending = Some(token);
+            }
+            _ => return Err(expected(self.lexer.line(), CsgToken::End)),
         }
         Ok(())
     }
 
     fn begin(&mut self, block: Block, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
-        self.open.push(Open { block, first: self.waiting.len(), extruded, line, left_out });
+        self.open.push(Open { block, first: self.waiting.len(), extruded, line, left_out, single: false });
+    }
+
+    /// Closes the block that was opened last, and those whose only child it is.
+    fn close(&mut self) {
+        self.close_last();
+        self.close_singles();
+    }
+
+    fn close_singles(&mut self) {
+        while self.open.last().is_some_and(|open| open.single) {
+            self.close_last();
+        }
     }
 
     /// Makes a node of the children of the block that was opened last.
-    fn close(&mut self) {
+    fn close_last(&mut self) {
         let Some(block) = self.open.pop().filter(|block| !block.left_out) else { return };
         let children = &self.waiting[block.first..];
         let operation = match block.block {

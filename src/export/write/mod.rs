@@ -2,6 +2,7 @@
 //!
 //! Where a format wants counts first, or all corners before all triangles, the rest waits in a nameless file.
 
+mod digits;
 mod glb;
 mod obj;
 mod ply;
