@@ -1,6 +1,8 @@
 //! Colours, textures, parts and smooth normals of meshes: the same from every format, at any budget, and true at the
 //! nearest point of the surface.
 
+#![allow(clippy::cast_possible_truncation, reason = "small numbers")]
+
 #[path = "support/containers.rs"]
 mod containers;
 #[path = "support/meshes.rs"]
@@ -60,7 +62,7 @@ fn voxels(bytes: &[u8]) -> Vec<Voxel> {
     while let Some((at, corner, edge)) = left.pop() {
         if at.get() < model.node_count() {
             for octant in Octant::ALL {
-                let o = u32::from(octant.get());
+                let o = octant.get();
                 let half = [
                     corner[0] + (o & 1) * edge / 2,
                     corner[1] + (o >> 1 & 1) * edge / 2,
@@ -172,7 +174,7 @@ fn a_texture_stands_upright_whichever_way_its_format_counts() {
     let obj = put(folder.path(), "a.obj", textured_obj(&body).as_bytes());
     let obj = build(&[obj], channels, 1, 8).unwrap();
     let glb = put(folder.path(), "b.glb", &textured_glb(&body, &image()));
-    assert!(build(&[glb.clone()], channels, 1, 8).unwrap() == obj, "glTF and OBJ");
+    assert!(build(std::slice::from_ref(&glb), channels, 1, 8).unwrap() == obj, "glTF and OBJ");
     assert!(build(&[glb], channels, 2, 256).unwrap() == obj, "at another budget");
     let mut seen = 0;
     for voxel in voxels(&obj) {
@@ -336,22 +338,24 @@ fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
     let obj = put(folder.path(), "a.obj", textured_obj(&body).as_bytes());
     let asked = Channels::default().with(Channel::Color);
     // Neither the materials nor their image are handed on with many files.
-    assert!(voxels(&build(&[obj.clone()], asked, 1, 8).unwrap()).iter().all(|v| v.color.is_none()));
+    assert!(
+        voxels(&build(std::slice::from_ref(&obj), asked, 1, 8).unwrap()).iter().all(|v| v.color.is_none())
+    );
     put(folder.path(), "looks.mtl", b"newmtl the look\nKd 1 0 0\nmap_Kd none.png\n");
-    let red = build(&[obj.clone()], asked, 1, 8).unwrap();
+    let red = build(std::slice::from_ref(&obj), asked, 1, 8).unwrap();
     assert!(voxels(&red).iter().all(|v| v.color == Some([255, 0, 0])));
     // Damaged anywhere: refused in a sentence, or built.
     put(folder.path(), "looks.mtl", b"newmtl the look\nmap_Kd i.png\n");
     let whole = image();
     for cut in (0..whole.len()).step_by(7) {
         put(folder.path(), "i.png", &whole[..cut]);
-        if let Err(told) = build(&[obj.clone()], asked, 1, 8) {
+        if let Err(told) = build(std::slice::from_ref(&obj), asked, 1, 8) {
             assert!(told.contains("i.png") && told.contains("--channels normal"), "{told}");
         }
         let mut changed = whole.clone();
         changed[cut] ^= 0x5a;
         put(folder.path(), "i.png", &changed);
-        let _either = build(&[obj.clone()], asked, 1, 8);
+        let _either = build(std::slice::from_ref(&obj), asked, 1, 8);
     }
     // An image that its bytes do not justify.
     let mut huge = whole.clone();
@@ -360,7 +364,7 @@ fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
     sum.update(&huge[12..29]);
     huge[29..33].copy_from_slice(&sum.sum().to_be_bytes());
     put(folder.path(), "i.png", &huge);
-    let told = build(&[obj.clone()], asked, 1, 8).unwrap_err();
+    let told = build(std::slice::from_ref(&obj), asked, 1, 8).unwrap_err();
     assert!(told.contains("32767 x 32767"), "{told}");
     put(folder.path(), "i.png", b"GIF89a, which is not read");
     assert!(build(&[obj], asked, 1, 8).unwrap_err().contains("PNG or JPEG"));
