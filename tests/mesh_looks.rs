@@ -1,7 +1,7 @@
 //! Colours, textures, parts and smooth normals of meshes: the same from every format, at any budget, and true at the
 //! nearest point of the surface.
 
-#![allow(clippy::cast_possible_truncation, reason = "coordinates of small bodies")]
+#![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
 #[path = "support/containers.rs"]
 mod containers;

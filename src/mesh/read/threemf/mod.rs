@@ -66,8 +66,6 @@ struct Contents {
     materials: Vec<Material>,
 }
 
-/// Is called with the runs of a mesh and how it is placed.
-
 /// An open file.
 #[derive(Debug)]
 pub(super) struct ThreeMf {
