@@ -13,11 +13,13 @@
 //! | `gltf` | glTF, binary and text |
 //! | `threemf`, `zip`, `xml` | 3MF, its archive and its text |
 //! | `beside`, `look` | files that a mesh names; colours and textures |
+//! | `limits` | what a reader may take and is asked for |
 //! | `vertices`, `vertex_looks` | vertices, and what they carry, by number |
 //! | `stop` | what stops a reader |
 
 mod beside;
 mod gltf;
+mod limits;
 mod look;
 mod obj;
 mod ply;
@@ -35,6 +37,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use crate::facts::{Fault, MeshFault, SourceError};
+pub(super) use limits::Limits;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 use stop::{Each, EachLook, Stop};
 
@@ -120,30 +123,6 @@ pub(crate) fn check(path: &Path, follow_links: bool) -> Result<(), SourceError> 
         }
     };
     look().map_err(|stop| told(path, path, stop))
-}
-
-/// Within what a mesh is read.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Limits<'a> {
-    /// Folder of nameless files.
-    pub(super) scratch: &'a Path,
-    /// Memory for what a file says of its parts, beside [`READER_BYTES`].
-    pub(super) most_bytes: u64,
-    /// May links lead from a file that a mesh names out of its folder?
-    pub(super) follow_links: bool,
-    /// Is what vertices carry wanted, and are colours and textures?
-    pub(super) looks: bool,
-    pub(super) colors: bool,
-    /// Millimetres of a unit that callers take the coordinates to be in: where a file states its unit, its
-    /// coordinates are brought to that.
-    pub(super) unit_mm: f64,
-}
-
-impl<'a> Limits<'a> {
-    /// Shapes in millimetres, and a few MiB.
-    pub(super) fn plain(scratch: &'a Path) -> Self {
-        Self { scratch, most_bytes: 4 << 20, follow_links: false, looks: false, colors: false, unit_mm: 1.0 }
-    }
 }
 
 /// An open mesh.

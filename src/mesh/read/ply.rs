@@ -2,7 +2,7 @@
 
 use std::fs::File;
 
-use super::Limits;
+use super::limits::Limits;
 use super::stop::{Each, EachLook, Stop};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan};

@@ -5,8 +5,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::super::Limits;
 use super::super::beside::{open_beside, unescaped};
+use super::super::limits::Limits;
 use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::stream::Stream;

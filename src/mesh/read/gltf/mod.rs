@@ -18,7 +18,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Limits;
+use super::limits::Limits;
 use super::look::{Look, Material, NO_MATERIAL};
 use super::stop::{EachLook, Stop};
 use super::stream::Stream;

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::super::Limits;
 use super::super::beside::open_beside;
+use super::super::limits::Limits;
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
 use super::super::stop::Stop;
 use super::super::stream::{Token, Words};

@@ -7,7 +7,7 @@ mod materials;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::Limits;
+use super::limits::Limits;
 use super::look::{Look, Material, NO_MATERIAL};
 use super::stop::{Each, EachLook, Stop};
 use super::stream::{Stream, Token, Words};

@@ -16,8 +16,8 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
-use super::Limits;
 use super::gltf::{MOST_TRIANGLES, MOST_TRIANGLES_PER_BYTE};
+use super::limits::Limits;
 use super::look::{Look, Material, NO_MATERIAL};
 use super::stop::{EachLook, Stop};
 use super::stream::Stream;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::sync::Arc;
 
-use super::super::Limits;
+use super::super::limits::Limits;
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap, linear};
 use super::super::stop::Stop;
 use super::super::vertices::Spool;
