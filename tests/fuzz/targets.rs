@@ -61,11 +61,7 @@ macro_rules! targets {
     ($($name:ident: $run:expr),* $(,)?) => { [$(Target { name: stringify!($name), run: $run }),*] };
 }
 
-<<<<<<< HEAD
 pub(crate) const TARGETS: [Target; 23] = targets! {
-=======
-pub(crate) const TARGETS: [Target; 22] = targets! {
->>>>>>> s17-paint-solid
     oct: |bytes| model(bytes),
     packed: |bytes| archive(bytes),
     dicom: |bytes| volume("case.dcm", bytes, MOST_BUILT),
@@ -84,18 +80,11 @@ pub(crate) const TARGETS: [Target; 22] = targets! {
     ply: |bytes| mesh("case.ply", bytes),
     obj: |bytes| mesh("case.obj", bytes),
     off: |bytes| mesh("case.off", bytes),
-<<<<<<< HEAD
     csg: |bytes| solids(bytes),
     glb: |bytes| mesh("case.glb", bytes),
     gltf: |bytes| mesh("case.gltf", bytes),
     threemf: |bytes| mesh("case.3mf", bytes),
     scene: |bytes| scene(bytes),
-=======
-    glb: |bytes| mesh("case.glb", bytes),
-    gltf: |bytes| mesh("case.gltf", bytes),
-    threemf: |bytes| mesh("case.3mf", bytes),
-    csg: |bytes| solids(bytes),
->>>>>>> s17-paint-solid
 };
 
 /// A folder in memory, if the system has one.
