@@ -169,6 +169,10 @@ fn bad_scenes_are_refused_with_the_key_and_the_cure() {
         (format!("{model}[material.a]\npreset = \"gold\"\n"), &["[material.a], preset", "gold"]),
         (format!("{model}[material.a]\nindex = 0\n"), &["[material.a], index"]),
         (format!("{model}[material.a]\nchannel = \"value\"\n"), &["[material.a], channel", "colors"]),
+        (
+            format!("{model}[material.a]\nchannel = \"material\"\ncolors = [[1.5, \"#ffffff\"]]\n"),
+            &["[material.a], colors", "1.5 is not a label"],
+        ),
         (format!("{model}[material.a]\ncolors = [[1, \"#ffffff\"]]\n"), &["[material.a], colors", "channel"]),
         (
             format!("{model}[material.a]\npreset = \"ct\"\ncolors = [[1, \"#ffffff\"], [1, \"#000000\"]]\n"),

@@ -141,6 +141,13 @@ pub enum SceneFault {
         /// Which.
         key: Key,
     },
+    /// A label that is not a whole number.
+    Label {
+        /// Which.
+        key: Key,
+        /// The number.
+        value: f64,
+    },
     /// Values that do not rise, or lack.
     Order {
         /// Which.

@@ -168,6 +168,9 @@ fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, SceneFault> {
         (Some(ChannelName::Material), Some(given)) => {
             let label = |(number, color): (f64, [f64; 3])| {
                 let number = on.number("colors", number, [0.0, 255.0])?;
+                if number.fract() != 0.0 {
+                    return Err(SceneFault::Label { key: on.key("colors"), value: number });
+                }
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
                 Ok((number as u8, color))
             };

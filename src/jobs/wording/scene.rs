@@ -85,6 +85,9 @@ impl fmt::Display for SceneFault {
                     "{key}: holds nothing; write the low corner first, as in [[-50, -50, 0], [50, 50, 90]]"
                 )
             }
+            Self::Label { key, value } => {
+                write!(f, "{key}: {value} is not a label; labels are whole numbers from 0 to 255")
+            }
             Self::Order { key } => write!(
                 f,
                 "{key}: needs numbers that rise, each with its colour, as in [[-100, \"#e2b484\"], [400, \"#f0e8d8\"]]"
