@@ -184,7 +184,12 @@ fn wrong_usage_is_one_sentence_and_exit_code_2() {
         (&["--memory", "lots"], &["lots", "for example 8MiB"]),
         (&["--memory", "0"], &["'0'"]),
         (&["--channels", "smell"], &["smell", "choose from"]),
-        (&["--channels", "color"], &["color", "choose from"]),
+        (&["--channels", "colour"], &["colour", "choose from"]),
+        // Meshes have colours, volumes do not.
+        (
+            &["--dims", "4x5x6", "--dtype", "u16", "--iso", "1", "--channels", "color"],
+            &["color", "leave it out"],
+        ),
         (&["--connectivity", "18"], &["18", "26 or 6"]),
         (&["--lod", "maybe"], &["maybe", "on, off"]),
         (&["--colour"], &["--colour"]),
