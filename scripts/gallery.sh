@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # The paper's figures 6 to 11 in our terms, each from nothing but this script: pictures into a folder.
 # usage: scripts/gallery.sh DIR [MESH]     MESH in the place of figure 6's coloured cube; some seconds on 2 cores
-# OCT names the program; else the release build of this folder is made and taken.
+# OCT names the program; else the release build of this folder is made and taken. SIDE is that of a picture, 640 pixels.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 
 [[ $# -ge 1 && $# -le 2 ]] || { sed -n '2,4s/^# //p' "$0" >&2; exit 2; }
 out=$1
+side=${SIDE:-640}
 mesh=${2:+$(realpath "$2")}
 oct=${OCT:-}
 if [[ -z $oct ]]; then
@@ -33,7 +34,7 @@ with open(sys.argv[1], "w") as f:
 PY
 fi
 "$oct" build "$mesh" -o polygons.oct --grid 1024 --memory 8MiB --quiet
-"$oct" render polygons.oct -o figure-06-polygons.png --view iso --size 640x640 >/dev/null
+"$oct" render polygons.oct -o figure-06-polygons.png --view iso --size "${side}x$side" >/dev/null
 
 # Figure 7: operations on solids at 256^3.
 cat >solids.csg <<'CSG'
@@ -48,15 +49,15 @@ difference() {
 }
 CSG
 "$oct" build solids.csg -o solids.oct --grid 256 --memory 8MiB --quiet
-"$oct" render solids.oct -o figure-07-solids.png --view iso --size 640x640 >/dev/null
+"$oct" render solids.oct -o figure-07-solids.png --view iso --size "${side}x$side" >/dev/null
 
 # Figures 8 to 10: a scanned head, its skin and its skull, and both with a piece cut away.
 "$oct" build synthetic:head@256 -o skin.oct --iso=-400 --surface cells --quiet
 "$oct" build synthetic:head@256 -o skull.oct --iso 400 --surface cells --quiet
-"$oct" render skin.oct -o figure-08-skin.png --view iso --size 640x640 >/dev/null
-"$oct" render skull.oct -o figure-09-skull.png --view iso --size 640x640 --shading ao >/dev/null
-cat >cut.toml <<'TOML'
-size = [640, 640]
+"$oct" render skin.oct -o figure-08-skin.png --view iso --size "${side}x$side" >/dev/null
+"$oct" render skull.oct -o figure-09-skull.png --view iso --size "${side}x$side" --shading ao >/dev/null
+cat >cut.toml <<TOML
+size = [$side, $side]
 samples = 2
 [camera]
 view = "iso"
@@ -89,8 +90,8 @@ CSG
 for body in ring ball floor; do
     "$oct" build "$body.csg" -o "$body.oct" --grid 256 --memory 8MiB --quiet
 done
-cat >scene.toml <<'TOML'
-size = [960, 640]
+cat >scene.toml <<TOML
+size = [$side, $side]
 background = "#8aa4b8"
 samples = 2
 [camera]
