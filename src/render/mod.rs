@@ -24,7 +24,8 @@
 //! | `leave` | rays that start at a surface, beyond the box that was hit |
 //! | `ambient` | how open a point's surroundings are: hollows turn dark |
 //! | `shown` | what a ray saw, and its normal; `facing`, `around`: normals that the skin around a hit contradicts |
-//! | [`shade`], [`picture`], [`image`] | colours, pixels, files |
+//! | [`shade`], [`picture`], `band`, [`image`] | light, the way from camera to pixels, the pixels of a band of rows, files |
+//! | `colors` | the colour of what was hit, where the model has colours |
 //! | `annotate`, `font` | a scale bar, the patient's sides, letters |
 
 pub(crate) mod ambient;
