@@ -200,7 +200,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         });
     }
 
-    /// As [`Normals::in_boxes`]; pixels of one face have one normal, which is found once.
+    /// As `Normals::in_boxes`; pixels of one face have one normal, which is found once.
     #[inline]
     fn normal_of(&self, kept: &mut Kept, seen: Seen, line: impl Fn() -> Line) -> Option<[f64; 3]> {
         // Without a face it may depend on the line of sight.
