@@ -34,8 +34,6 @@ impl Ball {
 }
 
 impl Solid for Ball {
-    type Worker<'a> = BallWorker<'a>;
-
     fn dims(&self) -> Dims {
         self.dims
     }
@@ -56,8 +54,8 @@ impl Solid for Ball {
         3 * SkinSlice::MOST as u64
     }
 
-    fn worker(&self, _: &Tile) -> BallWorker<'_> {
-        BallWorker { ball: self, normals: Vec::new(), offsets: Vec::new() }
+    fn worker(&self, _: &Tile) -> Box<dyn SolidWorker + '_> {
+        Box::new(BallWorker { ball: self, normals: Vec::new(), offsets: Vec::new() })
     }
 }
 

@@ -29,8 +29,8 @@ use crate::format::cell::HAS_CORNERS;
 const BRICK_ROWS: usize = BRICK as usize;
 
 /// What all workers share.
-pub(super) struct ScanContext<'a, S> {
-    pub(super) solid: &'a S,
+pub(super) struct ScanContext<'a> {
+    pub(super) solid: &'a dyn Solid,
     /// The channels to be stored.
     pub(super) channels: &'a [ChannelForm],
     pub(super) kept: Kept,
@@ -141,10 +141,10 @@ impl SlabCover {
 }
 
 /// One worker: buffers for one column at a time, reused for the next.
-pub(super) struct ColumnWorker<'a, S: Solid + 'a> {
-    shared: &'a ScanContext<'a, S>,
+pub(super) struct ColumnWorker<'a> {
+    shared: &'a ScanContext<'a>,
     dims: [u32; 3],
-    solid: S::Worker<'a>,
+    solid: Box<dyn SolidWorker + 'a>,
     /// Of the slab at hand and the one that is being read.
     covers: [SlabCover; 2],
     bits: Vec<u64>,
@@ -167,8 +167,8 @@ fn words_across(column: &VoxelBox) -> usize {
     column.x.len().div_ceil(64)
 }
 
-impl<'a, S: Solid> ColumnWorker<'a, S> {
-    pub(super) fn new(shared: &'a ScanContext<'a, S>) -> Self {
+impl<'a> ColumnWorker<'a> {
+    pub(super) fn new(shared: &'a ScanContext<'a>) -> Self {
         let plan = shared.plan;
         let words = plan.tile_words();
         Self {

@@ -31,8 +31,8 @@ use crate::geom::{Affine, Dims};
 ///
 /// # Panics
 /// If a worker of the solid does not give one item for every skin voxel.
-pub fn build_solid<S: Solid>(
-    solid: &S,
+pub fn build_solid(
+    solid: &dyn Solid,
     options: &BuildOptions,
     output: &Path,
     progress: &dyn Progress,
@@ -96,7 +96,7 @@ impl Job<'_> {
         })
     }
 
-    pub(super) fn run<S: Solid>(&self, files: Files, solid: &S) -> Result<BuildReport, BuildError> {
+    pub(super) fn run(&self, files: Files, solid: &dyn Solid) -> Result<BuildReport, BuildError> {
         let (plan, mut forms) = self.plan_solid(solid)?;
         let mut seconds = StageSeconds::default();
         let Files { atomic, scratch } = files;
@@ -162,7 +162,7 @@ impl Job<'_> {
         })
     }
 
-    fn plan_solid<S: Solid>(&self, solid: &S) -> Result<(ColumnPlan, Vec<ChannelForm>), BuildError> {
+    fn plan_solid(&self, solid: &dyn Solid) -> Result<(ColumnPlan, Vec<ChannelForm>), BuildError> {
         let name = solid.name();
         let channels = channel_forms(self.options, &name, |channel, found| solid.form(channel, found))?;
         let request = PlanRequest {
@@ -193,7 +193,7 @@ impl Job<'_> {
     }
 
     /// A part of what is reserved for the workers, for one of them or for a stage that works alone.
-    fn part<S: Solid>(&self, solid: &S, plan: &ColumnPlan, bytes: u64) -> Result<Reservation, BuildError> {
+    fn part(&self, solid: &dyn Solid, plan: &ColumnPlan, bytes: u64) -> Result<Reservation, BuildError> {
         let limit_bytes = self.options.memory.bytes();
         plan.memory.reserve(bytes).map_err(|refused| BuildError::BudgetTooSmall {
             name: solid.name(),
@@ -202,9 +202,9 @@ impl Job<'_> {
         })
     }
 
-    fn scan<S: Solid>(
+    fn scan(
         &self,
-        solid: &S,
+        solid: &dyn Solid,
         channels: &[ChannelForm],
         plan: &ColumnPlan,
         scratch: &Scratch,
@@ -226,7 +226,7 @@ impl Job<'_> {
         Ok(totals.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn kept<S: Solid>(&self, solid: &S) -> Kept {
+    fn kept(&self, solid: &dyn Solid) -> Kept {
         match solid.surface() {
             SurfaceKind::Skin => Kept::Skin(self.options.connectivity),
             SurfaceKind::Cells => Kept::Cells,
@@ -234,11 +234,11 @@ impl Job<'_> {
     }
 
     /// Does `work` on every column, and has every worker `finish`.
-    fn columns<'a, S: Solid>(
+    fn columns<'a>(
         &self,
-        shared: &'a ScanContext<'a, S>,
-        work: impl Fn(&mut ColumnWorker<'a, S>, &VoxelBox) -> Result<(), BuildError> + Sync,
-        finish: impl Fn(ColumnWorker<'a, S>) -> Result<(), BuildError> + Sync,
+        shared: &'a ScanContext<'a>,
+        work: impl Fn(&mut ColumnWorker<'a>, &VoxelBox) -> Result<(), BuildError> + Sync,
+        finish: impl Fn(ColumnWorker<'a>) -> Result<(), BuildError> + Sync,
     ) -> Result<(), BuildError> {
         let (plan, next) = (shared.plan, AtomicU64::new(0));
         parallel::run_stage(plan.threads, self.options.memory, &|stop| {
@@ -257,9 +257,9 @@ impl Job<'_> {
     }
 
     /// The boxes that can be seen from where the model will be looked at; `None` where nobody said from where.
-    fn look<S: Solid>(
+    fn look(
         &self,
-        solid: &S,
+        solid: &dyn Solid,
         channels: &[ChannelForm],
         plan: &ColumnPlan,
         scratch: &Scratch,
@@ -301,9 +301,9 @@ impl Job<'_> {
         Ok(seen.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn merge<S: Solid>(
+    fn merge(
         &self,
-        solid: &S,
+        solid: &dyn Solid,
         target: &Target<'_>,
         census: &Census,
         scratch: &Scratch,
@@ -320,7 +320,7 @@ impl Job<'_> {
         merge.finish_upper_levels()
     }
 
-    fn metadata<S: Solid>(&self, solid: &S, found: &Found) -> Metadata {
+    fn metadata(&self, solid: &dyn Solid, found: &Found) -> Metadata {
         let mut metadata = solid.metadata(found);
         metadata.program = concat!("infobyte ", env!("CARGO_PKG_VERSION")).into();
         metadata.connectivity = match solid.surface() {

@@ -20,7 +20,6 @@
 //! The result does not depend on the budget, the number of threads or the shape of columns: records are
 //! functions of voxels alone, and their offsets follow from the census.
 
-mod any;
 mod bits;
 mod boxes;
 mod brick;
@@ -51,11 +50,11 @@ mod skin;
 mod slices;
 mod solid;
 mod swap;
+mod typed;
 mod visible;
 mod volume;
 mod walk;
 
-pub(crate) use any::{AnySolid, volume_part};
 pub(crate) use bits::{BitVolume, scratch_error};
 pub use choose::choose_selection;
 pub use error::{BuildError, ScratchFault, Sought};
@@ -77,18 +76,18 @@ use std::path::Path;
 use std::time::Instant;
 
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
-use crate::format::{Channel, Selection, SurfaceKind};
+use crate::format::{Channel, SurfaceKind};
+use crate::geom::Dims;
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
-use cells::{AROUND_CELL, CellSolid, cell_dims, cell_form};
+use cells::{AROUND_CELL, cell_dims, cell_form};
 use choose::Chooser;
 use gradient::NormalRule;
 use item::ChannelForm;
 use job::{Job, channel_forms};
 use plan::{ColumnPlan, PlanRequest};
-use range::{Ordered, SampleRange};
-use ring::{Depths, RingForm, Samples};
 use slices::RingShape;
-use volume::{AROUND, VolumeSolid, volume_form};
+use typed::Typed;
+use volume::{AROUND, volume_form};
 
 /// The smallest [`MemoryCap::Share`] within which a model of `source` can be built.
 pub fn smallest_share(source: &dyn VolumeSource, options: &BuildOptions) -> u64 {
@@ -173,95 +172,43 @@ pub fn build_volume(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
-    let options = &options.for_surface(options.volume_surface());
-    let front = Front { source, job: Job { options, output, progress } };
+    let surface = options.volume_surface();
+    let options = &options.for_surface(surface);
+    let job = Job { options, output, progress };
     // What can be refused at once is refused before the volume is read.
-    front.check()?;
-    let files = front.job.open_files(front.dims()?)?;
-    match source.info().scalar {
-        ScalarType::U8 => front.build_samples::<u8>(files),
-        ScalarType::I8 => front.build_samples::<i8>(files),
-        ScalarType::U16 => front.build_samples::<u16>(files),
-        ScalarType::I16 => front.build_samples::<i16>(files),
-        ScalarType::F32 => front.build_samples::<f32>(files),
-        ScalarType::U32 => front.build_depths::<u32>(files),
-        ScalarType::I32 => front.build_depths::<i32>(files),
-        ScalarType::F64 => front.build_depths::<f64>(files),
-    }
+    let dims = check_volume(source, &job)?;
+    let files = job.open_files(dims)?;
+    let started = Instant::now();
+    let solid = volume_solid(source, options.threshold, surface, options, progress)?;
+    let histogram_s = started.elapsed().as_secs_f64();
+    let mut report = job.run(files, &*solid)?;
+    report.seconds.histogram = histogram_s;
+    Ok(report)
 }
 
-/// From a volume to the solid of its threshold.
-struct Front<'a> {
+/// The solid of the voxels of a volume that a threshold chooses.
+///
+/// # Errors
+/// No sample can be chosen, the volume cannot be read, or it is too large for cells.
+pub(crate) fn volume_solid<'a>(
     source: &'a dyn VolumeSource,
-    job: Job<'a>,
+    threshold: Threshold,
+    surface: SurfaceKind,
+    options: &'a BuildOptions,
+    progress: &'a dyn Progress,
+) -> Result<Box<dyn Solid + 'a>, BuildError> {
+    let chooser = Chooser { source, memory: options.memory, threads: options.threads, progress };
+    Typed { chooser, threshold, surface, options }.solid()
 }
 
-impl<'a> Front<'a> {
-    /// Size of the model's grid.
-    fn dims(&self) -> Result<crate::geom::Dims, BuildError> {
-        let VolumeInfo { dims, description, .. } = self.source.info();
-        match self.job.options.surface {
-            SurfaceKind::Skin => Ok(*dims),
-            SurfaceKind::Cells => {
-                cell_dims(*dims).ok_or_else(|| BuildError::NoRoomForCells { name: description.name.clone() })
-            }
-        }
-    }
-
-    /// Does the volume have the channels, and is there a plan for the kindest range of this sample type?
-    fn check(&self) -> Result<(), BuildError> {
-        let info = self.source.info();
-        let name = &info.description.name;
-        let surface = self.job.options.surface;
-        self.dims()?;
-        self.job.options.check_bits(true, || name.clone())?;
-        channel_forms(self.job.options, name, |c, found| form_on(surface, info.scalar, c, found))?;
-        self.job.plan(name, &kindest_request(self.source, self.job.options)).map(drop)
-    }
-
-    /// Types that can stand in the ring as they are, if the range has only a lower end.
-    fn build_samples<T: Ordered + lanes::RingSample>(
-        &self,
-        files: job::Files,
-    ) -> Result<BuildReport, BuildError> {
-        let (selection, range, histogram_s) = self.choose::<T>()?;
-        if range.is_open_above() {
-            self.build_form(files, Samples(range), selection, histogram_s)
-        } else {
-            self.build_form(files, Depths(range), selection, histogram_s)
-        }
-    }
-
-    fn build_depths<T: Ordered>(&self, files: job::Files) -> Result<BuildReport, BuildError> {
-        let (selection, range, histogram_s) = self.choose::<T>()?;
-        self.build_form(files, Depths(range), selection, histogram_s)
-    }
-
-    fn build_form<F: RingForm>(
-        &self,
-        files: job::Files,
-        form: F,
-        selection: Selection,
-        histogram_s: f64,
-    ) -> Result<BuildReport, BuildError> {
-        let solid = VolumeSolid::new(self.source, form, selection, self.job.options, self.chooser());
-        let mut report = match self.job.options.surface {
-            SurfaceKind::Skin => self.job.run(files, &solid)?,
-            SurfaceKind::Cells => self.job.run(files, &CellSolid::new(solid, self.dims()?))?,
-        };
-        report.seconds.histogram = histogram_s;
-        Ok(report)
-    }
-
-    /// The selection in physical units and in samples.
-    fn choose<T: Ordered>(&self) -> Result<(Selection, SampleRange<T>, f64), BuildError> {
-        let started = Instant::now();
-        let (selection, range) = self.chooser().choose::<T>(self.job.options.threshold)?;
-        Ok((selection, range, started.elapsed().as_secs_f64()))
-    }
-
-    fn chooser(&self) -> Chooser<'a> {
-        let Job { options, progress, .. } = self.job;
-        Chooser { source: self.source, memory: options.memory, threads: options.threads, progress }
-    }
+/// Does the volume have the channels, and is there a plan for the kindest range of this sample type? Gives the size of
+/// the model's grid.
+fn check_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<Dims, BuildError> {
+    let VolumeInfo { dims, scalar, description, .. } = source.info();
+    let (name, surface) = (&description.name, job.options.surface);
+    let dims = typed::grid_dims(*dims, surface, name)?;
+    job.options.check_bits(true, || name.clone())?;
+    channel_forms(job.options, name, |c, found| form_on(surface, *scalar, c, found))?;
+    job.plan(name, &kindest_request(source, job.options))?;
+    Ok(dims)
 }

@@ -93,11 +93,6 @@ impl Found {
 /// What it says of a voxel must not depend on the order or the size of the boxes asked for: the bytes of the
 /// model would.
 pub trait Solid: Sync {
-    /// What one thread works with.
-    type Worker<'a>: SolidWorker
-    where
-        Self: 'a;
-
     /// Size of the grid of voxels; what lies beyond is outside. Of cells, one more than the samples along each
     /// axis: occupancy is then asked of samples that do not exist, which are outside.
     fn dims(&self) -> Dims;
@@ -130,7 +125,7 @@ pub trait Solid: Sync {
     }
 
     /// A worker for columns as wide as the tile at most. Called on the thread that uses it.
-    fn worker(&self, tile: &Tile) -> Self::Worker<'_>;
+    fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_>;
 
     /// What errors call the solid; it is not stored.
     fn name(&self) -> String {

@@ -54,13 +54,8 @@ pub(super) struct VolumeSolid<'a, F> {
 
 impl<'a, F: RingForm> VolumeSolid<'a, F> {
     /// The solid of a range that has been chosen; `form` tests for it.
-    pub(super) fn new(
-        source: &'a dyn VolumeSource,
-        form: F,
-        selection: Selection,
-        options: &BuildOptions,
-        chooser: Chooser<'a>,
-    ) -> Self {
+    pub(super) fn new(form: F, selection: Selection, options: &BuildOptions, chooser: Chooser<'a>) -> Self {
+        let source = chooser.source;
         let (gradient, bits) = (options.gradient, options.normal_bits);
         let rule = NormalRule::new(source.info().spacing_mm, gradient);
         Self { source, form, selection, gradient, bits, rule, chooser }
@@ -75,11 +70,6 @@ impl<'a, F: RingForm> VolumeSolid<'a, F> {
 }
 
 impl<F: RingForm> Solid for VolumeSolid<'_, F> {
-    type Worker<'w>
-        = VolumeWorker<'w, F>
-    where
-        Self: 'w;
-
     fn dims(&self) -> Dims {
         self.source.info().dims
     }
@@ -125,8 +115,8 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
         self.source.resident_bytes()
     }
 
-    fn worker(&self, tile: &Tile) -> VolumeWorker<'_, F> {
-        VolumeWorker::new(self, tile)
+    fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
+        Box::new(VolumeWorker::new(self, tile))
     }
 
     fn check_unchanged(&self) -> Result<(), SourceError> {

@@ -46,8 +46,9 @@ use std::time::Instant;
 
 use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
-use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, build_solid, volume_part};
+use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Threshold, build_solid, volume_solid};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
+use crate::format::SurfaceKind;
 use crate::geom::Affine;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::resident::give_back;
@@ -233,7 +234,8 @@ impl<'a> Front<'a> {
                 }
                 Some(Shape::Volume { path, iso }) => {
                     let source = self.volume(path, volumes)?;
-                    let solid = volume_part(source, *iso, self.options, self.progress)?;
+                    let (chosen, surface) = (Threshold::Iso(*iso), SurfaceKind::Skin);
+                    let solid = volume_solid(source, chosen, surface, self.options, self.progress)?;
                     walked.push(WalkedLeaf { solid, gives_outwards: true });
                     Leaf::Walked(u32::try_from(walked.len() - 1).unwrap_or(u32::MAX))
                 }

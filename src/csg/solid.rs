@@ -59,11 +59,6 @@ impl CsgSolid<'_> {
 }
 
 impl Solid for CsgSolid<'_> {
-    type Worker<'w>
-        = CsgWorker<'w>
-    where
-        Self: 'w;
-
     fn dims(&self) -> Dims {
         self.place.dims
     }
@@ -110,14 +105,14 @@ impl Solid for CsgSolid<'_> {
         self.walked.iter().map(|leaf| leaf.solid.input_bytes()).sum()
     }
 
-    fn worker(&self, tile: &Tile) -> CsgWorker<'_> {
+    fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
         let boxes = tile.columns.div_ceil(BOX) as usize;
         let slab = || Slab {
             number: u32::MAX,
             kept: Vec::with_capacity(boxes),
             steps: Vec::with_capacity(self.store(tile)),
         };
-        CsgWorker {
+        Box::new(CsgWorker {
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
             whole: Vec::with_capacity(self.program.len()),
             levels: Vec::with_capacity(LEVELS),
@@ -129,7 +124,7 @@ impl Solid for CsgSolid<'_> {
             walkers: self.walked.iter().map(|leaf| Walker::new(leaf, self.place.dims, tile)).collect(),
             description: Description::new(self.program.len()),
             solid: self,
-        }
+        })
     }
 
     fn nothing_inside(&self) -> BuildError {

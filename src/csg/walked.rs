@@ -2,7 +2,7 @@
 //!
 //! Their bits of four slices are at hand, those around the slice that is described and the next one.
 
-use crate::builder::{AnySolid, OccupancyRows, SolidWorker, Tile, VoxelBox};
+use crate::builder::{OccupancyRows, Solid, SolidWorker, Tile, VoxelBox};
 use crate::facts::SourceError;
 use crate::geom::Dims;
 
@@ -13,7 +13,7 @@ pub(super) const ROWS: usize = 34;
 
 /// A walked leaf.
 pub(super) struct WalkedLeaf<'a> {
-    pub(super) solid: Box<dyn AnySolid + 'a>,
+    pub(super) solid: Box<dyn Solid + 'a>,
     /// Does it give normals out of itself, whichever side a voxel is on? A mesh gives those that lead to it.
     pub(super) gives_outwards: bool,
 }

@@ -440,8 +440,6 @@ mod tests {
     }
 
     impl Solid for Cube {
-        type Worker<'a> = CubeWorker;
-
         fn dims(&self) -> Dims {
             Dims::new(80, 70, 60).unwrap()
         }
@@ -458,8 +456,8 @@ mod tests {
             0
         }
 
-        fn worker(&self, _: &Tile) -> CubeWorker {
-            CubeWorker::default()
+        fn worker(&self, _: &Tile) -> Box<dyn SolidWorker + '_> {
+            Box::new(CubeWorker::default())
         }
     }
 

@@ -70,8 +70,6 @@ pub(super) fn fixed_bytes(tile: &Tile) -> u64 {
 }
 
 impl Solid for MeshSolid {
-    type Worker<'a> = MeshWorker<'a>;
-
     fn dims(&self) -> Dims {
         self.grid.dims
     }
@@ -121,9 +119,9 @@ impl Solid for MeshSolid {
         paint + fixed_bytes(tile) + Resident::bytes(self.resident, tile.columns.div_ceil(32) as usize)
     }
 
-    fn worker(&self, tile: &Tile) -> MeshWorker<'_> {
+    fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
         let words = row_words(tile);
-        MeshWorker {
+        Box::new(MeshWorker {
             solid: self,
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
             run: (0, 0),
@@ -136,7 +134,7 @@ impl Solid for MeshSolid {
             nearest: vec![Nearest::within(0.0); SkinSlice::MOST],
             codes: Vec::with_capacity(2 * SkinSlice::MOST),
             painter: self.paint.as_ref().map(Painter::new),
-        }
+        })
     }
 }
 

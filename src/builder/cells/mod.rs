@@ -82,11 +82,6 @@ impl<'a, F: RingForm> CellSolid<'a, F> {
 }
 
 impl<F: RingForm> Solid for CellSolid<'_, F> {
-    type Worker<'w>
-        = CellWorker<'w, F>
-    where
-        Self: 'w;
-
     fn dims(&self) -> Dims {
         self.dims
     }
@@ -123,9 +118,9 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
         self.volume.input_bytes()
     }
 
-    fn worker(&self, tile: &Tile) -> CellWorker<'_, F> {
+    fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
         let range = self.volume.form.range();
-        CellWorker {
+        Box::new(CellWorker {
             slices: Slices::new(self.volume.source, self.volume.form, AROUND_CELL, tile),
             level: self.volume.form.level(self.volume.bound()),
             is_label: range.lo == range.hi,
@@ -134,7 +129,7 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
             codes: Vec::with_capacity(2 * SLICE_VOXELS),
             offsets: Vec::with_capacity(SLICE_VOXELS),
             corners: Vec::with_capacity(CORNERS * SLICE_VOXELS),
-        }
+        })
     }
 
     fn nothing_inside(&self) -> BuildError {
