@@ -142,6 +142,9 @@ pub(crate) struct ExportArgs {
     /// In a mask set only the skin, not what it encloses
     #[arg(long)]
     pub(crate) skin: bool,
+    /// Write even if the name says that the file is of another kind
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,

@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use infobyte::export::ExportForm;
 use infobyte::jobs::shown;
 use infobyte::jobs::wording::foreign;
 use infobyte::{Error, ExitKind};
@@ -37,6 +38,16 @@ pub(crate) enum Refusal {
     /// A name that does not say what a model is to be exported as.
     NoForm {
         path: PathBuf,
+    },
+    /// A name that stands for another form than the one that was chosen.
+    OtherForm {
+        path: PathBuf,
+        form: ExportForm,
+    },
+    /// An option that what is written does not have.
+    NotOf {
+        flag: &'static str,
+        of: &'static str,
     },
     /// A name that says the file is of another kind than what is written.
     Suffix {
@@ -153,6 +164,16 @@ impl fmt::Display for Refusal {
                     shown(path)
                 );
             }
+            Self::OtherForm { path, form } => {
+                return write!(
+                    f,
+                    "{}: is named as another kind of file, and {} would be written; name it .{}, or add --force",
+                    shown(path),
+                    form.name(),
+                    form.suffix()
+                );
+            }
+            Self::NotOf { flag, of } => return write!(f, "{flag} is for {of}; leave it out"),
             Self::Suffix { path, written } => {
                 let (this, other) = match written {
                     Written::Model => ("a model", "MODEL.oct"),

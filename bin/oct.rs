@@ -356,7 +356,17 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     let Some(form) = args.form.or_else(|| ExportForm::of(&args.output)) else {
         return Err(Refusal::NoForm { path: args.output.clone() }.into());
     };
-    let output = Output::of(&args.output, Written::Export, true, args.json)?;
+    let named = ExportForm::of(&args.output).map_or("", ExportForm::suffix);
+    if !args.force && !named.is_empty() && named != form.suffix() {
+        return Err(Refusal::OtherForm { path: args.output.clone(), form }.into());
+    }
+    if args.skin && !form.is_mask() {
+        return Err(Refusal::NotOf { flag: "--skin", of: "masks (nrrd, nii, nii.gz)" }.into());
+    }
+    if args.simplify > 0 && !form.has_triangles() {
+        return Err(Refusal::NotOf { flag: "--simplify", of: "triangles (stl, ply, obj, glb)" }.into());
+    }
+    let output = Output::of(&args.output, Written::Export, args.force, args.json)?;
     let model = Input::of(&args.model)?;
     bus::tell_of(&args.model, args.json);
     let bars = Bars::new(args.quiet || args.json);

@@ -54,6 +54,13 @@ pub enum Error {
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum UsageError {
+    /// The model keeps only what can be seen from somewhere, and its inside was asked for.
+    KeepsPart {
+        /// The model.
+        path: PathBuf,
+        /// From where.
+        seen_from: String,
+    },
     /// A model or packed file would take the place of its input.
     ReplacesInput {
         /// The output.

@@ -199,5 +199,17 @@ fn volumes_of_few_slices_are_left_alone_when_asked_to() {
         assert!(fs::read_to_string(out.join("index.html")).unwrap().contains("fewer slices than asked for"));
     }
     assert_eq!(names(&out), models, "what an earlier run made stays");
+    // No voxel is as dense: the same input with other options fails, and what was built before is not lost.
+    let old: Vec<_> =
+        models.iter().filter(|n| n.ends_with(".oct")).map(|n| fs::read(out.join(n)).unwrap()).collect();
+    let (run, failed) = batch(&top, &out, &["--iso", "1e9"]);
+    assert_eq!((run.code, counts(&failed)), (8, [0, 0, 3]), "{failed}");
+    assert_eq!(names(&out), models, "a build that failed leaves the old files");
+    let now: Vec<_> =
+        models.iter().filter(|n| n.ends_with(".oct")).map(|n| fs::read(out.join(n)).unwrap()).collect();
+    assert_eq!(old, now);
+    assert_eq!(failed["holds"]["models"], 2, "{failed}");
+    let (_, again) = batch(&top, &out, &["--min-slices", "3"]);
+    assert_eq!(counts(&again), [0, 3, 0], "{again}");
     oct(&["batch", &text(&top), "--out", &text(&out), "--min-slices", "0"]).refused(2, &["--min-slices"]);
 }

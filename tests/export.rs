@@ -397,6 +397,7 @@ fn a_packed_model_gives_the_same_files_and_pictures() {
 
 #[test]
 fn what_cannot_be_exported_is_refused_in_a_sentence() {
+    options_that_do_not_apply();
     let case = Case::new([16; 3], SurfaceKind::Skin, identity(), ball(8.0, 5.0));
     let model = case.path("m.oct").to_str().unwrap().to_owned();
     let at = |name: &str| case.path(name).to_str().unwrap().to_owned();
@@ -424,4 +425,28 @@ fn what_cannot_be_exported_is_refused_in_a_sentence() {
     let voxels = Model::open(&model).unwrap().header().voxels;
     assert_eq!(skin["inside_voxels"], voxels);
     assert!(whole["inside_voxels"].as_u64().unwrap() > voxels);
+}
+
+/// Options and names that say something else than what is written, and damage that still gives a closed surface.
+fn options_that_do_not_apply() {
+    let case = Case::new([20; 3], SurfaceKind::Skin, identity(), ball(9.0, 6.0));
+    let model = case.path("m.oct");
+    let run = |to: &Path, more: &[&str]| {
+        oct(&[&["export", model.to_str().unwrap(), "-o", to.to_str().unwrap()], more].concat())
+    };
+    let stl = case.path("m.stl");
+    assert_eq!(run(&stl, &[]).code, 0);
+    let before = fs::read(&stl).unwrap();
+    run(&stl, &["--as", "nrrd"]).refused(2, &["m.stl", "nrrd", "--force"]);
+    run(&stl, &["--skin"]).refused(2, &["--skin", "masks"]);
+    run(&case.path("m.nrrd"), &["--simplify", "1"]).refused(2, &["--simplify", "triangles"]);
+    assert_eq!(fs::read(&stl).unwrap(), before);
+    assert_eq!(run(&case.path("other.stl"), &["--as", "nrrd", "--force"]).code, 0);
+    assert_eq!(run(&case.path("points.ply"), &["--as", "points"]).code, 0);
+    let mut bytes = fs::read(&model).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&model, bytes).unwrap();
+    run(&stl, &[]).refused(3, &["m.oct"]);
+    assert_eq!(fs::read(&stl).unwrap(), before);
 }

@@ -228,6 +228,18 @@ fn the_command_tells_what_was_left_out() {
     let of = |key: &str| seen["sight"][key].as_f64().unwrap();
     assert!(of("hidden") > 0.0 && of("bytes_saved_about") > 0.0 && of("seconds") >= 0.0);
     assert_eq!(of("hidden"), whole["skin_voxels"].as_f64().unwrap() - seen["skin_voxels"].as_f64().unwrap());
+    // A part does not tell what is inside.
+    let info = oct(&["info", &out, "--measure", "--json"]).json();
+    assert!(info["volume_mm3"].is_null() && info["surface_area_mm2"].is_f64(), "{info}");
+    let export = |name: &str, more: &[&str]| {
+        let to = text(&folder.path().join(name));
+        oct(&[&["export", &out, "-o", &to], more].concat())
+    };
+    for name in ["a.stl", "a.nrrd"] {
+        export(name, &[]).refused(2, &["m.oct", "--visible-from outside", "--skin"]);
+        assert!(!folder.path().join(name).exists());
+    }
+    assert_eq!((export("b.nrrd", &["--skin"]).code, export("b.ply", &["--as", "points"]).code), (0, 0));
     let front = build(&["front", "along:0,-1,0", "-10,-500,0"]).json();
     assert!(front["skin_voxels"].as_u64() < seen["skin_voxels"].as_u64());
     for (wrong, words) in

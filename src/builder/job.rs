@@ -328,9 +328,8 @@ impl Job<'_> {
             SurfaceKind::Cells => Connectivity::default().code(),
         };
         if let [first, others @ ..] = &self.options.visible_from[..] {
-            // Behind the source's name, as all that was done to the volume.
             let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
-            metadata.source.kind.push_str(&format!(" [visible-from {first}{more}]"));
+            metadata.note_seen_from(&format!("{first}{more}"));
         }
         if !self.options.channels.contains(Channel::Normal) {
             metadata.gradient = String::new();

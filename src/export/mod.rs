@@ -85,7 +85,25 @@ impl ExportForm {
 
     /// Does the file hold coordinates, of 32 bits?
     pub fn has_coordinates(self) -> bool {
-        !matches!(self, Self::Nrrd | Self::Nifti | Self::NiftiGz)
+        !self.is_mask()
+    }
+
+    /// Is it a volume of voxels that are inside or outside?
+    pub fn is_mask(self) -> bool {
+        matches!(self, Self::Nrrd | Self::Nifti | Self::NiftiGz)
+    }
+
+    /// Is it a surface?
+    pub fn has_triangles(self) -> bool {
+        matches!(self, Self::Stl | Self::Ply | Self::Obj | Self::Glb)
+    }
+
+    /// Suffix of its files.
+    pub fn suffix(self) -> &'static str {
+        match self {
+            Self::Points => Self::Ply.name(),
+            form => form.name(),
+        }
     }
 
     /// Name in reports and, but for points, suffix.

@@ -86,7 +86,23 @@ struct Wire {
     value_scale: [f64; 2],
 }
 
+/// What stands around the place in [`SourceMeta::kind`] of a model that keeps only what can be seen from it.
+const SEEN_FROM: [&str; 2] = [" [visible-from ", "]"];
+
 impl Metadata {
+    /// Notes that the model keeps only what can be seen from these places, behind the name of the source, as all that
+    /// was done to a volume.
+    pub(crate) fn note_seen_from(&mut self, places: &str) {
+        let [before, behind] = SEEN_FROM;
+        self.source.kind.push_str(&format!("{before}{places}{behind}"));
+    }
+
+    /// From where what the model keeps can be seen; `None` for a whole model. A part does not tell what is inside.
+    pub fn seen_from(&self) -> Option<&str> {
+        let [before, behind] = SEEN_FROM;
+        self.source.kind.strip_suffix(behind)?.rsplit_once(before).map(|(_, places)| places)
+    }
+
     /// The record of a solid without samples: voxels of 1 mm, as of a volume that is 1 inside and 0 outside.
     pub fn of_grid(dims: Dims, kind: &str) -> Self {
         Self {

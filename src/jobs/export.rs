@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::opened::open_model;
-use super::verify::verify_file;
+use super::verify::{verify_file, verify_unless_packed};
 use super::wording::foreign::{data, shown};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
@@ -29,6 +29,13 @@ pub struct ExportRequest {
     pub skin_only: bool,
     /// Triangles are made of blocks of 2^n samples along each axis: about 4^n times fewer.
     pub simplify: u32,
+}
+
+impl ExportRequest {
+    /// Does it depend on what is inside, beside the skin?
+    fn needs_inside(&self) -> bool {
+        self.form.has_triangles() || self.form.is_mask() && !self.skin_only
+    }
 }
 
 /// What was written.
@@ -64,10 +71,10 @@ pub struct ExportReport {
 ///
 /// Memory: the runs and skin of some slices, 5 bytes for each separate part of the outside and the inside, and two
 /// layers of corners; the model is mapped. Temporary disk: for PLY and GLB as much as the triangles take, and the
-/// unpacked model if it is packed. Cost: two passes over the model, about a microsecond a skin voxel.
+/// unpacked model if it is packed. Cost: the checks of `oct verify`, two passes over the model, about a microsecond a skin voxel.
 ///
 /// # Errors
-/// The model cannot be used; the format cannot hold it; the output cannot be written. Nothing is left at `output` then
+/// The model is damaged, or keeps only what can be seen and its inside is asked for; the format cannot hold it; the output cannot be written. Nothing is left at `output` then
 /// that was not there before.
 pub fn export(
     input: &Path,
@@ -82,7 +89,13 @@ pub fn export(
     {
         return Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into());
     }
+    // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
+    verify_unless_packed(input)?;
     let model = open_model(input)?;
+    if let (true, Some(seen_from)) = (request.needs_inside(), model.metadata().seen_from()) {
+        let (path, seen_from) = (input.to_path_buf(), seen_from.to_owned());
+        return Err(UsageError::KeepsPart { path, seen_from }.into());
+    }
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let space = GridSpace::new(model.dims(), &model.affine())?;
     let exporter = Exporter {

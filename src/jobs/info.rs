@@ -69,7 +69,8 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
         Measured::Large
     } else {
         let model = open_model(path)?;
-        let measured = measure(&model.view(), model.dims(), &model.affine());
+        let measured =
+            measure(&model.view(), model.dims(), &model.affine(), model.metadata().seen_from().is_some());
         model.check_unchanged(path)?;
         of(measured)
     });
@@ -351,6 +352,8 @@ impl Measured {
         let enclosed = measures.enclosed;
         let no_volume = if measures.area_mm2.is_none() {
             "not known without normals"
+        } else if measures.is_part {
+            "not known: the model keeps only what can be seen from outside or the views that were given"
         } else {
             "not known: walls of one voxel do not say what is inside"
         };

@@ -24,14 +24,17 @@ pub struct Measures {
     /// once. `None` without normals.
     pub area_mm2: Option<(f64, f64)>,
     /// Volume of the skin's voxels and of what is deep inside, with its error. `None` where the normals do not
-    /// tell what is inside: there are none, or walls are one voxel thick.
+    /// tell what is inside: there are none, walls are one voxel thick, or only a part was kept.
     pub volume_mm3: Option<(f64, f64)>,
+    /// Does the model keep only what can be seen from somewhere?
+    pub is_part: bool,
     /// Voxels that are deep inside, in enclosed cavities, and neither for sure.
     pub enclosed: Enclosed,
 }
 
-/// Measures a model; `None` for one without a voxel, without a volume, or damaged.
-pub fn measure<V: NodeView>(view: &V, dims: Dims, affine: &Affine) -> Option<Measures> {
+/// Measures a model; `None` for one without a voxel, without a volume, or damaged. `is_part`: does it keep only what
+/// can be seen from somewhere?
+pub fn measure<V: NodeView>(view: &V, dims: Dims, affine: &Affine, is_part: bool) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
     let reach = |axis: usize, sign: f64| {
         let mut direction = [0.0; 3];
@@ -65,12 +68,13 @@ pub fn measure<V: NodeView>(view: &V, dims: Dims, affine: &Affine) -> Option<Mea
     let volume = (of_skin + count(enclosed.inside) + unknown) * each;
     let error = (skin / 2.0 + unknown) * each;
     // Half of it unknown is not known.
-    let known = has_normals && unknown <= 0.1 * (skin + count(enclosed.inside));
+    let known = has_normals && !is_part && unknown <= 0.1 * (skin + count(enclosed.inside));
     Some(Measures {
         voxels,
         box_mm,
         area_mm2: has_normals.then_some((area.sum, area.error)),
         volume_mm3: known.then_some((volume, error)),
+        is_part,
         enclosed,
     })
 }
@@ -187,7 +191,7 @@ mod tests {
         let (r, c) = (30.0, 35.0);
         let (tree, voxels) = skin(72, |p| radius(p.map(f64::from), c) <= r, Some(&|p| p.map(|v| v - c)));
         let affine = Affine::from_spacing([0.5; 3]);
-        let found = measure(&tree, Dims::new(72, 72, 72).unwrap(), &affine).unwrap();
+        let found = measure(&tree, Dims::new(72, 72, 72).unwrap(), &affine, false).unwrap();
         assert_eq!(found.enclosed.inside + tree.voxel_count(), voxels);
         assert_eq!((found.enclosed.cavities, found.enclosed.unknown), (0, 0));
         let (volume, error) = found.volume_mm3.unwrap();
@@ -211,14 +215,14 @@ mod tests {
         let shape = |p: [i32; 3]| wall(radius(p.map(f64::from), c));
         let dims = Dims::new(48, 48, 48).unwrap();
         let (tree, voxels) = skin(48, shape, Some(&outward));
-        let found = measure(&tree, dims, &Affine::from_spacing([1.0; 3])).unwrap();
+        let found = measure(&tree, dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!(found.enclosed.inside + tree.voxel_count(), voxels);
         let cavity =
             (0..48_i32.pow(3)).filter(|i| radius([i % 48, i / 48 % 48, i / 2304].map(f64::from), c) < 14.0);
         assert_eq!(found.enclosed.cavities, cavity.count() as u64);
         // Without normals nobody knows.
         let (bare, _) = skin(48, shape, None);
-        let unknown = measure(&bare, dims, &Affine::from_spacing([1.0; 3])).unwrap();
+        let unknown = measure(&bare, dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!((unknown.volume_mm3, unknown.area_mm2), (None, None));
         assert_eq!(unknown.enclosed.unknown, found.enclosed.inside + found.enclosed.cavities);
     }
@@ -233,7 +237,8 @@ mod tests {
         };
         let shape = |p: [i32; 3]| (20.0..21.0).contains(&radius(p.map(f64::from), c));
         let (tree, _) = skin(48, shape, Some(&outward));
-        let found = measure(&tree, Dims::new(48, 48, 48).unwrap(), &Affine::from_spacing([1.0; 3])).unwrap();
+        let found =
+            measure(&tree, Dims::new(48, 48, 48).unwrap(), &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert!(found.volume_mm3.is_none() && found.area_mm2.is_some(), "{found:?}");
     }
 
@@ -249,7 +254,7 @@ mod tests {
             std::array::from_fn(|a| if a == axis { from[a].signum() } else { 0.0 })
         };
         let (tree, voxels) = skin(48, inside, Some(&outward));
-        let found = measure(&tree, Dims::new(48, 48, 48).unwrap(), &affine).unwrap();
+        let found = measure(&tree, Dims::new(48, 48, 48).unwrap(), &affine, false).unwrap();
         let (volume, _) = found.volume_mm3.unwrap();
         assert!((volume - count(voxels) * 0.5).abs() < 1e-9 && voxels == 40 * 40 * 8, "{volume}");
         // Voxels on an edge count once: 1600 of the flat faces, 40 x 6 of the upright and 38 x 6 of the slanting ones.
@@ -264,7 +269,7 @@ mod tests {
     fn two_voxels_at_the_far_corners_of_the_largest_grid_are_soon_measured() {
         let dims = Dims::new(65536, 65536, 65536).unwrap();
         let far = MemoryTree::new(dims, &[0, morton::encode(65535, 65535, 65535)]).unwrap();
-        let found = measure(&far, dims, &Affine::from_spacing([1.0; 3])).unwrap();
+        let found = measure(&far, dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!(found.voxels, [[0; 3], [65536; 3]]);
         assert_eq!(found.enclosed, Enclosed::default());
     }
@@ -273,7 +278,7 @@ mod tests {
     fn an_empty_model_has_no_measures() {
         let dims = Dims::new(8, 8, 8).unwrap();
         let one = MemoryTree::new(dims, &[morton::encode(3, 4, 5)]).unwrap();
-        let found = measure(&one, dims, &Affine::from_spacing([1.0; 3])).unwrap();
+        let found = measure(&one, dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!(found.voxels, [[3, 4, 5], [4, 5, 6]]);
         assert_eq!(found.enclosed, Enclosed::default());
     }

@@ -40,6 +40,20 @@ pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
     Ok(VerifyReport { input: data(path), frame })
 }
 
+/// Checks a model that is about to be mapped; a packed one is checked as it is unpacked.
+///
+/// # Errors
+/// As [`verify_file`].
+pub(super) fn verify_unless_packed(path: &Path) -> Result<(), Error> {
+    let unreadable = |cause| LoadError::Unreadable { path: path.to_path_buf(), cause };
+    let file = open_regular(path).map_err(unreadable)?;
+    let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
+    if frame.header.encoding == Encoding::Packed {
+        return Ok(());
+    }
+    Ok(check(&file).map_err(|fault| fault.at(path))?)
+}
+
 fn check(file: &File) -> Result<(), Fault> {
     load::verify(file).map(|_| ())
 }

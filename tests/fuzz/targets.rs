@@ -283,7 +283,7 @@ fn model(bytes: &[u8]) -> bool {
         Err(refused) => return told(&refused.to_string()),
     };
     let _ = picture(&model);
-    let _ = measure::measure(&model.view(), model.dims(), &model.affine());
+    let _ = measure::measure(&model.view(), model.dims(), &model.affine(), false);
     for far in [0, 1, u64::MAX] {
         let _ = model.value(VoxelIndex::new(far));
     }

@@ -472,6 +472,8 @@ impl Run<'_> {
             return self.skipped(done, item, thumbnails);
         }
         let progress = self.watcher.begin(slot, &item.name);
+        // A record tells of a whole model; until then there is none.
+        let before = Record::take(&self.request.out, &item.name);
         // A defect in one volume's way must not take the others along.
         let built = catch_unwind(AssertUnwindSafe(|| self.build(content, &item.name, thumbnails, progress)));
         let built = built.unwrap_or(Err(Error::Internal));
@@ -482,6 +484,9 @@ impl Run<'_> {
                     if !item.warnings.contains(&warning) {
                         item.warnings.push(warning);
                     }
+                }
+                if let Some(before) = before {
+                    before.remove_files(&self.request.out, &item.name, Some(&facts));
                 }
                 item.model = Some(facts);
                 if let Some(record) = Record::of(&item, &self.options, &inputs, thumbnail_bytes)
@@ -500,7 +505,17 @@ impl Run<'_> {
                     e => Cause::of(e.kind()),
                 });
                 item.reason = Some(e.to_string());
-                Record::clear(&self.request.out, &item.name);
+                // What was built before of the same input, with other options, is not lost; of an input that has changed
+                // it would lie there as if it were this one's.
+                match before {
+                    Some(before)
+                        if before.inputs == inputs && before.put_back(&self.request.out, &item.name) =>
+                    {
+                        item.warnings.push("the model that was built before is kept".into());
+                    }
+                    Some(before) => before.remove_files(&self.request.out, &item.name, None),
+                    None => {}
+                }
             }
         }
         item
@@ -555,8 +570,6 @@ impl Run<'_> {
         let started = Instant::now();
         let out = &self.request.out;
         let model = out.join(format!("{name}.oct"));
-        // A record tells of a whole model; until then there is none.
-        Record::clear(out, name);
         let template = BuildOptions {
             threads: self.threads,
             scratch: Some(self.scratch()),

@@ -200,13 +200,33 @@ impl Record {
         serde_json::from_reader(BufReader::new(file.take(MOST_RECORD_BYTES))).ok()
     }
 
+    /// Takes the record of `name` away and leaves its files: while they are replaced, no record tells of them.
+    pub(super) fn take(out: &Path, name: &str) -> Option<Self> {
+        let old = Self::read(out, name)?;
+        let _ = fs::remove_file(record_path(out, name));
+        Some(old)
+    }
+
+    /// Puts a record back whose files are still what it tells of.
+    pub(super) fn put_back(&self, out: &Path, name: &str) -> bool {
+        self.name == name && self.is_whole(out) && self.write(out).is_ok()
+    }
+
     /// Removes the files that a record tells of, and the record first of all; without a record, nothing.
     pub(super) fn clear(out: &Path, name: &str) {
-        let Some(old) = Self::read(out, name) else { return };
-        let _ = fs::remove_file(record_path(out, name));
-        let files = [Some(old.model.file), old.model.thumbnail].into_iter().flatten();
+        if let Some(old) = Self::take(out, name) {
+            old.remove_files(out, name, None);
+        }
+    }
+
+    /// Removes the files that it tells of, but for those that what was built in its place has, too.
+    pub(super) fn remove_files(&self, out: &Path, name: &str, now: Option<&ModelFacts>) {
+        let files = |model: &'_ ModelFacts| [Some(model.file.clone()), model.thumbnail.clone()];
+        let kept = now.map(files).unwrap_or_default();
+        let is_kept = |file: &String| kept.iter().flatten().any(|kept| kept == file);
         // A record is a file like any other: names that lead elsewhere are not followed.
-        for file in files.filter(|file| file.starts_with(name) && !file.contains('/')) {
+        let own = |file: &String| file.starts_with(name) && !file.contains('/');
+        for file in files(&self.model).into_iter().flatten().filter(|file| own(file) && !is_kept(file)) {
             let _ = fs::remove_file(out.join(file));
         }
     }

@@ -39,6 +39,11 @@ impl fmt::Display for Error {
 impl fmt::Display for UsageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::KeepsPart { path, seen_from } => write!(
+                f,
+                "{}: keeps only what can be seen (--visible-from {seen_from}), so that its inside is not known; build it without --visible-from, or write its skin with --as points, or a mask with --skin",
+                shown(path)
+            ),
             Self::ReplacesInput { path, folder: true } => write!(
                 f,
                 "{}: is the input, or part of it, and would be replaced by the model; name another file with --output",
