@@ -123,7 +123,14 @@ impl Block {
     }
 }
 
+/// Pixels that are looked through before what was seen is put in its place, and those of one task.
+const LOOKS: usize = 1 << 14;
+const LOOKS_EACH: usize = 32;
+
 impl Band {
+    /// Most bytes that a pixel of a band takes while it is filled: its sample, and lists of the blocks that it is in.
+    pub(super) const PIXEL_BYTES: u64 = 64;
+
     /// Samples from `top` on, of `rows` rows of a picture; a whole number of tiles, or the picture's last rows.
     pub(super) fn new(width: usize, height: usize, top: usize, rows: usize) -> Self {
         let pixels = width * (rows + 1);
@@ -145,18 +152,37 @@ impl Band {
     }
 
     /// Looks through the pixels of a list that are not known yet.
-    fn look(&mut self, look: &impl Look, mut pixels: Vec<[usize; 2]>) -> Counts {
-        pixels.sort_unstable_by_key(|[x, y]| (*y, *x));
+    fn look(&mut self, look: &impl Look, pixels: impl Iterator<Item = [usize; 2]>) -> Counts {
+        // Numbers of pixels of the band: their order is that of rows.
+        #[expect(clippy::cast_possible_truncation, reason = "a picture has fewer than 2^32 pixels")]
+        let mut pixels: Vec<u32> = pixels.map(|pixel| self.at(pixel) as u32).collect();
+        pixels.sort_unstable();
         pixels.dedup();
-        pixels.retain(|pixel| self.known.get(self.at(*pixel)) == Some(&false));
-        let seen: Vec<_> =
-            pixels.par_iter().map_init(|| look.begin(), |kept, pixel| look.pixel(kept, *pixel)).collect();
+        pixels.retain(|at| self.known.get(*at as usize) == Some(&false));
+        let (width, top) = (self.width, self.top);
+        let mut seen = Vec::new();
         let mut all = Counts::default();
-        for (pixel, (sample, counts)) in pixels.iter().zip(&seen) {
-            all = all.plus(*counts);
-            let at = self.at(*pixel);
-            if let (Some(out), Some(known)) = (self.samples.get_mut(at), self.known.get_mut(at)) {
-                (*out, *known) = (*sample, true);
+        for pixels in pixels.chunks(LOOKS) {
+            seen.clear();
+            seen.resize(pixels.len(), Sample::NOTHING);
+            let parts = pixels.par_chunks(LOOKS_EACH).zip(seen.par_chunks_mut(LOOKS_EACH));
+            let counts = parts.map_init(
+                || look.begin(),
+                |kept, (pixels, seen)| {
+                    pixels.iter().zip(seen).fold(Counts::default(), |all, (at, out)| {
+                        let at = *at as usize;
+                        let (sample, counts) = look.pixel(kept, [at % width, top + at / width]);
+                        *out = sample;
+                        all.plus(counts)
+                    })
+                },
+            );
+            all = all.plus(counts.reduce(Counts::default, Counts::plus));
+            for (at, sample) in pixels.iter().zip(&seen) {
+                let at = *at as usize;
+                if let (Some(out), Some(known)) = (self.samples.get_mut(at), self.known.get_mut(at)) {
+                    (*out, *known) = (*sample, true);
+                }
             }
         }
         all
@@ -176,7 +202,7 @@ impl Band {
             .flat_map(|y| (0..self.width).step_by(TILE).map(move |x| [x, y]))
             .map(|low| Block { low, high: std::array::from_fn(|a| (low[a] + TILE).min(last[a])) })
             .collect();
-        let points = tiles.iter().flat_map(|tile| tile.corners().into_iter().chain(tile.halves())).collect();
+        let points = tiles.iter().flat_map(|tile| tile.corners().into_iter().chain(tile.halves()));
         let mut counts = self.look(look, points);
         // A tile of one row or column has nothing between its corners.
         let is_wide = |tile: &Block| (0..2).all(|a| tile.high[a] > tile.low[a]);
@@ -191,13 +217,18 @@ impl Band {
                 self.interpolate(block);
             }
             blocks = others.into_iter().flat_map(Block::quarters).filter(|b| b.has_inside()).collect();
-            counts = counts.plus(self.look(look, blocks.iter().flat_map(|block| block.halves()).collect()));
+            counts = counts.plus(self.look(look, blocks.iter().flat_map(|block| block.halves())));
         }
         counts
     }
 
     /// Traces every pixel of some tiles.
     fn trace_tiles(&mut self, look: &impl Look, tiles: &[Block]) -> Counts {
+        let parts = tiles.chunks(LOOKS / (TILE * TILE));
+        parts.fold(Counts::default(), |all, tiles| all.plus(self.trace_some(look, tiles)))
+    }
+
+    fn trace_some(&mut self, look: &impl Look, tiles: &[Block]) -> Counts {
         let seen: Vec<_> = tiles
             .par_iter()
             .map_init(

@@ -28,9 +28,6 @@ use super::{Camera, RenderError};
 /// Pixels traced between two shading passes; bounds the memory for hits to 4 MiB, or a row of tiles.
 const BAND_PIXELS: usize = 1 << 18;
 
-/// Tiles between two looks at how much memory the process has.
-const TILES_BETWEEN: usize = 8;
-
 /// Stack of a worker; nothing here recurses.
 const WORKER_STACK_BYTES: usize = 4 << 20;
 
@@ -204,15 +201,13 @@ pub(super) struct Painter<'a, V, S> {
 pub(crate) struct Watch<'a> {
     /// Each time how many more rows are painted.
     pub(crate) rows_done: &'a (dyn Fn(u32) + Sync),
-    /// Called by any worker after a few tiles, to look after memory.
+    /// Called by any worker after each small step (a tile, some rays of ambient occlusion), to look after memory.
     pub(crate) between: &'a (dyn Fn() + Sync),
 }
 
 impl Watch<'_> {
-    pub(super) fn tile(&self, number: usize) {
-        if number.is_multiple_of(TILES_BETWEEN) {
-            (self.between)();
-        }
+    pub(super) fn step(&self) {
+        (self.between)();
     }
 }
 
@@ -253,7 +248,7 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
         + if canvas.normals { 3 } else { 0 }
         + if canvas.ids { 6 } else { 0 }
         + if canvas.ambient_rays > 0 { 1 } else { 0 };
-    let hits = if canvas.coherence > 0 { 2 * size_of::<Sample>() } else { size_of::<Seen>() } as u64;
+    let hits = if canvas.coherence > 0 { Band::PIXEL_BYTES } else { size_of::<Seen>() as u64 };
     rows * row * (2 * layers + hits) + ((canvas.threads.max(1) as u64) << 18)
 }
 
@@ -457,10 +452,11 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             .map_init(
                 || Tracer::new(self.form),
                 |tracer, (tile, seen)| {
-                    self.watch.tile(tile);
                     let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
                     let limits = (width.saturating_sub(left), rows.saturating_sub(above));
-                    self.trace_tile(tracer, seen, (left, top + above), limits)
+                    let counts = self.trace_tile(tracer, seen, (left, top + above), limits);
+                    self.watch.step();
+                    counts
                 },
             )
             .reduce(Counts::default, Counts::plus);
@@ -587,6 +583,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                         sum = std::array::from_fn(|c| sum[c] + light[c]);
                     }
                 }
+                self.watch.step();
                 // Straight alpha: colour is the mean of what was hit, alpha its share.
                 let [r, g, b] = sum.map(|c| self.shader.encode(c / f64::from(hits.max(1))));
                 let alpha = [0, 64, 128, 191, 255][usize::from(hits)];
@@ -653,6 +650,7 @@ impl<V: NodeView, S: Surface<V>> Look for Looks<'_, '_, V, S> {
         let (x, y) = (at[0] as f64 + 0.5, at[1] as f64 + 0.5);
         let trace = self.painter.trace(x, y);
         let seen = self.painter.seen(&trace, x, y);
+        self.painter.watch.step();
         (self.sample(around, seen, at), Counts::default().add(&trace))
     }
 
@@ -666,6 +664,7 @@ impl<V: NodeView, S: Surface<V>> Look for Looks<'_, '_, V, S> {
         let canvas = &self.painter.canvas;
         let limits = (canvas.width as usize - corner[0], canvas.height as usize - corner[1]);
         let counts = self.painter.trace_tile(tracer, &mut seen, (corner[0], corner[1]), limits);
+        self.painter.watch.step();
         for (i, (out, seen)) in out.iter_mut().zip(seen).enumerate() {
             *out = self.sample(around, seen, [corner[0] + i % TILE, corner[1] + i / TILE]);
         }
