@@ -60,7 +60,7 @@ pub(crate) struct RenderArgs {
     /// With --lod on: boxes 2^N times as large, or with less than 0 as small
     #[arg(long, value_name = "-8..8", default_value_t = 0, allow_negative_numbers = true, value_parser = clap::value_parser!(i8).range(-8..=8))]
     pub(crate) lod_bias: i8,
-    /// Resident memory that the whole process aims to keep to; by default as much as the picture takes
+    /// Peak resident memory of the whole process; by default as much as the picture takes
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub(crate) memory: Option<u64>,
     /// Shade by the normals as they are stored, or blended between the boxes around a hit: no facets in close-ups; or
@@ -73,7 +73,7 @@ pub(crate) struct RenderArgs {
     /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
     #[arg(long, default_value = "exact", value_parser = parse::traversals())]
     pub(crate) traversal: Traversal,
-    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0: all
+    /// Trace fewer rays where the colours around a pixel differ by at most this, of 255; 0: all
     #[arg(long, value_name = "0..255", default_value_t = 0)]
     pub(crate) coherence: u8,
     /// Six sides on one sheet, each framed by itself

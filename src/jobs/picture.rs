@@ -151,7 +151,8 @@ pub fn render_file(
     let (view, dims, affine) = (model.view(), model.dims(), model.affine());
     let size = [request.width, request.height];
     let give_back = || model.give_back();
-    let relief = Relief::new(request.memory_bytes, &give_back);
+    let held_pixels = outputs.shots.held_pixels(size);
+    let relief = Relief::new(request.memory_bytes, request.threads, held_pixels, &give_back);
     let touched = || if relief.gave_back() { None } else { mapped_rss_bytes(model.bytes()) };
     if outputs.shots == Shots::One {
         let mut rows = layers.begin(size)?;
@@ -162,7 +163,6 @@ pub fn render_file(
         report.bytes_touched = touched();
         return Ok(report);
     }
-    relief.hold_whole(outputs.shots.held_pixels(size))?;
     let mut report: Option<RenderReport> = None;
     shots::write(outputs.shots, layers, size, Some(request.point), progress, |shot, progress| {
         let [width, height] = shot.size;

@@ -1,50 +1,85 @@
 //! Pictures within a cap of the process's resident memory.
 //!
 //! What a picture needs of its own is known before: bands of rows, as many as fit. The pages of the model that rays look
-//! at are the system's, which has them in its cache in any case; but they count as the process's. Workers look after a
-//! few tiles how much the process has, and give all pages of the model back when that is near the cap: what is looked at
-//! again comes back from the cache. A picture does not depend on any of this.
+//! at are the system's, which has them in its cache in any case; but they count as the process's. So work is done in
+//! small steps (a tile of rays, some rays of ambient occlusion), of which the most that one adds is known. A look at what
+//! the process has tells how many may be taken before the next look; where that is near the cap, all pages of the model
+//! are given back: what is looked at again comes back from the cache. A picture does not depend on any of this.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 
 use crate::budget::{costs, own_rss_bytes, resident_bytes};
 use crate::render::RenderError;
 use crate::render::picture::{Canvas, parts_bytes};
+use crate::resident;
 
-/// Room for the pages of the model: half of it for those that are kept, half for those that a few tiles on each thread look
-/// at before the next look at how many there are; 64 KiB come with each. Measured: 3 MiB.
-const MODEL_PAGES: u64 = 8 << 20;
+/// Most that a step adds: pages of the model, of which the system maps 16 at a time. The farther apart the boxes are that
+/// neighbouring pixels show, the more it is. Measured on cells at 1024^3 and skin at 4096^3, in MiB: 1.3 at 16 boxes to a
+/// pixel, 2.4 at 32, 4 at 80. No step looks at more than [`MOST_STEP`].
+const STEP: u64 = 3 << 19;
+const STEP_A_BOX: f64 = 50.0 * 1024.0;
+const MOST_STEP: u64 = 20 << 20;
+
+/// Pages of the model that are kept in any case; fewer, and they come and go all the time.
+const KEPT_PAGES: u64 = 3 << 20;
 
 /// Fewest pixels of a band, if its 8 rows are not more.
 const LEAST_BAND: u32 = 1 << 13;
 
-/// Bytes of a pixel of a whole picture, and of what is known of the pixels of a band while it is painted.
+/// Bytes of a pixel of a whole picture.
 const WHOLE_PIXEL: u64 = 4;
-const BAND: u64 = 4 << 20;
 
 /// Looks after the process's memory while a picture is made.
 pub(super) struct Relief<'a> {
     limit_bytes: Option<u64>,
     give_back: &'a (dyn Fn() + Sync),
     gave: AtomicBool,
-    /// From here on pages are given back.
-    high: u64,
+    /// Steps before the next look.
+    steps: AtomicI64,
+    /// Most that a step adds.
+    step_bytes: AtomicU64,
+    threads: u64,
+    /// Pixels of whole pictures that are held beside the bands.
+    held_pixels: u64,
+    /// What there is in any case: known before the first picture is made.
+    base_bytes: OnceLock<u64>,
 }
 
 impl<'a> Relief<'a> {
-    /// Keeps to a cap, if there is one, by giving pages back.
-    pub(super) fn new(limit_bytes: Option<u64>, give_back: &'a (dyn Fn() + Sync)) -> Self {
-        let high = limit_bytes.map_or(u64::MAX, |limit| limit.saturating_sub(MODEL_PAGES / 2));
-        Self { limit_bytes, give_back, gave: AtomicBool::new(false), high }
+    /// Keeps to a cap, if there is one, by giving pages back; `held_pixels` of whole pictures are in memory together.
+    pub(super) fn new(
+        limit_bytes: Option<u64>,
+        threads: usize,
+        held_pixels: u64,
+        give_back: &'a (dyn Fn() + Sync),
+    ) -> Self {
+        if limit_bytes.is_some() {
+            // Code that started the program and opened the model.
+            resident::give_back();
+        }
+        Self {
+            limit_bytes,
+            give_back,
+            gave: AtomicBool::new(false),
+            steps: AtomicI64::new(0),
+            step_bytes: AtomicU64::new(STEP),
+            threads: threads.max(1) as u64,
+            held_pixels,
+            base_bytes: OnceLock::new(),
+        }
     }
 
-    /// Pixels of a band that fit, `None` for as many as usual.
+    /// Pixels of a band that fit, `None` for as many as usual; a pixel is so many boxes wide.
     ///
     /// # Errors
     /// [`RenderError::Memory`] when the fewest do not fit.
-    pub(super) fn band_pixels(&self, canvas: &Canvas) -> Result<Option<u32>, RenderError> {
+    pub(super) fn band_pixels(&self, canvas: &Canvas, boxes_wide: f64) -> Result<Option<u32>, RenderError> {
         let Some(limit_bytes) = self.limit_bytes else { return Ok(None) };
-        let base = base_bytes();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held to a limit")]
+        let step_bytes = (STEP + (STEP_A_BOX * boxes_wide.max(0.0)) as u64).min(MOST_STEP);
+        self.step_bytes.store(step_bytes, Ordering::Relaxed);
+        let base = *self.base_bytes.get_or_init(|| self.base());
         let mut most = None;
         loop {
             let minimum_bytes = base + parts_bytes(&Canvas { most_band_pixels: most, ..*canvas });
@@ -59,37 +94,54 @@ impl<'a> Relief<'a> {
         }
     }
 
-    /// Checks that pictures of so many pixels can be held as a whole.
-    ///
-    /// # Errors
-    /// [`RenderError::Memory`] when they cannot.
-    pub(super) fn hold_whole(&self, pixels: u64) -> Result<(), RenderError> {
-        let minimum_bytes = base_bytes() + WHOLE_PIXEL * pixels + BAND;
-        match self.limit_bytes {
-            Some(limit_bytes) if minimum_bytes > limit_bytes => Err(too_small(limit_bytes, minimum_bytes)),
-            _ => Ok(()),
-        }
-    }
-
     /// Were pages given back?
     pub(super) fn gave_back(&self) -> bool {
         self.gave.load(Ordering::Relaxed)
     }
 
-    /// Looks how much the process has, and gives back what is too much.
+    /// To be called after each step: looks how much the process has when that may have come near the cap, and gives
+    /// back what is too much.
     ///
-    /// Cost: without a cap none, else a file of the system is read, some microseconds.
+    /// Cost: without a cap none; a look reads a file of the system, some microseconds.
     pub(super) fn look(&self) {
-        if self.limit_bytes.is_some() && resident_bytes() > self.high {
-            self.gave.store(true, Ordering::Relaxed);
-            (self.give_back)();
+        if self.limit_bytes.is_none() {
+            return;
+        }
+        if self.steps.fetch_sub(1, Ordering::Relaxed) <= 0 {
+            self.look_now();
         }
     }
-}
 
-/// What the process has in any case, and room for pages of the model.
-fn base_bytes() -> u64 {
-    own_rss_bytes() + costs::CODE_BYTES + MODEL_PAGES
+    /// The same where the steps before cannot be counted.
+    pub(super) fn look_now(&self) {
+        let Some(limit_bytes) = self.limit_bytes else { return };
+        let room = limit_bytes.saturating_sub(resident_bytes());
+        match room.checked_sub(self.under_way()) {
+            Some(free) => {
+                let steps = free / self.step_bytes.load(Ordering::Relaxed);
+                self.steps.store(steps.cast_signed(), Ordering::Relaxed);
+            }
+            None => {
+                self.gave.store(true, Ordering::Relaxed);
+                (self.give_back)();
+                if resident_bytes().saturating_add(self.under_way()) > limit_bytes {
+                    // What has run once, and is larger than it is counted for where it is not optimised.
+                    resident::give_back();
+                }
+            }
+        }
+    }
+
+    /// What the process has in any case, whole pictures, and room for pages of the model.
+    fn base(&self) -> u64 {
+        let held = WHOLE_PIXEL * self.held_pixels;
+        own_rss_bytes() + costs::CODE_BYTES + held + KEPT_PAGES + self.under_way()
+    }
+
+    /// Room for the steps that all threads are at, and for one more.
+    fn under_way(&self) -> u64 {
+        (self.threads + 1).saturating_mul(self.step_bytes.load(Ordering::Relaxed))
+    }
 }
 
 /// The least that is said to do is a little more, as no two runs are the same.

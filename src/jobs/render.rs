@@ -51,7 +51,7 @@ pub struct RenderRequest {
     pub ambient_rays: u32,
     /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
-    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 traces all.
+    /// Trace fewer rays where the colours around a pixel differ by at most this, of 255; 0 traces all.
     pub coherence: u8,
     /// Draw a scale bar and the patient's sides.
     pub annotate: bool,
@@ -182,7 +182,7 @@ pub fn render_view_watched<V: NodeView>(
     request: &RenderRequest,
     progress: &dyn Progress,
 ) -> Result<(Image, RenderReport), RenderError> {
-    render_view_relieved(view, dims, affine, request, progress, &Relief::new(None, &|| {}))
+    render_view_relieved(view, dims, affine, request, progress, &Relief::new(None, 1, 0, &|| {}))
 }
 
 /// As [`render_view_watched`], with a look at the process's memory now and then.
@@ -194,7 +194,8 @@ pub(super) fn render_view_relieved<V: NodeView>(
     progress: &dyn Progress,
     relief: &Relief<'_>,
 ) -> Result<(Image, RenderReport), RenderError> {
-    let scene = Prepared::new(view, dims, affine, request)?;
+    let mut scene = Prepared::new(view, dims, affine, request, relief)?;
+    scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
     progress.stage("render", scene.rounds(request));
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
@@ -219,9 +220,9 @@ pub(super) fn render_view_parts<V: NodeView>(
     relief: &Relief<'_>,
     take: &mut (dyn FnMut(&Image) -> Result<(), RenderError> + Send),
 ) -> Result<RenderReport, RenderError> {
-    let mut scene = Prepared::new(view, dims, affine, request)?;
+    let mut scene = Prepared::new(view, dims, affine, request, relief)?;
     progress.stage("render", scene.rounds(request));
-    scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas)?;
+    scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
     let mut top = 0;
@@ -253,6 +254,7 @@ impl Prepared {
         dims: Dims,
         affine: &Affine,
         request: &RenderRequest,
+        relief: &Relief<'_>,
     ) -> Result<Self, RenderError> {
         let start = Instant::now();
         picture::check_size(request.width, request.height)?;
@@ -263,13 +265,19 @@ impl Prepared {
             // A first look, by boxes of which there are few, tells how large the boxes of the picture are; more of the
             // file is not needed to place the camera.
             let few = dims.depth().saturating_sub(FIRST_LOOK_LEVELS);
-            let support = |direction| space.support_to(view, direction, few);
+            let support = |direction| {
+                relief.look_now();
+                space.support_to(view, direction, few)
+            };
             let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
             let near_mm = camera.depth_range_mm(support).0;
             lod_edge_log2 = level_of_detail(view, &space, &camera, request, near_mm);
             finest = lod_edge_log2;
         }
-        let support = |direction| space.support_to(view, direction, finest);
+        let support = |direction| {
+            relief.look_now();
+            space.support_to(view, direction, finest)
+        };
         let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
         let range_mm = camera.depth_range_mm(support);
         let canvas = Canvas {
@@ -294,6 +302,13 @@ impl Prepared {
     fn rounds(&self, request: &RenderRequest) -> u64 {
         let rounds = if request.ambient_rays > 0 { 2 } else { 1 };
         rounds * u64::from(self.canvas.height)
+    }
+
+    /// Boxes side by side in the farthest pixel.
+    fn boxes_wide(&self) -> f64 {
+        let least_mm = self.space.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+        let edge_mm = least_mm * f64::from(1_u32 << self.canvas.lod_edge_log2.min(31));
+        self.camera.pixel_mm(self.canvas.height, self.range_mm.1) / edge_mm
     }
 
     /// The depth at which a scale bar is true.

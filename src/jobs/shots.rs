@@ -91,11 +91,14 @@ const SHEET: [[NamedView; 3]; 2] = [
 const TURN_MS: u32 = 6000;
 
 impl Shots {
-    /// Pixels of pictures that are in memory together, where one is as large as this.
+    /// Pixels of whole pictures that are in memory together, where one is as large as this.
     pub(super) fn held_pixels(self, [width, height]: [u32; 2]) -> u64 {
         let one = u64::from(width) * u64::from(height);
         match self {
-            Self::One | Self::Turntable(_) => one,
+            // Made and written in bands.
+            Self::One => 0,
+            // A picture, and what it is compressed to: no more than that.
+            Self::Turntable(_) => 2 * one,
             // A sheet, and a side on its way there.
             Self::Contact => one + one / 6,
         }

@@ -31,6 +31,9 @@ use super::traverse::{Hit, Trace};
 /// Most rays of a pixel.
 pub(crate) const MOST_RAYS: u32 = 1024;
 
+/// Rays between two looks at the process's memory.
+const STEP_RAYS: usize = 16;
+
 /// Cosine and sine of the golden angle.
 const GOLDEN: [f64; 2] = [-0.737_368_878_078_319_7, 0.675_490_294_261_523_8];
 
@@ -105,20 +108,26 @@ impl Sky {
     pub(super) fn openness<V: NodeView, S: Surface<V>>(
         &self,
         lot: &mut Lot,
-        view: &V,
-        surface: &S,
+        (view, surface): (&V, &S),
         place: &Place<'_>,
         pixel: [usize; 2],
+        between: &dyn Fn(),
     ) -> u8 {
         let directions = self.of(pixel);
         let [right, ahead] = beside(place.normal);
-        lot.rays.clear();
-        lot.rays.extend(directions.iter().filter_map(|d| {
-            let world = std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + place.normal[a] * d[2]);
-            place.ray(world)
-        }));
-        lot.batch.any(view, surface, &lot.rays, place.hit.edge_log2, &mut lot.met);
-        let closed = lot.met.iter().filter(|met| **met).count() as f64 / directions.len().max(1) as f64;
+        let mut closed = 0;
+        for directions in directions.chunks(STEP_RAYS) {
+            lot.rays.clear();
+            lot.rays.extend(directions.iter().filter_map(|d| {
+                let world =
+                    std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + place.normal[a] * d[2]);
+                place.ray(world)
+            }));
+            lot.batch.any(view, surface, &lot.rays, place.hit.edge_log2, &mut lot.met);
+            closed += lot.met.iter().filter(|met| **met).count();
+            between();
+        }
+        let closed = closed as f64 / directions.len().max(1) as f64;
         ((1.0 - closed) * 255.0 + 0.5) as u8
     }
 }
@@ -150,6 +159,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                     let limits = (TILE.min(width - left), height);
                     let tile = Tile { corner: (left, top), limits, lod_edge_log2: self.canvas.lod_edge_log2 };
                     let hits = tracer.trace(self.view, &self.surface, &self.sight, tile);
+                    self.watch.step();
                     for ray in 0..RAYS {
                         let (Some(hit), (x, y)) = (hits.hit(ray), (left + ray % TILE, ray / TILE)) else {
                             continue;
@@ -186,7 +196,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             point: add_scaled(origin, hit.t, sight),
             normal: if away { normal.map(|c| -c) } else { normal },
         };
-        sky.openness(lot, self.view, &self.surface, &place, pixel)
+        sky.openness(lot, (self.view, &self.surface), &place, pixel, self.watch.between)
     }
 }
 

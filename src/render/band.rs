@@ -119,8 +119,8 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             let (out, _) = out.as_chunks_mut::<N>();
             for (tile, seen) in seen.chunks(TILE_PIXELS).enumerate() {
                 if seen.iter().any(|pixel| pixel.is_hit()) {
-                    self.watch.tile(tile);
                     paint(kept, [tile * TILE, from + top + n * TILE], seen, out);
+                    self.watch.step();
                 }
             }
         });
