@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 fn on_grid(side: u32) -> MeshOptions {
     let dims = Dims::new(side, side, side).unwrap();
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false }
+    MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false }
 }
 
 fn build(folder: &Path, name: &str, bytes: &[u8], mesh: &MeshOptions) -> Result<Vec<u8>, String> {

@@ -32,7 +32,7 @@ fn all_channels() -> Channels {
 fn build(inputs: &[PathBuf], channels: Channels, threads: usize, mib: u64) -> Result<Vec<u8>, String> {
     let dims = Dims::new(SIDE, SIDE, SIDE).unwrap();
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
     let memory = MemoryCap::Share(mib << 20);
     let options = BuildOptions { memory, threads, channels, ..BuildOptions::default() };
     let model = inputs[0].with_extension("oct");
