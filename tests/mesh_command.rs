@@ -126,30 +126,6 @@ fn a_mesh_is_built_within_a_small_cap_of_the_whole_process() {
 }
 
 #[test]
-fn a_tree_of_ten_thousand_leaves_is_built_within_a_small_cap() {
-    // Two MiB more where the code is not optimised.
-    let cap = if cfg!(debug_assertions) { "10MiB" } else { "8MiB" };
-    let mut tree = String::from("difference() { cube(100);\n");
-    let mut state = 1_u32;
-    for _ in 0..9999 {
-        let mut next = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(state >> 8) / 167_772.16
-        };
-        let [x, y, z] = [next(), next(), next()];
-        tree += &format!(
-            "multmatrix([[1,0,0,{x}],[0,1,0,{y}],[0,0,1,{z}],[0,0,0,1]]) {{ sphere($fn = 0, r = 1.5); }}\n"
-        );
-    }
-    let (_folder, tree, model) = put("many.csg", (tree + "}").as_bytes());
-    let args = ["build", &tree, "-o", &model, "--grid", "128", "--memory", cap, "--threads", "1", "--json"];
-    let json = oct(&args).json();
-    let (peak, limit) = (json["peak_rss_bytes"].as_u64(), json["memory_budget_bytes"].as_u64());
-    assert!(peak <= limit, "{peak:?} of {limit:?}");
-    assert!(json["skin_voxels"].as_u64() > Some(50_000), "{json}");
-}
-
-#[test]
 fn scan_and_batch_take_meshes_where_a_grid_is_given() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

@@ -466,3 +466,59 @@ fn colours_come_back_from_what_was_exported() {
         assert!(first == wanted, "{first:?} {wanted:?}");
     }
 }
+
+#[test]
+fn objects_and_nodes_are_parts_of_their_own_and_files_count_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = Body::cuboid([4.0; 3], [10.0; 3]);
+    let second = Body::cuboid([14.0, 4.0, 4.0], [20.0, 10.0, 10.0]);
+    let mut obj = String::new();
+    for (at, body) in [&first, &second].into_iter().enumerate() {
+        for p in &body.vertices {
+            let [x, y, z] = p.map(|c| c as f64 / meshes::STEPS as f64);
+            writeln!(obj, "v {x} {y} {z}").unwrap();
+        }
+        writeln!(obj, "o part {at}\ng half").unwrap();
+        for (n, face) in body.faces.iter().enumerate() {
+            if n == 6 && at == 1 {
+                writeln!(obj, "g other half").unwrap();
+            }
+            let [a, b, c] = face.map(|v| v + 1 + 8 * at);
+            writeln!(obj, "f {a} {b} {c}").unwrap();
+        }
+    }
+    let obj = put(folder.path(), "a.obj", obj.as_bytes());
+    let stl = put(folder.path(), "b.stl", &Body::cuboid([24.0; 3], [36.0; 3]).stl());
+    let third = |v: &Voxel| v.at[0] > 22.0;
+    for channels in [all_channels(), Channels::from([Channel::Normal, Channel::Material])] {
+        let built = voxels(&build(&[obj.clone(), stl.clone()], channels, 1, 8).unwrap());
+        for voxel in &built {
+            let wanted = match voxel.at[0] {
+                x if x < 12.0 => &[0][..],
+                _ if third(voxel) => &[3],
+                _ => &[1, 2],
+            };
+            assert!(wanted.contains(&voxel.material.unwrap()), "{:?} {:?}", voxel.at, voxel.material);
+        }
+        let has = |part: u8| built.iter().any(|voxel| voxel.material == Some(part));
+        assert!((0..4).all(has));
+    }
+    // Two nodes with the same mesh, and two items of one object.
+    let mut described = containers::description(&first);
+    let mut aside = containers::MILLIMETRES;
+    aside[12] = 0.012;
+    described["nodes"] =
+        json!([{"mesh": 0, "matrix": containers::MILLIMETRES}, {"mesh": 0, "matrix": aside}]);
+    described["scenes"][0]["nodes"] = json!([0, 1]);
+    let nodes = put(folder.path(), "c.glb", &glb(&described, &containers::buffer(&first)));
+    let items = "<item objectid=\"1\"/><item objectid=\"1\" transform=\"1 0 0 0 1 0 0 0 1 12 0 0\"/>";
+    let text = containers::text("millimeter", &containers::object(&first, 1, 1.0), items);
+    let items = put(folder.path(), "d.3mf", &containers::packed(&text, 8));
+    for file in [nodes, items] {
+        let built = voxels(&build(std::slice::from_ref(&file), all_channels(), 1, 8).unwrap());
+        for voxel in &built {
+            assert_eq!(voxel.material, Some(u8::from(voxel.at[0] > 12.0)), "{}", file.display());
+        }
+        assert!(built.iter().any(|voxel| voxel.at[0] > 12.0));
+    }
+}

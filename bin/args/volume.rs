@@ -221,7 +221,7 @@ pub(crate) struct SkinArgs {
     #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
     pub(crate) surface: SurfaceKind,
     /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of meshes normal,
-    /// color (also kept by default where they have colours), and material, the number of the file
+    /// color (also kept by default where they have colours), and material, the number of the part (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,
     /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), label5 (for

@@ -248,6 +248,8 @@ pub struct MeshFacts {
     pub flat: u64,
     /// Files read.
     pub files: u64,
+    /// Parts in all of them, at least one each.
+    pub parts: u64,
     /// Is it closed?
     pub boundary: Boundary,
     /// What is inside.

@@ -114,7 +114,8 @@ const COLUMN_BYTES: u64 = 768 << 10;
 /// Builds the skin octree of a mesh, which several files may hold together, into `output`.
 ///
 /// Channels: normals, smooth where files have normals of vertices; colours, left out where files have none; and as
-/// material the number of the file, from 0, those beyond 255 as 255.
+/// material the number of the part, from 0, those beyond 255 as 255: files count as parts one after the other, and
+/// within them objects and groups of OBJ, nodes of glTF with a mesh, and meshes of 3MF where they are placed.
 ///
 /// # Errors
 /// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
@@ -256,8 +257,9 @@ impl Front<'_> {
             if let Some(collector) = &mut collector {
                 if known == file {
                     known += 1;
+                    let first_part = files[..file].iter().map(MeshFile::parts).sum();
                     collector
-                        .file(file, files[file].materials())
+                        .file(first_part, files[file].materials())
                         .map_err(|fault| self.of_paint(fault, file))?;
                 }
                 collector.add(t, look)?;
@@ -306,6 +308,7 @@ impl Front<'_> {
             }
         };
         let bins = binner.finish()?;
+        let parts = files.iter().map(MeshFile::parts).sum();
         drop(files);
         drop((reading, held, described));
         let (rule, asked_for) = match self.mesh.fill {
@@ -326,6 +329,7 @@ impl Front<'_> {
         let facts = MeshFacts {
             triangles: counted.triangles,
             flat: counted.flat,
+            parts,
             files: self.inputs.len() as u64,
             boundary,
             fill,

@@ -159,10 +159,14 @@ impl fmt::Display for Feature {
 
 impl fmt::Display for MeshFacts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { triangles, flat, files, boundary, fill, asked_for, keep_thin, voxel_mm, origin_mm } = self;
+        let Self { triangles, flat, files, parts, boundary, fill, asked_for, keep_thin, voxel_mm, origin_mm } =
+            self;
         write!(f, "{triangles} triangles")?;
         if *files > 1 {
             write!(f, " of {files} files")?;
+        }
+        if parts > files {
+            write!(f, " in {parts} parts")?;
         }
         if *flat > 0 {
             write!(f, " ({flat} without area)")?;
