@@ -190,7 +190,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
 }
 
 fn build_tree(args: &args::BuildArgs, options: &BuildOptions) -> Result<ExitCode, Failure> {
-    if let Some(flag) = args.volume_flag().or(args.mesh.grid.fill.map(|_| "--fill")) {
+    let grid = &args.mesh.grid;
+    let of_meshes = grid.fill.map(|_| "--fill").or(grid.keep_thin.then_some("--keep-thin"));
+    if let Some(flag) = args.volume_flag().or(of_meshes) {
         return Err(Refusal::ForOthers(flag).into());
     }
     let csg = args.mesh.tree_options(args.raw.dims);

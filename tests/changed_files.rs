@@ -127,6 +127,7 @@ fn cells_and_meshes_notice_it_too() {
         grid: GridChoice::Side { voxels: 16, margin: 1 },
         unit_mm: 1.0,
         fill: None,
+        keep_thin: false,
         follow_links: false,
     };
     let mesh_built = |progress: &dyn Progress| {

@@ -70,6 +70,24 @@ fn flags_that_do_not_fit_are_refused_by_name() {
 }
 
 #[test]
+fn sheets_and_thin_walls_are_built_where_they_are_asked_for() {
+    let (_folder, mesh, model) = put("plate.stl", &Body::cuboid([2.0, 2.0, 4.8], [12.0, 12.0, 5.2]).stl());
+    let grid = ["--voxel", "1", "--origin", "0,0,0", "--dims", "14x14x10", "--memory", "64MiB", "--json"];
+    let build = |more: &[&str]| oct(&[&["build", &mesh, "-o", &model], &grid[..], more].concat());
+    build(&[]).refused(3, &["no voxel is inside"]);
+    let json = build(&["--keep-thin"]).json();
+    assert_eq!(json["skin_voxels"], 100);
+    assert!(json["warnings"][0].as_str().unwrap().contains("walls thinner than a voxel are kept"), "{json}");
+    // Its lower face, its upper one, and its sides, which lie between voxels.
+    let json = build(&["--fill", "surface"]).json();
+    let told = json["warnings"][0].as_str().unwrap();
+    assert!(told.contains("closed") && told.contains("the mesh itself crosses, as asked for"), "{told}");
+    assert_eq!(json["skin_voxels"], 200);
+    let (_folder, tree, model) = put("a.csg", b"cube(3);");
+    oct(&["build", &tree, "-o", &model, "--grid", "9", "--keep-thin"]).refused(2, &["--keep-thin"]);
+}
+
+#[test]
 fn the_grid_in_full_moves_and_scales_nothing() {
     let body = Body::cuboid([2.0, 3.0, 4.0], [12.0, 13.0, 14.0]);
     let (_folder, mesh, model) = put("box.obj", &body.obj());

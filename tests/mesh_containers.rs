@@ -15,8 +15,9 @@ use std::time::{Duration, Instant};
 
 use containers::{archive, buffer, description, glb, gltf, object, packed, text, threemf};
 use infobyte::Dims;
-use infobyte::budget::MemoryCap;
+use infobyte::budget::{MemoryCap, peak_rss_bytes};
 use infobyte::builder::{BuildOptions, Silent};
+use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
 use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
 use meshes::Body;
 use random::Random;
@@ -25,7 +26,7 @@ use serde_json::{Value, json};
 fn on_grid(side: u32) -> MeshOptions {
     let dims = Dims::new(side, side, side).unwrap();
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false }
+    MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false }
 }
 
 fn build(folder: &Path, name: &str, bytes: &[u8], mesh: &MeshOptions) -> Result<Vec<u8>, String> {
@@ -248,29 +249,74 @@ fn what_cannot_be_read_is_refused_by_name() {
     refused("a.3mf", &wrong, "archive that is damaged");
 }
 
+/// Builds a file in a small grid, as what its name says.
+fn attempt(folder: &Path, name: &str, bytes: &[u8], mesh: &MeshOptions) -> Result<(), String> {
+    if !name.ends_with("csg") {
+        return build(folder, name, bytes, mesh).map(|_| ());
+    }
+    let path = folder.join(name);
+    fs::write(&path, bytes).unwrap();
+    let options = BuildOptions { memory: MemoryCap::Share(8 << 20), threads: 1, ..BuildOptions::default() };
+    let csg = CsgOptions { grid: Some(mesh.grid), unit_mm: 1.0 };
+    let (tree, root) = read_tree(&path, options.memory).map_err(|e| e.to_string())?;
+    let input = CsgInput { tree, root, name: path, volumes: Vec::new() };
+    let model = folder.join("model.oct");
+    build_csg(input, &csg, &options, &model, &Silent).map(|_| ()).map_err(|e| e.to_string())
+}
+
+/// A tree of most modules.
+const TREE: &str = "difference() {
+  union() { multmatrix([[1,0,0,3],[0,1,0,0.5],[0,0,1,0],[0,0,0,1]]) { sphere($fn = 0, r = 2); }
+    offset3d(r = 0.5) cube(size = [1, 2, 3], center = true);
+    linear_extrude(height = 2) { polygon(points = [[0,0],[3,0],[0,3]], paths = undef); } }
+  halfspace([0, 0, 1], -1.5);
+  intersection() { torus(2, 0.4); cylinder($fn = 5, h = 1, r1 = 1, r2 = 0.2); }
+  polyhedron(points = [[0,0,0],[5,0,0],[0,5,0],[0,0,5]], faces = [[0,1,2],[0,3,1],[0,2,3],[1,3,2]]);
+}
+";
+
+/// With INFOBYTE_MESH_CHANGES=N every format of meshes and trees is changed at N places, and figures are printed.
 #[test]
 fn whatever_is_cut_off_or_changed_ends_in_time_and_without_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = MeshOptions { grid: GridChoice::Side { voxels: 8, margin: 1 }, ..on_grid(8) };
     let mut random = Random(5);
     let small = Body::octahedron([4.0; 3], 2.0);
-    let files = [
+    let mut files = vec![
         ("a.glb", glb(&description(&small), &buffer(&small))),
         ("a.gltf", gltf(&small)),
         ("a.3mf", threemf(&small)),
         ("b.3mf", packed(&text("millimeter", &object(&small, 1, 1.0), "<item objectid=\"1\"/>"), 0)),
     ];
+    let asked = std::env::var("INFOBYTE_MESH_CHANGES").ok().map(|n| n.parse().expect("a number"));
+    if asked.is_some() {
+        files.extend([
+            ("b.stl", small.stl()),
+            ("t.stl", small.stl_text()),
+            ("t.ply", small.ply("ascii")),
+            ("l.ply", small.ply("binary_little_endian")),
+            ("b.ply", small.ply("binary_big_endian")),
+            ("a.obj", small.obj()),
+            ("a.off", small.off()),
+            ("a.csg", TREE.into()),
+        ]);
+    }
     for (name, whole) in files {
-        let case = |bytes: &[u8], what: &str| {
+        attempt(folder.path(), name, &whole, &mesh).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let (mut built, mut refused, mut slowest) = (0, 0, Duration::ZERO);
+        let mut case = |bytes: &[u8], what: &str| {
             // A machine that stands still for a while does so once.
             let mut fast = false;
             for _ in 0..2 {
                 let started = Instant::now();
-                let done = catch_unwind(AssertUnwindSafe(|| build(folder.path(), name, bytes, &mesh)));
+                let done = catch_unwind(AssertUnwindSafe(|| attempt(folder.path(), name, bytes, &mesh)));
+                let took = started.elapsed();
                 let told = done.unwrap_or_else(|_| panic!("{name}: {what}"));
-                assert!(told.is_ok() || !told.unwrap_err().contains('\n'), "{name}: {what}");
-                fast = started.elapsed() < Duration::from_secs(5);
+                assert!(told.is_ok() || !told.as_ref().unwrap_err().contains('\n'), "{name}: {what}");
+                fast = took < Duration::from_secs(5);
                 if fast {
+                    slowest = slowest.max(took);
+                    *(if told.is_ok() { &mut built } else { &mut refused }) += 1;
                     break;
                 }
             }
@@ -280,12 +326,18 @@ fn whatever_is_cut_off_or_changed_ends_in_time_and_without_a_panic() {
             let length = n * whole.len() / 200;
             case(&whole[..length], &format!("{length} bytes"));
         }
-        for n in 0..2000_u32 {
+        for n in 0..asked.unwrap_or(2000_u32) {
             let at = usize::try_from(random.below(whole.len() as u64)).unwrap();
             let new = [random.below(256), 0xff, 0, 1 << random.below(8)][usize::try_from(n % 4).unwrap()];
             let mut bytes = whole.clone();
             bytes[at] = u8::try_from(new).unwrap();
             case(&bytes, &format!("byte {at} = {new}"));
+        }
+        if asked.is_some() {
+            let (slowest, peak) = (slowest.as_millis(), peak_rss_bytes() >> 10);
+            eprintln!(
+                "{name}: {built} built, {refused} refused, slowest {slowest} ms, peak so far {peak} KiB"
+            );
         }
     }
 }

@@ -16,8 +16,10 @@ use containers::{archive, glb};
 use infobyte::Dims;
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildOptions, Silent};
+use infobyte::export::ExportForm;
 use infobyte::format::{Channel, Channels, normal};
 use infobyte::geom::{BoxIndex, Octant};
+use infobyte::jobs::export::{ExportRequest, export};
 use infobyte::load::{Model, NodeView, verify};
 use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
 use meshes::Body;
@@ -32,7 +34,7 @@ fn all_channels() -> Channels {
 fn build(inputs: &[PathBuf], channels: Channels, threads: usize, mib: u64) -> Result<Vec<u8>, String> {
     let dims = Dims::new(SIDE, SIDE, SIDE).unwrap();
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
     let memory = MemoryCap::Share(mib << 20);
     let options = BuildOptions { memory, threads, channels, ..BuildOptions::default() };
     let model = inputs[0].with_extension("oct");
@@ -368,4 +370,155 @@ fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
     assert!(told.contains("32767 x 32767"), "{told}");
     put(folder.path(), "i.png", b"GIF89a, which is not read");
     assert!(build(&[obj], asked, 1, 8).unwrap_err().contains("PNG or JPEG"));
+}
+
+/// A box of two colours, one on either side of the middle, as PLY.
+fn two_colors(low: [u8; 3], high: [u8; 3]) -> String {
+    let left = Body::cuboid(LOW, [20.0, HIGH[1], HIGH[2]]);
+    let right = Body::cuboid([20.0, LOW[1], LOW[2]], HIGH);
+    let both = left.clone().with(&right);
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nelement face {}\n\
+         property list uchar int vertex_indices\nend_header\n",
+        both.vertices.len(),
+        both.faces.len()
+    );
+    for (at, p) in both.vertices.iter().enumerate() {
+        let [x, y, z] = p.map(|c| c as f64 / meshes::STEPS as f64);
+        let [r, g, b] = if at < left.vertices.len() { low } else { high };
+        writeln!(text, "{x} {y} {z} {r} {g} {b}").unwrap();
+    }
+    both.faces.iter().for_each(|[a, b, c]| writeln!(text, "3 {a} {b} {c}").unwrap());
+    text
+}
+
+#[test]
+fn colours_come_back_from_what_was_exported() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for (low, high) in [([250, 20, 128], [0, 77, 255]), ([1, 0, 3], [2, 12, 254])] {
+        let model = build(
+            &[put(folder.path(), "a.ply", two_colors(low, high).as_bytes())],
+            Channels::from([Channel::Normal, Channel::Color]),
+            1,
+            8,
+        );
+        let color = |p: [f64; 3]| if p[0] < 20.0 { low } else { high };
+        let wanted = voxels(&model.unwrap());
+        // Beside the seam the walls between both halves are as near.
+        assert!(wanted.iter().all(|v| (v.at[0] - 20.0).abs() < 1.0 || v.color == Some(color(v.at))));
+        for (name, form, simplify) in [
+            ("m.ply", ExportForm::Ply, 0),
+            ("m.glb", ExportForm::Glb, 0),
+            ("points.ply", ExportForm::Points, 0),
+            ("coarse.glb", ExportForm::Glb, 1),
+        ] {
+            let request = ExportRequest { form, skin_only: false, simplify };
+            export(&at("a.oct"), &at(name), request, &infobyte::progress::Silent).unwrap();
+            if form == ExportForm::Points {
+                continue;
+            }
+            // What is built of the export has the same colours, but for those that vertices between both mix.
+            let again = put(folder.path(), "b.ply", b"");
+            let again = again.with_extension(name.rsplit('.').next().unwrap());
+            fs::copy(at(name), &again).unwrap();
+            let again =
+                voxels(&build(&[again], Channels::from([Channel::Normal, Channel::Color]), 1, 8).unwrap());
+            assert!(again.len() > 2000, "{name}: {}", again.len());
+            for voxel in again {
+                let far = (voxel.at[0] - 20.0).abs() > 1.5 * f64::from(1 << simplify);
+                assert!(
+                    !far || voxel.color == Some(color(voxel.at)),
+                    "{name} {:?} {:?}",
+                    voxel.at,
+                    voxel.color
+                );
+            }
+        }
+        let points = fs::read(at("points.ply")).unwrap();
+        let end = points.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let records = points[end..].as_chunks::<27>();
+        assert_eq!((records.0.len(), records.1.len()), (wanted.len(), 0));
+        for record in records.0 {
+            let x = f32::from_le_bytes(record[..4].try_into().unwrap());
+            assert!((x - 20.0).abs() < 1.0 || record[24..] == color([f64::from(x), 0.0, 0.0]));
+        }
+        // Colours of glTF are light, and its material does not tint them.
+        let glb = fs::read(at("m.glb")).unwrap();
+        let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+        let told: serde_json::Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+        assert_eq!(
+            told["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"],
+            json!([1.0, 1.0, 1.0, 1.0])
+        );
+        let accessor = &told["accessors"][2];
+        assert_eq!((&accessor["componentType"], &accessor["normalized"]), (&json!(5123), &json!(true)));
+        let from = told["bufferViews"][2]["byteOffset"].as_u64().unwrap() as usize + 28 + length;
+        let light = |c: u8| {
+            let s = f64::from(c) / 255.0;
+            let light = if s <= 0.040_45 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) };
+            (light * 65535.0).round() as u16
+        };
+        let wanted: Vec<u8> =
+            low.map(light).into_iter().chain([u16::MAX]).flat_map(u16::to_le_bytes).collect();
+        let first = &glb[from..from + 8];
+        assert!(first == wanted, "{first:?} {wanted:?}");
+    }
+}
+
+#[test]
+fn objects_and_nodes_are_parts_of_their_own_and_files_count_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = Body::cuboid([4.0; 3], [10.0; 3]);
+    let second = Body::cuboid([14.0, 4.0, 4.0], [20.0, 10.0, 10.0]);
+    let mut obj = String::new();
+    for (at, body) in [&first, &second].into_iter().enumerate() {
+        for p in &body.vertices {
+            let [x, y, z] = p.map(|c| c as f64 / meshes::STEPS as f64);
+            writeln!(obj, "v {x} {y} {z}").unwrap();
+        }
+        writeln!(obj, "o part {at}\ng half").unwrap();
+        for (n, face) in body.faces.iter().enumerate() {
+            if n == 6 && at == 1 {
+                writeln!(obj, "g other half").unwrap();
+            }
+            let [a, b, c] = face.map(|v| v + 1 + 8 * at);
+            writeln!(obj, "f {a} {b} {c}").unwrap();
+        }
+    }
+    let obj = put(folder.path(), "a.obj", obj.as_bytes());
+    let stl = put(folder.path(), "b.stl", &Body::cuboid([24.0; 3], [36.0; 3]).stl());
+    let third = |v: &Voxel| v.at[0] > 22.0;
+    for channels in [all_channels(), Channels::from([Channel::Normal, Channel::Material])] {
+        let built = voxels(&build(&[obj.clone(), stl.clone()], channels, 1, 8).unwrap());
+        for voxel in &built {
+            let wanted = match voxel.at[0] {
+                x if x < 12.0 => &[0][..],
+                _ if third(voxel) => &[3],
+                _ => &[1, 2],
+            };
+            assert!(wanted.contains(&voxel.material.unwrap()), "{:?} {:?}", voxel.at, voxel.material);
+        }
+        let has = |part: u8| built.iter().any(|voxel| voxel.material == Some(part));
+        assert!((0..4).all(has));
+    }
+    // Two nodes with the same mesh, and two items of one object.
+    let mut described = containers::description(&first);
+    let mut aside = containers::MILLIMETRES;
+    aside[12] = 0.012;
+    described["nodes"] =
+        json!([{"mesh": 0, "matrix": containers::MILLIMETRES}, {"mesh": 0, "matrix": aside}]);
+    described["scenes"][0]["nodes"] = json!([0, 1]);
+    let nodes = put(folder.path(), "c.glb", &glb(&described, &containers::buffer(&first)));
+    let items = "<item objectid=\"1\"/><item objectid=\"1\" transform=\"1 0 0 0 1 0 0 0 1 12 0 0\"/>";
+    let text = containers::text("millimeter", &containers::object(&first, 1, 1.0), items);
+    let items = put(folder.path(), "d.3mf", &containers::packed(&text, 8));
+    for file in [nodes, items] {
+        let built = voxels(&build(std::slice::from_ref(&file), all_channels(), 1, 8).unwrap());
+        for voxel in &built {
+            assert_eq!(voxel.material, Some(u8::from(voxel.at[0] > 12.0)), "{}", file.display());
+        }
+        assert!(built.iter().any(|voxel| voxel.at[0] > 12.0));
+    }
 }

@@ -4,6 +4,8 @@
 
 #[path = "support/meshes.rs"]
 mod meshes;
+#[path = "mesh_solids/thin.rs"]
+mod thin;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -23,6 +25,7 @@ fn exact(dims: [u32; 3]) -> MeshOptions {
         grid: GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims },
         unit_mm: 1.0,
         fill: None,
+        keep_thin: false,
         follow_links: false,
     }
 }
@@ -349,6 +352,7 @@ fn huge_coordinates_and_offsets_are_fitted_or_refused() {
         grid: GridChoice::Side { voxels: 64, margin: 1 },
         unit_mm: 1.0,
         fill: None,
+        keep_thin: false,
         follow_links: false,
     };
     let text = |low: f64, high: f64| {
@@ -478,6 +482,7 @@ fn the_grid_is_placed_in_millimetres() {
         grid: GridChoice::Voxel { edge_mm: 0.5, margin: 2 },
         unit_mm: 10.0,
         fill: None,
+        keep_thin: false,
         follow_links: false,
     };
     let facts = place.build(&[file], &mesh, &options(16, 2)).unwrap().facts;

@@ -221,7 +221,7 @@ pub(crate) struct SkinArgs {
     #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
     pub(crate) surface: SurfaceKind,
     /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of meshes normal,
-    /// color (also kept by default where they have colours), and material, the number of the file
+    /// color (also kept by default where they have colours), and material, the number of the part (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,
     /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), label5 (for
@@ -404,9 +404,13 @@ pub(crate) struct GridArgs {
     #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
     pub(crate) unit: Option<f64>,
     /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what fits
-    /// the mesh
-    #[arg(long, value_enum, value_name = "winding|parity")]
+    /// the mesh. surface: the voxels that the mesh itself crosses and no others, for open sheets and thin shells
+    #[arg(long, value_enum, value_name = "winding|parity|surface")]
     pub(crate) fill: Option<FillRule>,
+    /// Keep walls thinner than a voxel: where a mesh passes between two neighbouring centres that are both outside,
+    /// one of their voxels is inside, so that walls have no holes. Without effect on --fill surface
+    #[arg(long)]
+    pub(crate) keep_thin: bool,
 }
 
 /// Which voxels are inside a mesh.
@@ -414,6 +418,7 @@ pub(crate) struct GridArgs {
 pub(crate) enum FillRule {
     Winding,
     Parity,
+    Surface,
 }
 
 impl GridArgs {
@@ -423,6 +428,7 @@ impl GridArgs {
             ("--grid", self.grid.is_some()),
             ("--voxel", self.voxel.is_some()),
             ("--fill", self.fill.is_some()),
+            ("--keep-thin", self.keep_thin),
             ("--margin", self.margin.is_some()),
             ("--unit", self.unit.is_some()),
         ];
@@ -447,8 +453,10 @@ impl GridArgs {
         let fill = self.fill.map(|rule| match rule {
             FillRule::Winding => Fill::Winding,
             FillRule::Parity => Fill::Parity,
+            FillRule::Surface => Fill::Surface,
         });
-        Some(MeshOptions { grid, unit_mm: self.unit.unwrap_or(1.0), fill, follow_links })
+        let (unit_mm, keep_thin) = (self.unit.unwrap_or(1.0), self.keep_thin);
+        Some(MeshOptions { grid, unit_mm, fill, keep_thin, follow_links })
     }
 
     /// The options of the library, each mesh on a grid of its own, if anything says how fine that is.

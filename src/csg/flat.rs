@@ -7,7 +7,7 @@
 //! Only unions and intersections are left, which alternate, and every leaf knows where it lies. Done with a list of
 //! what is still to be visited, so that the depth of a tree does not matter.
 
-use super::tree::{Node, NodeId, Operation, Shape, Tree};
+use super::tree::{Node, NodeId, Operation, Shape, Tree, push};
 use crate::facts::CsgFault;
 use crate::geom::Affine;
 
@@ -81,12 +81,13 @@ impl<'a> Flat<'a> {
             match &tree.nodes[node.0 as usize] {
                 Node::Leaf { shape, line } => flat.leaf(Some(shape), affine, *line, negated, above),
                 Node::Placed { affine: own, node, line } => {
-                    let placed = flat.affines[affine as usize].0.after(own);
-                    if !placed.rows.iter().flatten().all(|c| c.is_finite()) {
-                        return Err(CsgFault::Singular { line: *line });
-                    }
-                    flat.affines.push((placed, *line));
-                    let affine = number(flat.affines.len() - 1);
+                    let affine = flat.placed(affine, own, *line)?;
+                    open.push(Visit { node: *node, affine, negated, above });
+                }
+                Node::Moved { by, node, line } => {
+                    let mut own = Affine::from_spacing([1.0; 3]);
+                    (0..3).for_each(|k| own.rows[k][3] = by[k]);
+                    let affine = flat.placed(affine, &own, *line)?;
                     open.push(Visit { node: *node, affine, negated, above });
                 }
                 Node::Joined { operation, first, count } => {
@@ -110,10 +111,20 @@ impl<'a> Flat<'a> {
         Ok(flat)
     }
 
+    /// The number of an affine behind another one.
+    fn placed(&mut self, first: u32, own: &Affine, line: u64) -> Result<u32, CsgFault> {
+        let placed = self.affines[first as usize].0.after(own);
+        if !placed.rows.iter().flatten().all(|c| c.is_finite()) {
+            return Err(CsgFault::Singular { line });
+        }
+        push(&mut self.affines, (placed, line));
+        Ok(number(self.affines.len() - 1))
+    }
+
     fn leaf(&mut self, shape: Option<&'a Shape>, affine: u32, line: u64, negated: bool, above: u32) {
         let leaf = number(self.leaves.len());
-        self.leaves.push(FlatLeaf { shape, affine, line });
-        self.parts.push((above, Part::Leaf { leaf, negated }));
+        push(&mut self.leaves, FlatLeaf { shape, affine, line });
+        push(&mut self.parts, (above, Part::Leaf { leaf, negated }));
     }
 
     /// The join to which parts are added: the one above if it is of the same kind.
@@ -122,8 +133,8 @@ impl<'a> Flat<'a> {
             return above;
         }
         let join = number(self.joins.len());
-        self.joins.push(kind);
-        self.parts.push((above, Part::Join(join)));
+        push(&mut self.joins, kind);
+        push(&mut self.parts, (above, Part::Join(join)));
         join
     }
 

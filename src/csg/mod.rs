@@ -12,6 +12,7 @@
 //! |---|---|
 //! | [`Tree`] | shapes, where they lie, and how they are joined |
 //! | `text` | trees from OpenSCAD's evaluated text |
+//! | `offset` | solids grown and shrunk by a distance |
 //! | `flat`, `program` | complements pushed down to leaves; steps on a stack, pruned box by box |
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
 //! | `leaf`, `wide`, `facets` | placed leaves: exact membership, surfaces |
@@ -29,6 +30,7 @@ mod describe;
 mod facets;
 mod flat;
 mod leaf;
+mod offset;
 mod place;
 mod program;
 mod solid;

@@ -29,8 +29,6 @@ const SLAB: u32 = 32;
 const BOX: u32 = 64;
 /// Most steps of the programs of a slab's boxes that are kept.
 const STORE: usize = 1 << 15;
-/// Boxes within boxes: halves of a tile of 2^16 columns.
-const LEVELS: usize = 11;
 /// What the model says of its normals.
 const ESTIMATOR: &str = "analytic";
 
@@ -43,6 +41,11 @@ pub(super) struct CsgSolid<'a> {
     pub(super) walked: Vec<WalkedLeaf<'a>>,
     /// The text, and what it was before it was read.
     pub(super) text: Option<(PathBuf, u64)>,
+}
+
+/// Boxes within boxes: halves of a tile.
+fn levels(tile: &Tile) -> usize {
+    tile.columns.div_ceil(BOX).max(1).ilog2() as usize + 2
 }
 
 impl CsgSolid<'_> {
@@ -94,7 +97,7 @@ impl Solid for CsgSolid<'_> {
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
         let boxes = tile.columns.div_ceil(BOX) as usize;
-        let programs = 2 * self.store(tile) + (LEVELS + 3) * self.program.len();
+        let programs = 2 * self.store(tile) + (levels(tile) + 3) * self.program.len();
         let own = programs * size_of::<Step>() + 2 * boxes * size_of::<Kept>() + STACK * ROWS * 8;
         let walked: u64 =
             self.walked.iter().map(|leaf| leaf.solid.worker_bytes(tile) + Walker::bytes(tile)).sum();
@@ -115,7 +118,8 @@ impl Solid for CsgSolid<'_> {
         Box::new(CsgWorker {
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
             whole: Vec::with_capacity(self.program.len()),
-            levels: Vec::with_capacity(LEVELS),
+            most_levels: levels(tile),
+            levels: Vec::with_capacity(levels(tile)),
             spare: Vec::with_capacity(self.program.len()),
             slabs: [slab(), slab()],
             stack: vec![0; STACK * ROWS],
@@ -163,6 +167,7 @@ pub(super) struct CsgWorker<'a> {
     whole: Vec<Step>,
     /// Boxes within each other, the smallest last, and a list that is not in use.
     levels: Vec<Level>,
+    most_levels: usize,
     spare: Vec<Step>,
     slabs: [Slab; 2],
     stack: Vec<u64>,
@@ -296,7 +301,7 @@ impl SolidWorker for CsgWorker<'_> {
         if is_slab {
             self.keep(region, number, told, &steps);
         }
-        if told == Cover::Mixed && region.x.len() > BOX as usize + 2 && self.levels.len() < LEVELS {
+        if told == Cover::Mixed && region.x.len() > BOX as usize + 2 && self.levels.len() < self.most_levels {
             self.levels.push(Level { region: region.clone(), steps });
         } else {
             self.spare = steps;

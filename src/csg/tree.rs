@@ -58,7 +58,7 @@ pub enum Shape {
     Torus {
         /// From the origin to the middle of the tube.
         major: f64,
-        /// Radius of the tube.
+        /// Radius of the tube; one larger than the ring fills its hole. At most 16 times as large.
         minor: f64,
     },
     /// All points p with normal . p <= offset |normal|.
@@ -104,6 +104,8 @@ pub(super) enum Node {
     Joined { operation: Operation, first: u32, count: u32 },
     /// A placed node.
     Placed { affine: Box<Affine>, node: NodeId, line: u64 },
+    /// A node that is only moved, as most are.
+    Moved { by: Box<[f64; 3]>, node: NodeId, line: u64 },
 }
 
 /// A tree of solids, in millimetres or another unit.
@@ -122,7 +124,8 @@ pub(super) enum Node {
 pub struct Tree {
     pub(super) nodes: Vec<Node>,
     pub(super) children: Vec<NodeId>,
-    faces_bytes: usize,
+    /// Bytes of boxes, and of the lists of faces.
+    boxed_bytes: usize,
 }
 
 impl Tree {
@@ -169,24 +172,32 @@ impl Tree {
     }
 
     pub(super) fn leaf_of_line(&mut self, shape: Shape, line: u64) -> NodeId {
+        self.boxed_bytes += size_of::<Shape>() + BOXED;
         if let Shape::Faces(faces) = &shape {
-            self.faces_bytes += 24 * faces.points.capacity() + 12 * faces.triangles.capacity();
+            self.boxed_bytes += 24 * faces.points.capacity() + 12 * faces.triangles.capacity();
         }
         self.add(Node::Leaf { shape: Box::new(shape), line })
     }
 
     pub(super) fn placed_of_line(&mut self, affine: Affine, node: NodeId, line: u64) -> NodeId {
         self.check(node);
+        let [x, y, z] = affine.rows;
+        let turns = [[x[0], x[1], x[2]], [y[0], y[1], y[2]], [z[0], z[1], z[2]]];
+        if turns == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+            self.boxed_bytes += size_of::<[f64; 3]>() + BOXED;
+            return self.add(Node::Moved { by: Box::new(affine.origin()), node, line });
+        }
+        self.boxed_bytes += size_of::<Affine>() + BOXED;
         self.add(Node::Placed { affine: Box::new(affine), node, line })
     }
 
-    fn check(&self, node: NodeId) {
+    pub(super) fn check(&self, node: NodeId) {
         assert!((node.0 as usize) < self.nodes.len(), "a node of another tree");
     }
 
     fn add(&mut self, node: Node) -> NodeId {
         let id = NodeId(number(self.nodes.len()));
-        self.nodes.push(node);
+        push(&mut self.nodes, node);
         id
     }
 
@@ -202,10 +213,21 @@ impl Tree {
 
     /// Memory that it holds, about.
     pub(super) fn bytes(&self) -> u64 {
-        // Every node but a joined one is a box more.
-        let nodes = self.nodes.capacity() * size_of::<Node>() + self.nodes.len() * (size_of::<Affine>() + 16);
-        (nodes + self.children.capacity() * size_of::<NodeId>() + self.faces_bytes) as u64
+        let nodes = self.nodes.capacity() * size_of::<Node>() + self.boxed_bytes;
+        (nodes + self.children.capacity() * size_of::<NodeId>()) as u64
     }
+}
+
+/// What a box takes beside what is in it.
+const BOXED: usize = 16;
+
+/// Adds to a list that grows by an eighth, not to twice its size: trees are the largest thing in memory while they are
+/// read.
+pub(super) fn push<T>(list: &mut Vec<T>, item: T) {
+    if list.len() == list.capacity() {
+        list.reserve_exact((list.len() / 8).max(64));
+    }
+    list.push(item);
 }
 
 /// Nodes are counted in 32 bits: more do not fit into the memory that a text may take.

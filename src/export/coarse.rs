@@ -9,7 +9,9 @@ use std::io;
 use super::cases::{ends, is_crossed};
 use super::dual::Mesher;
 use super::place::{Place, Spot, Spots, held_within, middle};
-use super::signs::Signs;
+use super::signs::{Boxes, Signs};
+use super::tint::{BlockTints, Light, Lights, Mixture};
+use crate::load::NodeView;
 use crate::render::GridSpace;
 
 /// Numbers of inside samples in the blocks of one coarse slice, row by row, with an empty block around all.
@@ -82,16 +84,28 @@ pub(super) struct Coarse {
     /// Fine slices counted in `now`.
     counted: u32,
     before: (Blocks, Signs),
+    /// Colours of the blocks of both slices, if the model has any.
+    tints: Option<[BlockTints; 2]>,
+    nothing: Light,
     /// Slices of blocks handed on, the empty one before the first included.
     slices: u32,
 }
 
 impl Coarse {
     /// For slices of `width` by `height` samples.
-    pub(super) fn new(step: u32, width: u32, height: usize) -> Self {
+    pub(super) fn new(step: u32, width: u32, height: usize, lights: Option<&Lights>) -> Self {
         let empty = Blocks::new(step, width, height);
         let before = (empty.clone(), Signs::default());
-        Self { now: empty.clone(), empty, counted: 0, before, slices: 1 }
+        let tints = lights.map(|_| Default::default());
+        let nothing = lights.map_or([0; 3], Lights::nothing);
+        Self { now: empty.clone(), empty, counted: 0, before, tints, nothing, slices: 1 }
+    }
+
+    /// Takes the colours of the slice of samples that comes next.
+    pub(super) fn tint<V: NodeView>(&mut self, view: &V, lights: &Lights, boxes: &Boxes, height: usize) {
+        if let Some([_, now]) = &mut self.tints {
+            now.add(view, lights, boxes, self.now.step, height);
+        }
     }
 
     /// Takes the next slice of samples.
@@ -114,11 +128,17 @@ impl Coarse {
     fn close(&mut self, mesher: &mut Mesher<'_>, space: &GridSpace) -> io::Result<()> {
         let now = std::mem::replace(&mut self.now, self.empty.clone());
         let signs = now.signs();
-        let layer = CoarseLayer { blocks: [&self.before.0, &now], space };
+        let Self { tints, nothing, .. } = self;
+        let layer =
+            CoarseLayer { blocks: [&self.before.0, &now], tints: tints.as_ref(), nothing: *nothing, space };
         mesher.layer([&self.before.1, &signs], &layer, now.height, self.slices)?;
         self.slices += 1;
         self.counted = 0;
         self.before = (now, signs);
+        if let Some(tints) = &mut self.tints {
+            tints.swap(0, 1);
+            tints[1] = BlockTints::default();
+        }
         Ok(())
     }
 
@@ -137,6 +157,8 @@ impl Coarse {
 /// A layer of cubes between two slices of blocks.
 struct CoarseLayer<'a> {
     blocks: [&'a Blocks; 2],
+    tints: Option<&'a [BlockTints; 2]>,
+    nothing: Light,
     space: &'a GridSpace,
 }
 
@@ -163,7 +185,24 @@ impl Spots for CoarseLayer<'_> {
             }
         }
         let (_, slope) = trilinear(&values, at);
-        Spot { at, normal: self.space.index_normal_to_world(slope.map(|s| -s)) }
+        Spot { at, normal: self.space.index_normal_to_world(slope.map(|s| -s)), light: self.light(place) }
+    }
+}
+
+impl CoarseLayer<'_> {
+    /// The mean of the skin in the blocks of a cube.
+    fn light(&self, place: Place) -> Light {
+        let Some(tints) = self.tints else { return self.nothing };
+        let mut mixture = Mixture::default();
+        let row = u32::try_from(place.row).unwrap_or(u32::MAX);
+        for corner in 0..8_u32 {
+            // An empty block lies before the first along each axis.
+            let block = [(place.x + (corner & 1)).checked_sub(2), (row + (corner >> 1 & 1)).checked_sub(2)];
+            if let [Some(x), Some(row)] = block {
+                tints[(corner >> 2) as usize].mix((x, row), &mut mixture);
+            }
+        }
+        mixture.mean(self.nothing)
     }
 }
 

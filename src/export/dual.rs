@@ -16,8 +16,9 @@ use std::io;
 
 use super::cases::{CASES, edge_at, ends, is_ambiguous, is_crossed, is_inside, others};
 use super::fault::ExportFault;
-use super::place::{Place, Spots};
+use super::place::{Place, Spot, Spots};
 use super::signs::Signs;
+use super::tint::{Light, Mixture};
 use super::write::{Sink, Vertex};
 use crate::enclosed::Rows;
 use crate::geom::Affine;
@@ -117,7 +118,7 @@ impl<'a> Mesher<'a> {
                 let cube = Cube { x: *x, case: *case, first: self.next_vertex() };
                 for patch in 0..CASES[usize::from(*case)].patches {
                     let spot = spots.spot(Place { x: *x, row, case: *case, patch });
-                    self.add(*x, row, z, spot.at, spot.normal)?;
+                    self.add(*x, row, z, &spot)?;
                 }
                 self.here.push(cube);
             }
@@ -128,11 +129,12 @@ impl<'a> Mesher<'a> {
 
     /// A vertex in a cube, or on its face.
     #[expect(clippy::cast_possible_truncation, reason = "files hold 32-bit coordinates")]
-    fn add(&mut self, x: u32, row: usize, z: u32, at: [f64; 3], normal: [f64; 3]) -> io::Result<u32> {
+    fn add(&mut self, x: u32, row: usize, z: u32, spot: &Spot) -> io::Result<u32> {
         let row = u32::try_from(row).unwrap_or(u32::MAX);
         let cube = [x, row, z].map(f64::from);
-        let mm = self.to_mm.apply(std::array::from_fn(|a| cube[a] + at[a]));
-        self.push(Vertex { at: mm.map(|c| c as f32), normal: normal.map(|c| c as f32) })
+        let mm = self.to_mm.apply(std::array::from_fn(|a| cube[a] + spot.at[a]));
+        let normal = spot.normal.map(|c| c as f32);
+        self.push(Vertex { at: mm.map(|c| c as f32), normal, light: spot.light })
     }
 
     fn push(&mut self, vertex: Vertex) -> io::Result<u32> {
@@ -253,7 +255,8 @@ impl<'a> Mesher<'a> {
         at[across] = 0.5;
         let ends = [self.get(low.1.vertex(low.2)), self.get(high.1.vertex(high.2))];
         let normal = [0, 1, 2].map(|a| f64::from(ends[0].normal[a]) + f64::from(ends[1].normal[a]));
-        let knot = self.add(cube.0, cube.1, cube.2, at, normal)?;
+        let light = mean(&ends);
+        let knot = self.add(cube.0, cube.1, cube.2, &Spot { at, normal, light })?;
         self.knots.entry(face).or_default()[which] = Some(knot);
         Ok(Some(knot))
     }
@@ -276,6 +279,7 @@ impl<'a> Mesher<'a> {
         let middle = Vertex {
             at: [0, 1, 2].map(|a| all.iter().map(|v| v.at[a] * share).sum()),
             normal: [0, 1, 2].map(|a| all.iter().map(|v| v.normal[a]).sum()),
+            light: mean(&all),
         };
         let middle = self.push(middle)?;
         (0..corners.len())
@@ -287,6 +291,13 @@ impl<'a> Mesher<'a> {
         let vertices = corners.map(|corner| self.get(corner).at);
         self.sink.triangle(corners, vertices)
     }
+}
+
+/// The mean colour of some vertices.
+fn mean(vertices: &[Vertex]) -> Light {
+    let mut mixture = Mixture::default();
+    vertices.iter().for_each(|vertex| mixture.add(vertex.light));
+    mixture.mean([0; 3])
 }
 
 /// The cubes of a row that are crossed: where they are, and their cases. Of the rows of samples, bit 0 and 1 of

@@ -17,6 +17,7 @@
 //! | `coarse` | blocks of samples in their place, for fewer triangles |
 //! | `dual` | vertices and triangles, layer by layer |
 //! | `mask` | NRRD and NIfTI |
+//! | `tint` | colours of vertices |
 //! | `write` | STL, PLY, OBJ and GLB |
 
 mod cases;
@@ -26,6 +27,7 @@ mod fault;
 mod mask;
 mod place;
 mod signs;
+mod tint;
 mod write;
 
 pub use fault::ExportFault;
@@ -47,6 +49,7 @@ use dual::Mesher;
 use mask::{Mask, MaskForm, NIFTI_MOST};
 use place::Layer;
 use signs::{Boxes, Signs, signs_of_cells};
+use tint::Lights;
 use write::{Glb, Obj, Ply, Sink, Stl, Vertex};
 
 /// What a model is exported as.
@@ -188,14 +191,20 @@ impl<V: NodeView> Exporter<'_, V> {
         progress: &dyn Progress,
     ) -> Result<Exported, ExportStop> {
         let normals = self.view.voxel_normal(VoxelIndex::new(0)).is_some();
+        let colors = self.lights().is_some();
         let waiting = || scratch::nameless(scratch);
         let normals_wait = || normals.then(waiting).transpose();
         let sink: Box<dyn Sink> = match form {
             ExportForm::Stl => Box::new(Stl::new(out)?),
-            ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), normals)?),
+            ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), normals, colors)?),
             ExportForm::Obj => Box::new(Obj::new(out, normals)?),
-            ExportForm::Glb => Box::new(Glb::new(out, normals_wait()?, waiting()?)?),
-            ExportForm::Points => return self.points(Box::new(Ply::new(out, None, normals)?), progress),
+            ExportForm::Glb => {
+                let colors_wait = colors.then(waiting).transpose()?;
+                Box::new(Glb::new(out, normals_wait()?, colors_wait, waiting()?)?)
+            }
+            ExportForm::Points => {
+                return self.points(Box::new(Ply::new(out, None, normals, colors)?), progress);
+            }
             ExportForm::Nrrd => return self.mask(out, MaskForm::Nrrd, progress),
             ExportForm::Nifti => return self.mask(out, MaskForm::Nifti, progress),
             ExportForm::NiftiGz => return self.mask(out, MaskForm::NiftiGz, progress),
@@ -205,6 +214,11 @@ impl<V: NodeView> Exporter<'_, V> {
 
     fn cells(&self) -> bool {
         self.view.cells().is_some()
+    }
+
+    /// What turns colours into light, if the model has colours.
+    fn lights(&self) -> Option<Lights> {
+        self.view.voxel_color(VoxelIndex::new(0)).map(|_| Lights::new())
     }
 
     fn mesh(&self, mut sink: Box<dyn Sink>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
@@ -225,7 +239,8 @@ impl<V: NodeView> Exporter<'_, V> {
         if self.step > 1 && blocks > MOST_BLOCKS {
             return Err(ExportStop::Output(ExportFault::TooBroad { blocks }.into()));
         }
-        let coarse = (self.step > 1).then(|| Coarse::new(self.step, width, height as usize));
+        let coarse =
+            (self.step > 1).then(|| Coarse::new(self.step, width, height as usize, self.lights().as_ref()));
         let mut product = Product::Mesh(Mesher::new(to_mm, sink.as_mut()), coarse);
         let unknown = self.sweep(bounds, &mut product, progress)?;
         let Product::Mesh(mut mesher, coarse) = product else { return Err(ExportStop::Damaged) };
@@ -277,7 +292,7 @@ impl<V: NodeView> Exporter<'_, V> {
         })?;
         let (enclosed, fates) = sweep.finish();
         let mut sweep = Sweep::new(bounds, outward).knowing(fates);
-        let mut samples = Samples::default();
+        let mut samples = Samples { lights: self.lights(), ..Samples::default() };
         progress.stage("export", slices);
         self.each_slice(bounds, |skin| {
             let boxes = self.boxes(&mut sweep, skin);
@@ -329,11 +344,15 @@ impl<V: NodeView> Exporter<'_, V> {
             match (product, &samples.signs, &samples.boxes) {
                 (Product::Mesh(mesher, Some(coarse)), ..) => {
                     let height = if cells { height - 1 } else { height };
+                    if let Some(lights) = &samples.lights {
+                        coarse.tint(self.view, lights, &boxes, height);
+                    }
                     coarse.add(&signs, height, mesher, self.space)?;
                 }
                 (Product::Mesh(mesher, None), Some(before), Some(below)) => {
                     // A layer of cells is the slice between two slices of samples.
-                    let layer = Layer { view: self.view, space: self.space, boxes: [below, &boxes] };
+                    let lights = samples.lights.as_ref();
+                    let layer = Layer { view: self.view, space: self.space, boxes: [below, &boxes], lights };
                     let height = if cells { height - 1 } else { height };
                     mesher.layer([before, &signs], &layer, height, samples.slices)?;
                 }
@@ -362,11 +381,12 @@ impl<V: NodeView> Exporter<'_, V> {
         let Some(bounds) = extent(self.view) else { return Err(ExportStop::Damaged) };
         progress.stage("export", u64::from(bounds[1][2] - bounds[0][2]));
         let mut vertices = 0;
+        let lights = self.lights();
         let mut z = i64::from(bounds[0][2]) - 1;
         self.each_slice(bounds, |skin| {
             for found in skin {
                 let at = [f64::from(found.x), f64::from(found.y), z as f64];
-                sink.vertex(&self.point(at, found.voxel))?;
+                sink.vertex(&self.point(at, found.voxel, lights.as_ref()))?;
                 vertices += 1;
             }
             z += 1;
@@ -378,7 +398,7 @@ impl<V: NodeView> Exporter<'_, V> {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "files hold 32-bit coordinates")]
-    fn point(&self, at: [f64; 3], voxel: VoxelIndex) -> Vertex {
+    fn point(&self, at: [f64; 3], voxel: VoxelIndex, lights: Option<&Lights>) -> Vertex {
         let plane = self.view.cells().and_then(|items| items.plane(voxel.get()));
         let normal = self.view.voxel_normal(voxel).map(|code| normal::decode(code).map(f64::from));
         let normal = normal.unwrap_or_default();
@@ -389,13 +409,17 @@ impl<V: NodeView> Exporter<'_, V> {
         } else {
             self.space.normal_to_world(normal)
         };
-        Vertex { at: mm.map(|c| c as f32), normal: normal.map(|c| c as f32) }
+        let color = lights.and_then(|lights| Some(lights.of(self.view.voxel_color(voxel)?)));
+        let light = color.unwrap_or_default();
+        Vertex { at: mm.map(|c| c as f32), normal: normal.map(|c| c as f32), light }
     }
 }
 
 /// What the next slice needs of those before.
 #[derive(Default)]
 struct Samples {
+    /// If the model has colours.
+    lights: Option<Lights>,
     boxes: Option<Boxes>,
     signs: Option<Signs>,
     /// Slices of samples so far.

@@ -2,6 +2,7 @@
 
 use super::cases::{CASES, EDGES, ends, is_inside};
 use super::signs::Boxes;
+use super::tint::{Light, Lights, Mixture};
 use crate::format::cell::Plane;
 use crate::geom::VoxelIndex;
 use crate::load::{CellItems, CellShape, NodeView};
@@ -18,6 +19,8 @@ pub(super) struct Spot {
     pub(super) at: [f64; 3],
     /// Outward, of the patient's axes, of any length; zeros where nothing is known.
     pub(super) normal: [f64; 3],
+    /// Black where the model has no colours.
+    pub(super) light: Light,
 }
 
 /// Tells where patches lie.
@@ -47,22 +50,28 @@ pub(super) struct Layer<'a, V> {
     pub(super) space: &'a GridSpace,
     /// Of voxels, those of the slices below and above; of cells, the slice itself.
     pub(super) boxes: [&'a Boxes; 2],
+    /// If the model has colours.
+    pub(super) lights: Option<&'a Lights>,
 }
 
 impl<V: NodeView> Spots for Layer<'_, V> {
     fn spot(&self, place: Place) -> Spot {
         let spot = match self.view.cells() {
             Some(items) => self.in_cell(items, place),
-            None => Spot { at: middle(place, |_| 0.5), normal: self.of_voxels(place) },
+            None => {
+                let (normal, light) = self.of_voxels(place);
+                Spot { at: middle(place, |_| 0.5), normal, light }
+            }
         };
-        Spot { at: held_within(spot.at), normal: spot.normal }
+        Spot { at: held_within(spot.at), ..spot }
     }
 }
 
 impl<V: NodeView> Layer<'_, V> {
-    /// The sum of the normals of the patch's inside voxels.
-    fn of_voxels(&self, place: Place) -> [f64; 3] {
+    /// The sum of the normals of the patch's inside voxels, and the mean of their colours.
+    fn of_voxels(&self, place: Place) -> ([f64; 3], Light) {
         let mut sum = [0.0; 3];
+        let mut mixture = Mixture::default();
         let corners = patch_edges(place).map(|edge| ends(edge).map(|c| (c, is_inside(place.case, c))));
         let inside = corners.flat_map(|ends| ends.into_iter().filter(|(_, inside)| *inside));
         let seen = inside.fold(0_u8, |bits, (corner, _)| bits | 1 << corner);
@@ -71,18 +80,28 @@ impl<V: NodeView> Layer<'_, V> {
             let row = place.row - 1 + (corner as usize >> 1 & 1);
             let skin = self.boxes[corner as usize >> 2].skin.row(row);
             let Ok(at) = skin.binary_search_by_key(&x, |(x, _)| *x) else { continue };
-            let Some(code) = self.view.voxel_normal(VoxelIndex::new(skin[at].1)) else { continue };
+            let voxel = VoxelIndex::new(skin[at].1);
+            if let Some(lights) = self.lights
+                && let Some(color) = self.view.voxel_color(voxel)
+            {
+                mixture.add(lights.of(color));
+            }
+            let Some(code) = self.view.voxel_normal(voxel) else { continue };
             let normal = self.space.normal_to_world(crate::format::normal::decode(code).map(f64::from));
             (0..3).for_each(|a| sum[a] += normal[a]);
         }
-        sum
+        (sum, mixture.mean(self.lights.map_or([0; 3], Lights::nothing)))
     }
 
     fn in_cell(&self, items: CellItems<'_>, place: Place) -> Spot {
         let skin = self.boxes[0].skin.row(place.row);
-        let shape = skin.binary_search_by_key(&place.x, |(x, _)| *x).ok().map(|at| items.shape(skin[at].1));
-        match shape {
-            Some(CellShape::Plane(plane)) => self.on_plane(plane, place),
+        let cell = skin.binary_search_by_key(&place.x, |(x, _)| *x).ok().map(|at| skin[at].1);
+        let light = self.lights.map_or([0; 3], |lights| {
+            let color = cell.and_then(|cell| self.view.voxel_color(VoxelIndex::new(cell)));
+            color.map_or_else(|| lights.nothing(), |color| lights.of(color))
+        });
+        match cell.map(|cell| items.shape(cell)) {
+            Some(CellShape::Plane(plane)) => Spot { light, ..self.on_plane(plane, place) },
             Some(CellShape::Corners(samples)) => {
                 let value = |corner: usize| f64::from(samples[corner]);
                 let at = middle(place, |edge| {
@@ -95,9 +114,9 @@ impl<V: NodeView> Layer<'_, V> {
                     (0..8).map(along).sum()
                 };
                 let normal = self.space.index_normal_to_world([0, 1, 2].map(slope));
-                Spot { at, normal }
+                Spot { at, normal, light }
             }
-            None => Spot { at: middle(place, |_| 0.5), normal: [0.0; 3] },
+            None => Spot { at: middle(place, |_| 0.5), normal: [0.0; 3], light },
         }
     }
 
@@ -114,7 +133,7 @@ impl<V: NodeView> Layer<'_, V> {
         let square = n.iter().map(|c| c * c).sum::<f64>().max(1.0);
         let off = value(mean) / square;
         let at = std::array::from_fn(|a| mean[a] - off * n[a]);
-        Spot { at, normal: self.space.index_normal_to_world(n) }
+        Spot { at, normal: self.space.index_normal_to_world(n), light: [0; 3] }
     }
 }
 

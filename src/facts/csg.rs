@@ -94,10 +94,39 @@ pub enum CsgFault {
         /// The name.
         name: String,
     },
+    /// A solid that cannot be grown or shrunk exactly.
+    Offset {
+        /// Line of the solid, or of `offset3d`.
+        line: u64,
+        /// Why.
+        fault: OffsetFault,
+    },
     /// Volumes on different grids.
     Volumes,
     /// A grid is asked for beside a volume, which brings its own.
     GridOfVolume,
+}
+
+/// Why a solid cannot be grown or shrunk exactly.
+#[non_exhaustive]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OffsetFault {
+    /// It is stretched or sheared.
+    Stretched,
+    /// An ellipsoid.
+    Ellipsoid,
+    /// Facets: a polyhedron, a prism, or a sphere or cylinder with `$fn`.
+    Faces,
+    /// A mesh.
+    Mesh,
+    /// A volume.
+    Volume,
+    /// An intersection, difference or complement of several parts that would be grown.
+    GrownDifference,
+    /// A union of several parts that would be shrunk.
+    ShrunkUnion,
+    /// A tube of more than 16 times its ring.
+    Wide,
 }
 
 /// What can be missing from the text of a tree.

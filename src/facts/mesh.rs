@@ -224,6 +224,8 @@ pub enum Boundary {
         /// Loops that they form.
         loops: u64,
     },
+    /// Some edges are open, and were left so.
+    Sheet,
 }
 
 /// Which voxels are inside a mesh.
@@ -233,6 +235,8 @@ pub enum Fill {
     Winding,
     /// Those from which a ray meets the mesh an odd number of times.
     Parity,
+    /// Those that the mesh itself crosses, and no others.
+    Surface,
 }
 
 /// What was found about a mesh, and what was chosen.
@@ -244,12 +248,16 @@ pub struct MeshFacts {
     pub flat: u64,
     /// Files read.
     pub files: u64,
+    /// Parts in all of them, at least one each.
+    pub parts: u64,
     /// Is it closed?
     pub boundary: Boundary,
     /// What is inside.
     pub fill: Fill,
     /// Was the fill asked for?
     pub asked_for: bool,
+    /// Are walls thinner than a voxel kept?
+    pub keep_thin: bool,
     /// Edge of a voxel in mm.
     pub voxel_mm: f64,
     /// Corner of the grid in mm.

@@ -15,6 +15,8 @@
 //! | closed, directions disagree | where a ray meets it an odd number of times (parity) |
 //! | open | as above, once caps close the loops of its open edges |
 //!
+//! [`Fill::Surface`] asks for none of them: inside are the voxels that rows of centres cross the mesh in.
+//!
 //! | part | what it holds |
 //! |---|---|
 //! | `read` | triangles from files |
@@ -25,6 +27,7 @@
 //! | `resident`, `nearest` | triangles at hand; the nearest of a voxel |
 //! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `solid` | all of it as a solid of the builder |
+//! | `thin` | surfaces alone, and walls thinner than a voxel |
 //!
 //! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one
 //! for the bins, and one or two more where a mesh is open. Temporary disk: some 32 bytes a triangle of up to eight
@@ -41,6 +44,7 @@ mod raster;
 mod read;
 mod resident;
 mod solid;
+mod thin;
 
 pub(crate) use census::{Census, Closed};
 pub(crate) use lattice::{Bounds, MOST_VOXELS, STEPS, Triangle, span, turned};
@@ -66,6 +70,7 @@ pub(crate) use read::{check, format_of};
 use resident::Resident;
 pub(crate) use solid::MeshSolid;
 use solid::fixed_bytes;
+use thin::{Thin, ThinSolid};
 
 /// How a mesh is made a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,8 +81,20 @@ pub struct MeshOptions {
     pub unit_mm: f64,
     /// What is inside; what fits the mesh, if not given.
     pub fill: Option<Fill>,
+    /// Are walls thinner than a voxel kept? What is inside is then, too, a voxel of every two neighbours between whose
+    /// centres, both outside, the mesh passes. Without effect where the fill is [`Fill::Surface`].
+    pub keep_thin: bool,
     /// May links lead from files that a mesh names out of its folder?
     pub follow_links: bool,
+}
+
+impl MeshOptions {
+    fn thin(&self) -> Option<Thin> {
+        match self.fill {
+            Some(Fill::Surface) => Some(Thin::Surface),
+            _ => self.keep_thin.then_some(Thin::Walls),
+        }
+    }
 }
 
 /// What was built, and what was found about the mesh.
@@ -97,7 +114,8 @@ const COLUMN_BYTES: u64 = 768 << 10;
 /// Builds the skin octree of a mesh, which several files may hold together, into `output`.
 ///
 /// Channels: normals, smooth where files have normals of vertices; colours, left out where files have none; and as
-/// material the number of the file, from 0, those beyond 255 as 255.
+/// material the number of the part, from 0, those beyond 255 as 255: files count as parts one after the other, and
+/// within them objects and groups of OBJ, nodes of glTF with a mesh, and meshes of 3MF where they are placed.
 ///
 /// # Errors
 /// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
@@ -125,8 +143,12 @@ pub fn build_mesh(
     let colored = solid.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
     let stored = options.channels.iter().filter(|channel| *channel != Channel::Color || colored);
     let options = BuildOptions { memory, channels: stored.collect(), ..options.clone() };
-    let mut build = build_solid(&solid, &options, output, progress)?;
-    build.scratch_bytes += solid.bins.bytes();
+    let binned = solid.bins.bytes();
+    let mut build = match mesh.thin() {
+        None => build_solid(&solid, &options, output, progress)?,
+        Some(thin) => build_solid(&ThinSolid { mesh: solid, thin }, &options, output, progress)?,
+    };
+    build.scratch_bytes += binned;
     build.seconds.scan += reading_s;
     build.seconds.read += reading_s;
     Ok(MeshReport { build, facts })
@@ -146,7 +168,7 @@ pub(crate) fn mesh_part(
     progress: &dyn Progress,
 ) -> Result<(MeshSolid, MeshFacts), BuildError> {
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
     let inputs = [path.to_path_buf()];
     let scratch = scratch.to_path_buf();
     let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed: Some(placed) };
@@ -166,7 +188,8 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
     let tile = Tile { columns: side.min(1024), channels: options.channels };
     let painted = options.channels.contains(Channel::Color) || options.channels.contains(Channel::Material);
     let (collecting, painter) = if painted { (COLLECTING_BYTES, Painter::BYTES) } else { (0, 0) };
-    let column = COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32) + painter;
+    let thin = mesh.thin().map_or(0, |_| thin::fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 0));
+    let column = COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32) + painter + thin;
     bins + (READER_BYTES + collecting + BINNING_BYTES.max(BOUNDARY_BYTES))
         .max(column.max(LEAST_WORKER) + WORKER_OVERHEAD)
 }
@@ -234,8 +257,9 @@ impl Front<'_> {
             if let Some(collector) = &mut collector {
                 if known == file {
                     known += 1;
+                    let first_part = files[..file].iter().map(MeshFile::parts).sum();
                     collector
-                        .file(file, files[file].materials())
+                        .file(first_part, files[file].materials())
                         .map_err(|fault| self.of_paint(fault, file))?;
                 }
                 collector.add(t, look)?;
@@ -252,6 +276,7 @@ impl Front<'_> {
         let (boundary, rule) = match closed {
             Closed::Oriented => (Boundary::Oriented, Rule::NonZero),
             Closed::Mixed => (Boundary::Mixed, Rule::Odd),
+            Closed::No if self.mesh.fill == Some(Fill::Surface) => (Boundary::Sheet, Rule::NonZero),
             Closed::No => {
                 // The pool makes room for the table of edges.
                 let bins = binner.finish()?;
@@ -283,9 +308,9 @@ impl Front<'_> {
             }
         };
         let bins = binner.finish()?;
+        let parts = files.iter().map(MeshFile::parts).sum();
         drop(files);
         drop((reading, held, described));
-        let fill = |rule| if rule == Rule::NonZero { Fill::Winding } else { Fill::Parity };
         let (rule, asked_for) = match self.mesh.fill {
             Some(Fill::Winding) => {
                 // Caps of odd edges, or directions that disagree, leave sums behind the last crossing.
@@ -293,15 +318,23 @@ impl Front<'_> {
                 (Rule::NonZero, true)
             }
             Some(Fill::Parity) => (Rule::Odd, true),
+            Some(Fill::Surface) => (rule, true),
             None => (rule, false),
+        };
+        let fill = match (self.mesh.fill, rule) {
+            (Some(Fill::Surface), _) => Fill::Surface,
+            (_, Rule::NonZero) => Fill::Winding,
+            (_, Rule::Odd) => Fill::Parity,
         };
         let facts = MeshFacts {
             triangles: counted.triangles,
             flat: counted.flat,
+            parts,
             files: self.inputs.len() as u64,
             boundary,
-            fill: fill(rule),
+            fill,
             asked_for,
+            keep_thin: self.mesh.thin() == Some(Thin::Walls),
             voxel_mm: grid.voxel_mm,
             origin_mm: grid.origin_mm,
         };
@@ -455,7 +488,12 @@ impl Front<'_> {
         let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(LEAST_WORKER) + WORKER_OVERHEAD;
         let own = own + paint.map_or(0, |_| Painter::BYTES);
         let left = Budget::of_job(self.options.memory).left_bytes();
-        let each = (left / self.options.threads.max(1) as u64).saturating_sub(own);
+        // Thin walls take triangles of their own.
+        let (own, shares) = match self.mesh.thin() {
+            None => (own, 1),
+            Some(_) => (own + thin::fixed_bytes(&tile), 2),
+        };
+        let each = (left / self.options.threads.max(1) as u64).saturating_sub(own) / shares;
         let bytes = Resident::bytes(1 << 10, 0) >> 10;
         let fit = usize::try_from(each / bytes.max(1)).unwrap_or(usize::MAX);
         fit.clamp(LEAST_RESIDENT, LEAST_RESIDENT.max(bins.fullest() as usize))

@@ -179,6 +179,14 @@ impl Resident {
         }
     }
 
+    /// Calls `each` with the triangles within a voxel of a slice.
+    pub(super) fn around(&mut self, slice: i32, each: &mut impl FnMut(&Triangle)) {
+        self.near.rise(slice - self.base, &self.slices);
+        for t in &self.near.list {
+            each(&self.triangles[*t as usize]);
+        }
+    }
+
     /// Sorts the triangles within a voxel of a slice by bricks along x.
     pub(super) fn gather(&mut self, slice: i32) {
         self.near.rise(slice - self.base, &self.slices);

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent};
 use infobyte::csg::{CsgInput, CsgOptions, Faces, NodeId, Operation, Shape, Tree, build_csg, parse_tree};
-use infobyte::facts::{CsgFault, Fault, SourceError};
+use infobyte::facts::{CsgFault, Fault, OffsetFault, SourceError};
 use infobyte::format::{Channel, normal};
 use infobyte::geom::{Affine, BoxIndex, Dims, Octant, morton};
 use infobyte::load::{Model, NodeView, verify};
@@ -548,4 +548,132 @@ fn prisms_and_polyhedra_are_what_their_faces_enclose() {
     let root = tree.leaf(Shape::Faces(faces));
     let folder = tempfile::tempdir().unwrap();
     assert!(build_to((tree, root), &exact(GRID), &options(16, 1), &folder.path().join("a.oct")).is_err());
+}
+
+#[test]
+fn what_is_grown_or_shrunk_is_what_lies_within_a_distance() {
+    // Shapes with their exact signed distance, below 0 inside.
+    type Distance = Box<dyn Fn([f64; 3]) -> f64>;
+    let of_box = |[a, b, c]: [f64; 3]| -> Distance {
+        Box::new(move |p: [f64; 3]| {
+            let q = [p[0].abs() - a, p[1].abs() - b, p[2].abs() - c];
+            let out = q.map(|c| c.max(0.0));
+            dot(out, out).sqrt() + q[0].max(q[1]).max(q[2]).min(0.0)
+        })
+    };
+    // A convex outline around the z axis, by its corners in (radius, z), from the axis to the axis, anticlockwise.
+    let around = |outline: Vec<[f64; 2]>| -> Distance {
+        Box::new(move |p: [f64; 3]| {
+            let (x, y) = (p[0].hypot(p[1]), p[2]);
+            let (mut deepest, mut nearest) = (f64::NEG_INFINITY, f64::INFINITY);
+            for pair in outline.windows(2) {
+                let ([ax, ay], [bx, by]) = (pair[0], pair[1]);
+                let (dx, dy) = (bx - ax, by - ay);
+                let length = dx.hypot(dy);
+                deepest = deepest.max(((x - ax) * dy - (y - ay) * dx) / length);
+                let along = (((x - ax) * dx + (y - ay) * dy) / length.powi(2)).clamp(0.0, 1.0);
+                nearest = nearest.min((x - ax - along * dx).hypot(y - ay - along * dy));
+            }
+            if deepest > 0.0 { nearest } else { deepest }
+        })
+    };
+    let cone = |z: [f64; 2], r: [f64; 2]| around(vec![[0.0, z[0]], [r[0], z[0]], [r[1], z[1]], [0.0, z[1]]]);
+    let shapes: Vec<(&str, Distance)> = vec![
+        ("sphere(r = 7.3);", Box::new(|p| dot(p, p).sqrt() - 7.3)),
+        ("cube(size = [9, 12, 15], center = true);", of_box([4.5, 6.0, 7.5])),
+        ("scale3() cube(size = [3, 4, 5], center = true);", of_box([4.5, 6.0, 7.5])),
+        ("torus(8, 3.1);", Box::new(|p: [f64; 3]| (p[0].hypot(p[1]) - 8.0).hypot(p[2]) - 3.1)),
+        ("cylinder(h = 9, r = 5.2);", cone([0.0, 9.0], [5.2; 2])),
+        ("cylinder(h = 8, r1 = 7, r2 = 2.4);", cone([0.0, 8.0], [7.0, 2.4])),
+        ("cylinder(h = 4, r1 = 0, r2 = 9);", cone([0.0, 4.0], [0.0, 9.0])),
+        ("cylinder(h = 9, r1 = 1.1, r2 = 4);", cone([0.0, 9.0], [1.1, 4.0])),
+        (
+            "intersection() { sphere(r = 90); halfspace([1, 2, -3], 2); cube(size = 18, center = true); }",
+            Box::new(move |p| {
+                let plane = dot(p, [1.0, 2.0, -3.0]) / 14.0_f64.sqrt() - 2.0;
+                plane.max(of_box([9.0; 3])(p))
+            }),
+        ),
+    ];
+    let turned = "[[0.36,0.48,-0.8,18.3],[-0.8,0.6,0,19.1],[0.48,0.64,0.6,20.7],[0,0,0,1]]";
+    let turn = |p: [f64; 3]| {
+        let d = sub(p, [18.3, 19.1, 20.7]);
+        [[0.36, -0.8, 0.48], [0.48, 0.6, 0.64], [-0.8, 0.0, 0.6]].map(|row| dot(row, d))
+    };
+    for (text, distance) in &shapes {
+        let text = text.replace("scale3()", "multmatrix([[3,0,0,0],[0,3,0,0],[0,0,3,0],[0,0,0,1]])");
+        for by in [2.3, -1.2] {
+            if by > 0.0 && text.starts_with("intersection") {
+                continue;
+            }
+            let tree = parsed(&format!("multmatrix({turned}) {{ offset3d(r = {by}) {{ {text} }} }}"));
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join("a.oct");
+            build_to(tree, &exact([40; 3]), &options(16, 2), &file).unwrap();
+            let skin: BTreeSet<[u32; 3]> =
+                skin_of(&Model::open(&file).unwrap()).into_iter().map(|(voxel, _)| voxel).collect();
+            let depth = |voxel: [i64; 3]| distance(turn(voxel.map(|c| c as f64 + 0.5))) - by;
+            let (mut sure, mut wrong) = (0, 0);
+            for at in 0..40_i64.pow(3) {
+                let voxel = [at % 40, at / 40 % 40, at / 1600];
+                let beside = (0..6).map(|k| {
+                    let mut other = voxel;
+                    other[k / 2] += if k % 2 == 0 { 1 } else { -1 };
+                    depth(other)
+                });
+                let all: Vec<f64> = beside.chain([depth(voxel)]).collect();
+                // What the lattice may move across the surface says nothing.
+                if all.iter().any(|d| d.abs() < 2e-3) {
+                    continue;
+                }
+                let is_skin = depth(voxel) < 0.0 && all.iter().any(|d| *d > 0.0);
+                sure += usize::from(is_skin);
+                wrong += usize::from(is_skin != skin.contains(&voxel.map(|c| c as u32)));
+            }
+            assert!(wrong == 0 && sure > 10, "{text} by {by}: {wrong} wrong, {sure} right");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_grown_or_shrunk_exactly_is_refused_by_name_and_line() {
+    let refused = |text: &str| match parse_tree(text.as_bytes(), Path::new("")) {
+        Err(CsgFault::Offset { line: 2, fault }) => fault,
+        other => panic!("{text}: {other:?}"),
+    };
+    let stretched = "multmatrix([[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]])";
+    for (text, fault) in [
+        (format!("offset3d(1) {stretched}\n sphere(3);"), OffsetFault::Ellipsoid),
+        (format!("offset3d(1) {stretched}\n cylinder(3);"), OffsetFault::Stretched),
+        ("offset3d(1) \n cylinder($fn = 6, h = 3);".into(), OffsetFault::Faces),
+        ("offset3d(1) \n mesh(\"a.stl\");".into(), OffsetFault::Mesh),
+        ("offset3d(1) \n volume(\"a.nrrd\", 3);".into(), OffsetFault::Volume),
+        ("\noffset3d(1) difference() { cube(3); sphere(1); }".into(), OffsetFault::GrownDifference),
+        ("\noffset3d(-1) { cube(3); sphere(1); }".into(), OffsetFault::ShrunkUnion),
+        ("offset3d(99) \n cylinder(r = 2);".into(), OffsetFault::Wide),
+    ] {
+        assert_eq!(refused(&text), fault, "{text}");
+    }
+    assert!(matches!(
+        parse_tree(b"offset3d(r = nan) cube(3);", Path::new("")),
+        Err(CsgFault::Argument { .. } | CsgFault::Size { .. })
+    ));
+    // Shrunk away, and grown again and again: more than there is room for.
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.oct");
+    let gone = build_to(parsed("offset3d(-2) cube(3);"), &exact([9; 3]), &options(16, 1), &file);
+    assert!(matches!(gone, Err(BuildError::NothingInside { .. })), "{gone:?}");
+    std::fs::write(folder.path().join("a.csg"), "offset3d(1) ".repeat(9) + "cube(3);").unwrap();
+    let memory = MemoryCap::Process(16 << 20);
+    let refused = infobyte::csg::read_tree(&folder.path().join("a.csg"), memory);
+    assert!(matches!(refused, Err(BuildError::BudgetTooSmall { .. })));
+    // A shell: its inside is empty.
+    let shell = parsed(
+        "multmatrix([[1,0,0,20],[0,1,0,20],[0,0,1,20],[0,0,0,1]]) difference() { offset3d(2) sphere(9); sphere(9); }",
+    );
+    build_to(shell, &exact([40; 3]), &options(16, 1), &file).unwrap();
+    for (voxel, _) in skin_of(&Model::open(&file).unwrap()) {
+        let d = voxel.map(|c| f64::from(c) + 0.5 - 20.0);
+        assert!((9.0..11.01).contains(&dot(d, d).sqrt()));
+    }
 }

@@ -204,6 +204,7 @@ fn mesh(name: &str, bytes: &[u8]) -> bool {
         grid: GridChoice::Side { voxels: 12, margin: 1 },
         unit_mm: 1.0,
         fill: None,
+        keep_thin: false,
         follow_links: false,
     };
     let output = folder().join("mesh.oct");

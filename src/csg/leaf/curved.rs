@@ -178,8 +178,8 @@ impl Curved {
                         <= square(whole * r0 + q[2] * (r1 - r0))
             }
             Round::Torus(tube) => {
-                // Beyond twice the major radius there is nothing, and nothing overflows.
-                if q.iter().any(|c| c.abs() > 3 * whole) {
+                // Tubes have 16 major radii at most: beyond 18 there is nothing, and nothing overflows.
+                if q.iter().any(|c| c.abs() > 18 * whole) {
                     return false;
                 }
                 let [u, v, w] = q.map(|c| (2 * c * FIXED + whole).div_euclid(2 * whole));

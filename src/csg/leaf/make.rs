@@ -3,6 +3,7 @@
 use super::curved::tube_parts;
 use super::{Ball, Block, Body, Curved, Half, Leaf, Round};
 use crate::csg::facets;
+use crate::csg::offset::MOST_TUBE;
 use crate::csg::place::{cross, dot, point, whole};
 use crate::csg::tree::Shape;
 use crate::facts::CsgFault;
@@ -76,7 +77,7 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
             if size(&[*major, *minor])? {
                 return Ok(Leaf::Nothing);
             }
-            if minor > major {
+            if *minor > MOST_TUBE * major {
                 return Err(CsgFault::Size { line });
             }
             let axes = [axis(0, *major)?, axis(1, *major)?, axis(2, *major)?];

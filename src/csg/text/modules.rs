@@ -18,6 +18,8 @@ const TOLD: usize = 40;
 pub(super) enum Block {
     Joined(Operation),
     Placed(Box<Affine>),
+    /// Children grown by a distance.
+    Offset(f64),
 }
 
 /// What a module means.
@@ -54,6 +56,7 @@ pub(super) fn meaning(
             }
             Ok(Meaning::Block(Block::Placed(Box::new(affine))))
         }
+        "offset3d" if extruded.is_none() => Ok(Meaning::Block(Block::Offset(of.need("r", Some(0))?))),
         "linear_extrude" => match extruded {
             None => heights(of).map(Meaning::Extruded),
             Some(_) => Err(CsgFault::NotFlat { line: of.line, module: of.module.clone() }),
@@ -98,7 +101,13 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {
             upright([start, start + height], [low, high], sides(of)?)
         }
         "polyhedron" => polyhedron(of)?,
-        "torus" => Shape::Torus { major: of.need("major", Some(0))?, minor: of.need("minor", Some(1))? },
+        "torus" => {
+            let (major, minor) = (of.need("major", Some(0))?, of.need("minor", Some(1))?);
+            if minor > major {
+                return Err(CsgFault::Size { line: of.line });
+            }
+            Shape::Torus { major, minor }
+        }
         "halfspace" => Shape::HalfSpace {
             normal: of.numbers::<3>("normal", Some(0))?.ok_or_else(|| of.wrong("normal"))?,
             offset: of.number("offset", Some(1))?.unwrap_or(0.0),

@@ -7,7 +7,7 @@ use super::lexer::{Lexer, Token};
 use super::modules::{Block, Meaning, meaning};
 use super::stop::Stop;
 use super::values::Arguments;
-use crate::csg::tree::{NodeId, Operation, Tree};
+use crate::csg::tree::{NodeId, Operation, Tree, push};
 use crate::facts::{CsgFault, CsgToken};
 
 /// A block that is open.
@@ -27,6 +27,7 @@ struct Open {
 struct Parser<'a> {
     lexer: Lexer<'a>,
     folder: &'a Path,
+    most_bytes: u64,
     tree: Tree,
     open: Vec<Open>,
     /// Nodes that wait for their block to be closed.
@@ -48,6 +49,7 @@ pub(in crate::csg) fn parse(
     let mut parser = Parser {
         lexer: Lexer::new(input),
         folder,
+        most_bytes,
         tree: Tree::new(),
         open: vec![Open { block: top, first: 0, extruded: None, line: 1, left_out: false, single: false }],
         waiting: Vec::new(),
@@ -79,7 +81,7 @@ impl Parser<'_> {
             |parser: &Self, what| Stop::from(CsgFault::Expected { line: parser.lexer.line(), what });
         match token {
             Token::Sign(b';') => {}
-            Token::Sign(b'}') if self.open.len() > 1 => self.close(),
+            Token::Sign(b'}') if self.open.len() > 1 => self.close()?,
             Token::End if self.open.len() == 1 => return Ok(false),
             Token::End => return Err(expected(self, CsgToken::Brace)),
             Token::Sign(mark @ (b'#' | b'%' | b'*')) => match self.lexer.next()? {
@@ -110,14 +112,11 @@ impl Parser<'_> {
             Meaning::Leaf(shape) => {
                 if !left_out {
                     let leaf = self.tree.leaf_of_line(shape, line);
-                    self.waiting.push(leaf);
+                    push(&mut self.waiting, leaf);
                 }
                 // A leaf has no children; should there be any, they count for nothing.
                 return match self.lexer.next()? {
-                    Token::Sign(b';') => {
-                        self.close_singles();
-                        Ok(())
-                    }
+                    Token::Sign(b';') => self.close_singles(),
                     Token::Sign(b'{') => {
                         self.begin(union, extruded, line, true);
                         Ok(())
@@ -133,7 +132,7 @@ impl Parser<'_> {
             Token::Sign(b'{') => self.begin(block, extruded, line, left_out),
             Token::Sign(b';') => {
                 self.begin(block, extruded, line, left_out);
-                self.close();
+                self.close()?;
             }
             // As people write it: a module that follows at once is the only child.
             Token::Name(_) | Token::Sign(b'#' | b'%' | b'*') => {
@@ -153,31 +152,38 @@ impl Parser<'_> {
     }
 
     /// Closes the block that was opened last, and those whose only child it is.
-    fn close(&mut self) {
-        self.close_last();
-        self.close_singles();
+    fn close(&mut self) -> Result<(), Stop> {
+        self.close_last()?;
+        self.close_singles()
     }
 
-    fn close_singles(&mut self) {
+    fn close_singles(&mut self) -> Result<(), Stop> {
         while self.open.last().is_some_and(|open| open.single) {
-            self.close_last();
+            self.close_last()?;
         }
+        Ok(())
     }
 
     /// Makes a node of the children of the block that was opened last.
-    fn close_last(&mut self) {
-        let Some(block) = self.open.pop().filter(|block| !block.left_out) else { return };
+    fn close_last(&mut self) -> Result<(), Stop> {
+        let Some(block) = self.open.pop().filter(|block| !block.left_out) else { return Ok(()) };
         let children = &self.waiting[block.first..];
         let operation = match block.block {
             Block::Joined(operation) => operation,
-            Block::Placed(_) => Operation::Union,
+            Block::Placed(_) | Block::Offset(_) => Operation::Union,
         };
         let is_one = children.len() == 1 && operation != Operation::Complement;
         let mut node = if is_one { children[0] } else { self.tree.join(operation, children) };
-        if let Block::Placed(affine) = block.block {
-            node = self.tree.placed_of_line(*affine, node, block.line);
+        match block.block {
+            Block::Joined(_) => {}
+            Block::Placed(affine) => node = self.tree.placed_of_line(*affine, node, block.line),
+            Block::Offset(by) => {
+                let made = self.tree.offset_within(by, node, block.line, self.most_bytes)?;
+                node = made.ok_or_else(|| Stop::Memory { bytes: self.bytes() })?;
+            }
         }
         self.waiting.truncate(block.first);
-        self.waiting.push(node);
+        push(&mut self.waiting, node);
+        Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! Binary glTF 2.0: a header of JSON, then positions, normals and corners of triangles (Khronos, sections 3 and 4).
+//! Binary glTF 2.0: a header of JSON, then positions, normals, colours (linear) and corners of triangles (Khronos, sections 3 and 4).
 //!
 //! Coordinates stay millimetres of the patient's axes; the node turns them into the metres of glTF, with the head up
 //! and the face forward.
@@ -18,10 +18,12 @@ const HEAD_BYTES: usize = 12 + 8 + JSON_BYTES + 8;
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
+const UNSIGNED_SHORT: u32 = 5123;
 
 pub(in crate::export) struct Glb {
     out: BufWriter<File>,
     normals: Option<Waiting>,
+    colors: Option<Waiting>,
     corners: Waiting,
     vertices: u64,
     triangles: u64,
@@ -30,13 +32,19 @@ pub(in crate::export) struct Glb {
 }
 
 impl Glb {
-    /// `normals` is where they wait, if there are any; so do `corners`.
-    pub(in crate::export) fn new(out: File, normals: Option<File>, corners: File) -> io::Result<Self> {
+    /// `normals` and `colors` are where they wait, if there are any; so do `corners`.
+    pub(in crate::export) fn new(
+        out: File,
+        normals: Option<File>,
+        colors: Option<File>,
+        corners: File,
+    ) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(1 << 18, out);
         out.write_all(&[0; HEAD_BYTES])?;
         Ok(Self {
             out,
             normals: normals.map(Waiting::new),
+            colors: colors.map(Waiting::new),
             corners: Waiting::new(corners),
             vertices: 0,
             triangles: 0,
@@ -63,6 +71,19 @@ impl Glb {
             attributes["NORMAL"] = json!(1);
             offset += places;
         }
+        let mut base_color = json!([0.92, 0.88, 0.8, 1.0]);
+        if self.colors.is_some() {
+            let bytes = 8 * self.vertices;
+            views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": bytes, "target": 34962}));
+            attributes["COLOR_0"] = json!(accessors.len());
+            accessors.push(json!({
+                "bufferView": accessors.len(), "componentType": UNSIGNED_SHORT, "normalized": true,
+                "count": self.vertices, "type": "VEC4",
+            }));
+            offset += bytes;
+            // It is multiplied by those of vertices.
+            base_color = json!([1.0, 1.0, 1.0, 1.0]);
+        }
         let last = views.len();
         views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": corners, "target": 34963}));
         accessors.push(json!({
@@ -79,7 +100,7 @@ impl Glb {
             "meshes": [{"primitives": [{"attributes": attributes, "indices": last, "material": 0}]}],
             "materials": [{
                 "pbrMetallicRoughness": {
-                    "baseColorFactor": [0.92, 0.88, 0.8, 1.0], "metallicFactor": 0, "roughnessFactor": 0.9,
+                    "baseColorFactor": base_color, "metallicFactor": 0, "roughnessFactor": 0.9,
                 },
             }],
             "accessors": accessors,
@@ -97,6 +118,11 @@ impl Sink for Glb {
             self.greatest[a] = self.greatest[a].max(vertex.at[a]);
         }
         self.out.write_all(&bytes_of(vertex.at))?;
+        if let Some(colors) = &mut self.colors {
+            // Opaque, and four of two bytes as parts of a vertex begin at multiples of four.
+            let [r, g, b] = vertex.light.map(u16::to_le_bytes);
+            colors.0.write_all(&bytemuck::cast::<_, [u8; 8]>([r, g, b, [255; 2]]))?;
+        }
         match &mut self.normals {
             // A normal must have the length 1.
             Some(normals) => {
@@ -115,11 +141,15 @@ impl Sink for Glb {
 
     fn finish(self: Box<Self>) -> io::Result<()> {
         let text = self.description().to_string();
-        let Self { mut out, normals, corners, vertices, triangles, .. } = *self;
-        let data = 12 * (vertices * (1 + u64::from(normals.is_some())) + triangles);
+        let Self { mut out, normals, colors, corners, vertices, triangles, .. } = *self;
+        let vertex = 12 + if normals.is_some() { 12 } else { 0 } + if colors.is_some() { 8 } else { 0 };
+        let data = vertex * vertices + 12 * triangles;
         let whole = counted(HEAD_BYTES as u64 + data)?;
         if let Some(normals) = normals {
             normals.append_to(&mut out)?;
+        }
+        if let Some(colors) = colors {
+            colors.append_to(&mut out)?;
         }
         corners.append_to(&mut out)?;
         out.seek(SeekFrom::Start(0))?;

@@ -1,9 +1,10 @@
-//! Binary PLY, little-endian: corners with normals, then triangles; or corners alone.
+//! Binary PLY, little-endian: corners with normals and colours (sRGB), then triangles; or corners alone.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
 use super::sink::{Sink, Vertex, Waiting, bytes_of, unit};
+use crate::render::shade::Shader;
 
 /// Bytes of the header: counts of any length fit, and a comment fills the rest.
 const HEAD_BYTES: usize = 512;
@@ -13,15 +14,23 @@ pub(in crate::export) struct Ply {
     /// Triangles; none for a file of points.
     faces: Option<Waiting>,
     normals: bool,
+    /// Turns light into colours, if there are any.
+    colors: Option<Shader>,
     vertices: u64,
     triangles: u64,
 }
 
 impl Ply {
-    pub(in crate::export) fn new(out: File, faces: Option<File>, normals: bool) -> io::Result<Self> {
+    pub(in crate::export) fn new(
+        out: File,
+        faces: Option<File>,
+        normals: bool,
+        colors: bool,
+    ) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(1 << 18, out);
         out.write_all(&[b' '; HEAD_BYTES])?;
-        Ok(Self { out, faces: faces.map(Waiting::new), normals, vertices: 0, triangles: 0 })
+        let (faces, colors) = (faces.map(Waiting::new), colors.then(Shader::new));
+        Ok(Self { out, faces, normals, colors, vertices: 0, triangles: 0 })
     }
 
     fn head(&self) -> Vec<u8> {
@@ -31,6 +40,9 @@ impl Ply {
         head += "property float x\nproperty float y\nproperty float z\n";
         if self.normals {
             head += "property float nx\nproperty float ny\nproperty float nz\n";
+        }
+        if self.colors.is_some() {
+            head += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
         }
         if self.faces.is_some() {
             head += &format!("element face {}\nproperty list uchar uint vertex_indices\n", self.triangles);
@@ -47,7 +59,15 @@ impl Sink for Ply {
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
         self.vertices += 1;
         self.out.write_all(&bytes_of(vertex.at))?;
-        if self.normals { self.out.write_all(&bytes_of(unit(vertex.normal))) } else { Ok(()) }
+        if self.normals {
+            self.out.write_all(&bytes_of(unit(vertex.normal)))?;
+        }
+        match &self.colors {
+            Some(shader) => {
+                self.out.write_all(&vertex.light.map(|light| shader.encode(f64::from(light) / 65535.0)))
+            }
+            None => Ok(()),
+        }
     }
 
     fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {

@@ -4,12 +4,14 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Seek, Write};
 
 use crate::export::fault::ExportFault;
+use crate::export::tint::Light;
 
-/// A vertex: where it is in mm, and its normal, of any length.
+/// A vertex: where it is in mm, its normal, of any length, and its colour.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::export) struct Vertex {
     pub(in crate::export) at: [f32; 3],
     pub(in crate::export) normal: [f32; 3],
+    pub(in crate::export) light: Light,
 }
 
 /// Takes the vertices in order, and triangles of vertices that came before.

@@ -4,10 +4,10 @@ use std::fmt;
 
 use super::foreign::shown;
 use super::mesh::length;
-use crate::facts::{CsgFacts, CsgFault, CsgToken};
+use crate::facts::{CsgFacts, CsgFault, CsgToken, OffsetFault};
 
 /// What is written in `.csg` files, and read.
-const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, multmatrix, color and group";
+const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, multmatrix, offset3d, color and group";
 
 impl fmt::Display for CsgToken {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -31,6 +31,21 @@ struct At(u64);
 impl fmt::Display for At {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.0 > 0 { write!(f, "line {}: ", self.0) } else { Ok(()) }
+    }
+}
+
+impl fmt::Display for OffsetFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Stretched => "a solid that is stretched or sheared",
+            Self::Ellipsoid => "an ellipsoid",
+            Self::Faces => "a solid of facets (a polyhedron, a prism, or $fn)",
+            Self::Mesh => "a mesh",
+            Self::Volume => "a volume",
+            Self::GrownDifference => "an intersection, difference or complement of several parts to grow it",
+            Self::ShrunkUnion => "a union of several parts to shrink it",
+            Self::Wide => "a rim that would become wider than 16 of its radii",
+        })
     }
 }
 
@@ -95,6 +110,11 @@ impl fmt::Display for CsgFault {
                 f,
                 "names `{}`, a link that leads out of its folder; put the file there, or add --follow-links",
                 shown(name)
+            ),
+            Self::Offset { line, fault } => write!(
+                f,
+                "{}offset3d does not take {fault}; it grows and shrinks spheres, boxes, cylinders, cones, tori and half-spaces that are not stretched, grows unions of them, and shrinks their intersections and differences",
+                At(*line)
             ),
             Self::Volumes => f.write_str(
                 "has volumes that are moved, or whose grids differ; a volume lies where its file says, and all volumes of a tree have one grid",

@@ -159,10 +159,14 @@ impl fmt::Display for Feature {
 
 impl fmt::Display for MeshFacts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { triangles, flat, files, boundary, fill, asked_for, voxel_mm, origin_mm } = self;
+        let Self { triangles, flat, files, parts, boundary, fill, asked_for, keep_thin, voxel_mm, origin_mm } =
+            self;
         write!(f, "{triangles} triangles")?;
         if *files > 1 {
             write!(f, " of {files} files")?;
+        }
+        if parts > files {
+            write!(f, " in {parts} parts")?;
         }
         if *flat > 0 {
             write!(f, " ({flat} without area)")?;
@@ -173,12 +177,17 @@ impl fmt::Display for MeshFacts {
             Boundary::Open { edges, loops } => {
                 write!(f, ", open: {edges} edges in {loops} loops were closed by caps")?;
             }
+            Boundary::Sheet => f.write_str(", open")?,
         }
         let rule = match fill {
             Fill::Winding => "inside is what the mesh winds around",
             Fill::Parity => "inside is where a ray meets the mesh an odd number of times",
+            Fill::Surface => "inside are the voxels that the mesh itself crosses",
         };
         write!(f, "; {rule}{}", if *asked_for { ", as asked for" } else { "" })?;
+        if *keep_thin {
+            f.write_str("; walls thinner than a voxel are kept")?;
+        }
         let [x, y, z] = origin_mm.map(|at| length(at, *voxel_mm));
         write!(f, "; voxels of {} mm from {x}, {y}, {z}", length(*voxel_mm, *voxel_mm / 1000.0))
     }

@@ -63,7 +63,7 @@ pub(super) const COLLECTING_BYTES: u64 = SORTING_BYTES + (1 << 20);
 /// Colour of what has none (sRGB): as models without colours are shown.
 const UNCOLORED: [u8; 3] = [236, 226, 208];
 /// Highest number of a part; later ones share it.
-const LAST_PART: usize = 255;
+const LAST_PART: u64 = 255;
 
 /// Colours and texture of a material.
 #[derive(Debug)]
@@ -111,7 +111,8 @@ pub(super) struct Collector {
     coats: Vec<Coat>,
     folder: PathBuf,
     next: u32,
-    part: u8,
+    /// Number of the file's first part.
+    first_part: u64,
     first_coat: u32,
 }
 
@@ -120,15 +121,15 @@ impl Collector {
         let sorter = Sorter::new(dims, folder).map_err(|cause| scratch(folder, cause))?;
         let columns = Columns::new(folder);
         let folder = folder.to_path_buf();
-        Ok(Self { wanted, sorter, columns, coats: Vec::new(), folder, next: 0, part: 0, first_coat: 0 })
+        Ok(Self { wanted, sorter, columns, coats: Vec::new(), folder, next: 0, first_part: 0, first_coat: 0 })
     }
 
-    /// Begins a file: a part of its own, with these materials.
+    /// Begins a file: parts of its own from a number on, with these materials.
     ///
     /// # Errors
     /// An image is wrong or too large, or cannot be read, or the scratch file cannot.
-    pub(super) fn file(&mut self, number: usize, materials: &[Material]) -> Result<(), Fault> {
-        self.part = u8::try_from(number.min(LAST_PART)).unwrap_or(u8::MAX);
+    pub(super) fn file(&mut self, first_part: u64, materials: &[Material]) -> Result<(), Fault> {
+        self.first_part = first_part;
         self.first_coat = u32::try_from(self.coats.len()).unwrap_or(u32::MAX);
         if !self.wanted.colors {
             return Ok(());
@@ -147,6 +148,8 @@ impl Collector {
     /// Keeps the next triangle and what it carries.
     pub(super) fn add(&mut self, t: &Triangle, look: &Look) -> Result<(), SourceError> {
         let mut look = *look;
+        let part = self.first_part.saturating_add(look.part.into()).min(LAST_PART);
+        let part = u8::try_from(part).unwrap_or(u8::MAX);
         if !self.wanted.normals {
             look.normals = None;
         }
@@ -156,7 +159,7 @@ impl Collector {
         if look.material != NO_MATERIAL {
             look.material = self.first_coat.saturating_add(look.material);
         }
-        let record = Record { material: look.material, part: self.part, look };
+        let record = Record { material: look.material, part, look };
         let number = self.next;
         // Beyond so many the numbers end; what follows looks like the last.
         self.next = (number + 1).min(UNKNOWN - 1);

@@ -128,6 +128,7 @@ impl Columns {
             places: if has(1) { Some(three(&places.get::<6>(number)?)) } else { None },
             normals: if has(2) { Some(three(&normals.get::<9>(number)?)) } else { None },
             material,
+            part: 0,
         };
         #[expect(clippy::cast_possible_truncation, reason = "written from a byte")]
         let part = more as u8;
@@ -152,6 +153,7 @@ mod tests {
                 places: at.is_multiple_of(7).then_some([[v, -v], [0.0, 1.0], [v, v]]),
                 normals: at.is_multiple_of(2).then_some([[v; 3], [1.0; 3], [-v; 3]]),
                 material: if at.is_multiple_of(5) { NO_MATERIAL } else { at },
+                part: 0,
             };
             Record { material: look.material, part: (at % 256) as u8, look }
         };

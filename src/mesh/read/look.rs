@@ -17,6 +17,8 @@ pub(in crate::mesh) struct Look {
     pub(in crate::mesh) normals: Option<[[f32; 3]; 3]>,
     /// Number in the file's materials, or [`NO_MATERIAL`].
     pub(in crate::mesh) material: u32,
+    /// Number of its part in the file.
+    pub(in crate::mesh) part: u32,
 }
 
 impl Look {
@@ -36,7 +38,7 @@ impl Look {
 
     /// Nothing.
     pub(in crate::mesh) const NONE: Self =
-        Self { colors: None, places: None, normals: None, material: NO_MATERIAL };
+        Self { colors: None, places: None, normals: None, material: NO_MATERIAL, part: 0 };
 }
 
 /// What a surface looks like: a colour, times that of a texture.

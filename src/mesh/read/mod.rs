@@ -22,6 +22,7 @@ mod gltf;
 mod limits;
 mod look;
 mod obj;
+mod parts;
 mod ply;
 mod stl;
 mod stop;
@@ -247,6 +248,16 @@ impl MeshFile {
             Kind::Gltf(open) => open.materials(),
             Kind::ThreeMf(open) => open.materials(),
             _ => &[],
+        }
+    }
+
+    /// Parts that it has, at least one.
+    pub(super) fn parts(&self) -> u64 {
+        match &self.kind {
+            Kind::Obj(open) => open.parts(),
+            Kind::Gltf(open) => open.parts(),
+            Kind::ThreeMf(open) => open.parts(),
+            _ => 1,
         }
     }
 

@@ -43,6 +43,8 @@ pub(super) struct Gltf {
     beside: Vec<PathBuf>,
     with_looks: bool,
     with_colors: bool,
+    /// Nodes of the scene that have a mesh.
+    parts: u64,
 }
 
 impl std::fmt::Debug for Gltf {
@@ -158,15 +160,16 @@ impl Gltf {
             Vec::new()
         };
         let all: u64 = described.root.buffers.iter().map(|b| b.byte_length).fold(bytes, u64::saturating_add);
-        let open = Self {
+        let mut open = Self {
             described,
             buffers,
             materials,
             beside: place.beside,
             with_looks: limits.looks,
             with_colors: limits.colors,
+            parts: 0,
         };
-        open.check(all)?;
+        open.parts = open.check(all)?;
         Ok(open)
     }
 
@@ -191,8 +194,8 @@ impl Gltf {
         self.described.held_bytes
     }
 
-    /// Looks at every mesh once, and counts triangles.
-    fn check(&self, bytes: u64) -> Result<(), Stop> {
+    /// Looks at every mesh once, counts triangles, and tells how many nodes have a mesh.
+    fn check(&self, bytes: u64) -> Result<u64, Stop> {
         let most = MOST_TRIANGLES + bytes.saturating_mul(MOST_TRIANGLES_PER_BYTE);
         let mut counts = Vec::with_capacity(self.described.root.meshes.len());
         for mesh in &self.described.root.meshes {
@@ -203,7 +206,7 @@ impl Gltf {
             counts.push(count);
         }
         let mut seen = vec![false; self.described.root.nodes.len()];
-        let mut all = 0_u64;
+        let (mut all, mut parts) = (0_u64, 0);
         self.walk(&Affine { rows: UPRIGHT }, &mut |node, at, _| {
             // A node has one parent at most: so there is no circle.
             if std::mem::replace(&mut seen[at], true) {
@@ -211,12 +214,19 @@ impl Gltf {
             }
             if let Some(mesh) = node.mesh {
                 all = all.saturating_add(*item(&counts, mesh, Part::Mesh)?);
+                parts += 1;
             }
             if all > most {
                 return Err(MeshFault::TooManyTriangles { most }.into());
             }
             Ok(())
-        })
+        })?;
+        Ok(parts)
+    }
+
+    /// Parts that it has, at least one.
+    pub(super) fn parts(&self) -> u64 {
+        self.parts.max(1)
     }
 
     /// Calls `each` with every node of the scene and how it is placed.
@@ -309,8 +319,12 @@ impl Gltf {
     /// Calls `each` with every triangle, in millimetres.
     pub(super) fn for_each(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut faces = 0;
+        let mut next_part = 0_u32;
         self.walk(&Affine { rows: UPRIGHT }, &mut |node, _, placed| {
             let Some(at) = node.mesh else { return Ok(()) };
+            let part = next_part;
+            next_part = next_part.saturating_add(1);
+            let each: &mut EachLook<'_> = &mut |t, look| each(t, &Look { part, ..*look });
             let mesh: &Mesh = item(&self.described.root.meshes, at, Part::Mesh)?;
             for primitive in &mesh.primitives {
                 if let Some(prepared) = self.prepared(primitive)? {

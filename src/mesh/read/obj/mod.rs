@@ -1,6 +1,7 @@
 //! OBJ: text, read once; vertices, triangles and what these carry wait in nameless files. Materials are those of MTL.
 //!
-//! Of its many statements `v`, `vt`, `vn`, `f`, `mtllib` and `usemtl` count. The second coordinate of places runs up.
+//! Of its many statements `v`, `vt`, `vn`, `f`, `o`, `g`, `mtllib` and `usemtl` count; objects and groups are parts. The
+//! second coordinate of places runs up.
 
 mod materials;
 
@@ -9,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use super::limits::Limits;
 use super::look::{Look, Material, NO_MATERIAL};
+use super::parts::Parts;
 use super::stop::{Each, EachLook, Stop};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan, index};
@@ -29,6 +31,7 @@ pub(super) struct Obj {
     carried: Option<Carried>,
     materials: Vec<Material>,
     beside: Vec<PathBuf>,
+    parts: Parts,
     held_bytes: u64,
 }
 
@@ -83,6 +86,7 @@ impl Obj {
         let mut spools = if limits.looks { Some(Spools::new(scratch)?) } else { None };
         let mut materials = Materials::new(path, limits);
         let mut material = NO_MATERIAL;
+        let mut parts = Parts::default();
         let mut faces = 0;
         let mut understood = false;
         loop {
@@ -115,7 +119,10 @@ impl Obj {
                     material = materials.number(&words.rest_of_line(1024)?)?
                 }
                 (b"mtllib", Some(_)) if limits.colors => materials.read(&words.rest_of_line(1024)?)?,
+                (b"o", _) => parts.object(words.rest_of_line(1024)?.as_bytes()),
+                (b"g", _) => parts.group(words.rest_of_line(1024)?.as_bytes()),
                 (b"f", spools) => {
+                    parts.face(triangles.count);
                     face(&mut words, vertices.count, faces, material, &mut triangles, spools.as_mut())?;
                     faces += 1;
                 }
@@ -136,7 +143,12 @@ impl Obj {
         };
         let faces = Faces::of(vertices, triangles, VertexLooks::default())?;
         let (materials, beside, held_bytes) = materials.done();
-        Ok(Self { faces, carried, materials, beside, held_bytes })
+        Ok(Self { faces, carried, materials, beside, parts, held_bytes: held_bytes + Parts::BYTES })
+    }
+
+    /// Parts that it has, at least one.
+    pub(super) fn parts(&self) -> u64 {
+        self.parts.count()
     }
 
     pub(super) fn materials(&self) -> &[Material] {
@@ -164,8 +176,9 @@ impl Obj {
 
     /// Calls `each` with every triangle and what it carries.
     pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
+        let mut part = self.parts.each();
         let Some(carried) = &self.carried else {
-            return self.for_each(&mut |t| each(t, &Look::NONE));
+            return self.for_each(&mut |t| each(t, &Look { part: part(), ..Look::NONE }));
         };
         let mut open = Open {
             stream: Stream::new(&carried.triangles, 0),
@@ -176,7 +189,7 @@ impl Obj {
         };
         let mut stopped = None;
         let done = self.faces.for_each(&mut |t| match open.next() {
-            Ok(look) => each(t, &look),
+            Ok(look) => each(t, &Look { part: part(), ..look }),
             Err(stop) => {
                 stopped = Some(stop);
                 Err(MeshFault::CutShort)

@@ -72,6 +72,8 @@ pub(super) struct ThreeMf {
     contents: Contents,
     looks: bool,
     held_bytes: u64,
+    /// Meshes that are built.
+    parts: u64,
 }
 
 /// Looks at the list of the archive alone.
@@ -82,8 +84,8 @@ pub(super) fn check(file: &File, bytes: u64) -> Result<(), Stop> {
 impl ThreeMf {
     pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<Self, Stop> {
         let (contents, held_bytes, inflated) = archive::read(file, bytes, limits)?;
-        let open = Self { contents, looks: limits.colors, held_bytes };
-        open.check(inflated)?;
+        let mut open = Self { contents, looks: limits.colors, held_bytes, parts: 0 };
+        open.parts = open.check(inflated)?;
         Ok(open)
     }
 
@@ -100,15 +102,22 @@ impl ThreeMf {
         self.held_bytes
     }
 
-    /// Counts triangles, however often objects hold the same ones.
-    fn check(&self, inflated: u64) -> Result<(), Stop> {
+    /// Parts that it has, at least one.
+    pub(super) fn parts(&self) -> u64 {
+        self.parts.max(1)
+    }
+
+    /// Counts triangles, however often objects hold the same ones, and tells how many meshes are built.
+    fn check(&self, inflated: u64) -> Result<u64, Stop> {
         let most = MOST_TRIANGLES + inflated.saturating_mul(MOST_TRIANGLES_PER_BYTE);
-        let mut all = 0_u64;
+        let (mut all, mut parts) = (0_u64, 0);
         self.walk(&mut |[.., triangles], _| {
+            parts += 1;
             // An empty object costs time, too.
             all = all.saturating_add(triangles.max(1));
             if all > most { Err(MeshFault::TooManyTriangles { most }.into()) } else { Ok(()) }
-        })
+        })?;
+        Ok(parts)
     }
 
     /// Calls `each` with every mesh that is built and how it is placed.
@@ -152,14 +161,17 @@ impl ThreeMf {
         let mut points = Pages::new(vertices, PAGES);
         let mut looks = Pages::new(values, FEW_PAGES);
         let mut faces = 0;
+        let mut next_part = 0_u32;
         let record = if self.looks { LOOKED } else { RECORD } as u64;
         self.walk(&mut |[first, count, from, triangle_count], placed| {
+            let part = next_part;
+            next_part = next_part.saturating_add(1);
             let mut stream = Stream::new(triangles, from * record);
             let mirrored = placed.determinant() < 0.0;
             for _ in 0..triangle_count {
                 let corners: [u8; RECORD] = stream.take()?;
                 let mut t = whole(&corners);
-                let mut look = Look::NONE;
+                let mut look = Look { part, ..Look::NONE };
                 let mut of = [0; 3];
                 if self.looks {
                     let more: [u8; LOOKED - RECORD] = stream.take()?;

@@ -1,0 +1,291 @@
+//! Where rows of voxel centres along all three axes cross a triangle: in which half of which voxel.
+//!
+//! ```text
+//!        voxel i - 1        |        voxel i         |
+//!   --------- c ---upper----|---lower--- c ---upper--|---
+//!             └──── from one centre to the next ─────┘
+//! ```
+//!
+//! Centres are moved by (-e, e^2, e^3) as in [`super::super::raster`], so that a closed mesh is crossed an even number
+//! of times along every row, and never at a centre.
+
+use super::super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
+
+/// How far from a whole number a crossing in f64 must be for its half to be certain: errors are below 2^-31.
+const SURE: f64 = 1e-6;
+
+/// A crossing in the slice that was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Crossing {
+    /// Axis of the row.
+    pub(super) axis: usize,
+    /// Voxel in which it lies.
+    pub(super) x: i32,
+    pub(super) y: i32,
+    /// Does it lie beyond the voxel's centre?
+    pub(super) upper: bool,
+    /// Does the triangle look along the axis?
+    pub(super) along: bool,
+}
+
+/// Columns and rows that are wanted, the ends included.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window {
+    pub(super) x: (i32, i32),
+    pub(super) y: (i32, i32),
+}
+
+/// A triangle seen along an axis.
+struct Seen {
+    axis: usize,
+    /// The other two axes.
+    p: usize,
+    q: usize,
+    corners: [[i64; 3]; 3],
+    /// Twice the area, positive, and the sign that it had.
+    area: i64,
+    sign: i64,
+    /// The triangle's direction, of any length.
+    normal: [i64; 3],
+}
+
+impl Seen {
+    /// `None` for a triangle that the axis lies in.
+    fn new(t: &Triangle, normal: [i64; 3], axis: usize) -> Option<Self> {
+        let (p, q) = [(1, 2), (0, 2), (0, 1)][axis];
+        // What is left of three axes is turned the other way round for the second.
+        let area = if axis == 1 { -normal[1] } else { normal[axis] };
+        let corners = std::array::from_fn(|k| std::array::from_fn(|a| i64::from(t[3 * k + a])));
+        (area != 0).then(|| Self { axis, p, q, corners, area: area.abs(), sign: area.signum(), normal })
+    }
+
+    /// Calls `each(column, half)` for the rows at columns `first..=last` of `p` and at column `q` that cross the
+    /// triangle: half 2 i is the lower one of voxel i, half 2 i + 1 the upper one.
+    #[expect(clippy::cast_precision_loss, reason = "the error is bounded")]
+    fn line(&self, q: i32, (first, last): (i32, i32), each: &mut impl FnMut(i32, i64)) {
+        let centre = |at: i32| i64::from(at) * i64::from(STEPS) + i64::from(HALF);
+        let (cp, cq) = (centre(first), centre(q));
+        // Twice the area left of an edge, positive inside; what is added where zero counts as outside; and its step.
+        let edge = |a: usize, b: usize| {
+            let (a, b) = (&self.corners[a], &self.corners[b]);
+            let (dp, dq) = (self.sign * (b[self.p] - a[self.p]), self.sign * (b[self.q] - a[self.q]));
+            let at = dp * (cq - a[self.q]) - dq * (cp - a[self.p]);
+            // Along x centres are moved back, along y and z forward, each less than the one before.
+            let towards = if self.p == 0 { dq } else { -dq };
+            let inside = if dq == 0 { dp > 0 } else { towards > 0 };
+            (at, if inside { 0 } else { -1 }, -dq * i64::from(STEPS))
+        };
+        let (mut e0, t0, s0) = edge(1, 2);
+        let (mut e1, t1, s1) = edge(2, 0);
+        let (mut e2, t2, s2) = edge(0, 1);
+        let [x0, x1, x2] = self.corners.map(|corner| corner[self.axis]);
+        let scale = 1.0 / (self.area as f64 * f64::from(HALF));
+        for column in first..=last {
+            if ((e0 + t0) | (e1 + t1) | (e2 + t2)) >= 0 {
+                let at = (e0 as f64 * x0 as f64 + e1 as f64 * x1 as f64 + e2 as f64 * x2 as f64) * scale;
+                let whole = at.floor();
+                let rest = at - whole;
+                let half = if rest > SURE && rest < 1.0 - SURE {
+                    #[expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^18 halves")]
+                    let half = whole as i64;
+                    half
+                } else {
+                    self.exact_half([e0, e1, e2])
+                };
+                each(column, half);
+            }
+            e0 += s0;
+            e1 += s1;
+            e2 += s2;
+        }
+    }
+
+    /// The half of a crossing; of one at a centre that on whose side the moved centre leaves it.
+    fn exact_half(&self, weights: [i64; 3]) -> i64 {
+        let sum: i128 =
+            weights.iter().zip(&self.corners).map(|(w, p)| i128::from(*w) * i128::from(p[self.axis])).sum();
+        let unit = i128::from(self.area) * i128::from(HALF);
+        let half = i64::try_from(sum.div_euclid(unit)).unwrap_or(i64::MAX / 4);
+        if sum.rem_euclid(unit) != 0 || half & 1 == 0 {
+            return half;
+        }
+        // On which side of the plane the moved centre lies.
+        let [nx, ny, nz] = self.normal;
+        let side = [-nx, ny, nz].into_iter().find(|c| *c != 0).map_or(0, i64::signum);
+        if side * self.normal[self.axis].signum() < 0 { half } else { half - 1 }
+    }
+}
+
+/// The direction of a triangle: differences are below 2^30, so that it fits.
+fn direction(t: &Triangle) -> [i64; 3] {
+    let t = t.map(i64::from);
+    let (b, c) = ([t[3] - t[0], t[4] - t[1], t[5] - t[2]], [t[6] - t[0], t[7] - t[1], t[8] - t[2]]);
+    [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]]
+}
+
+/// Calls `each` with every crossing of a triangle by rows of centres that lies in slice `z` and in the window.
+pub(super) fn crossings(t: &Triangle, z: i32, window: &Window, each: &mut impl FnMut(Crossing)) {
+    let (low, high) = span(t, 2);
+    let floor = i64::from(z) * i64::from(STEPS);
+    if i64::from(high) < floor || i64::from(low) > floor + i64::from(STEPS) {
+        return;
+    }
+    let normal = direction(t);
+    let within = |axis: usize, (from, to): (i32, i32)| {
+        let (low, high) = span(t, axis);
+        (first_centre(low).max(from), last_centre(high).min(to))
+    };
+    let (columns, rows) = (within(0, window.x), within(1, window.y));
+    let wanted = |at: i64, (from, to): (i32, i32)| {
+        i32::try_from(at >> 1).ok().filter(|voxel| (from..=to).contains(voxel))
+    };
+    if first_centre(low) <= z && z <= last_centre(high) {
+        if let Some(seen) = Seen::new(t, normal, 0) {
+            let along = normal[0] > 0;
+            seen.line(z, rows, &mut |y, half| {
+                if let Some(x) = wanted(half, window.x) {
+                    each(Crossing { axis: 0, x, y, upper: half & 1 == 1, along });
+                }
+            });
+        }
+        if let Some(seen) = Seen::new(t, normal, 1) {
+            let along = normal[1] > 0;
+            seen.line(z, columns, &mut |x, half| {
+                if let Some(y) = wanted(half, window.y) {
+                    each(Crossing { axis: 1, x, y, upper: half & 1 == 1, along });
+                }
+            });
+        }
+    }
+    if let Some(seen) = Seen::new(t, normal, 2) {
+        let (along, slab) = (normal[2] > 0, Slab::new(t, normal, z));
+        for y in rows.0..=rows.1 {
+            let (from, to) = slab.columns(y);
+            seen.line(y, (columns.0.max(from), columns.1.min(to)), &mut |x, half| {
+                if half >> 1 == i64::from(z) {
+                    each(Crossing { axis: 2, x, y, upper: half & 1 == 1, along });
+                }
+            });
+        }
+    }
+}
+
+/// Where a triangle's plane lies within a slice, about: what keeps the cost of a triangle to its surface.
+struct Slab {
+    normal: [f64; 3],
+    corner: [f64; 3],
+    /// The slice, with a step more on either side.
+    z: (f64, f64),
+}
+
+impl Slab {
+    #[expect(clippy::cast_precision_loss, reason = "columns are widened by one")]
+    fn new(t: &Triangle, normal: [i64; 3], z: i32) -> Self {
+        let floor = f64::from(z) * f64::from(STEPS);
+        let corner = [t[0], t[1], t[2]].map(f64::from);
+        Self { normal: normal.map(|c| c as f64), corner, z: (floor - 1.0, floor + f64::from(STEPS) + 1.0) }
+    }
+
+    /// Columns of a row between which the plane may be within the slice.
+    fn columns(&self, y: i32) -> (i32, i32) {
+        let [nx, ny, nz] = self.normal;
+        let [x0, y0, z0] = self.corner;
+        if nx == 0.0 {
+            return (i32::MIN / 2, i32::MAX / 2);
+        }
+        let dy = f64::from(y) * f64::from(STEPS) + f64::from(HALF) - y0;
+        let at = |z: f64| x0 - (nz * (z - z0) + ny * dy) / nx;
+        let (a, b) = (at(self.z.0), at(self.z.1));
+        let column = |x: f64| ((x - f64::from(HALF)) / f64::from(STEPS)).clamp(-1e6, 1e6);
+        #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+        let columns = (column(a.min(b)).floor() as i32 - 1, column(a.max(b)).ceil() as i32 + 1);
+        columns
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The definition, with wide integers and a real, if small, shift: coordinates times 2^40, the shift being far
+    /// below what lattice distances can tell apart.
+    fn by_definition(t: &Triangle, z: i32, window: &Window) -> Vec<(usize, i32, i32, bool, bool)> {
+        let scale = 1_i128 << 40;
+        let moved = [-(1_i128 << 30), 1 << 15, 1];
+        let centre = |at: i32, axis: usize| (i128::from(at) * 4096 + 2048) * scale + moved[axis];
+        let corner = |k: usize, a: usize| i128::from(t[3 * k + a]) * scale;
+        let mut out = Vec::new();
+        for axis in 0..3 {
+            let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
+            let ranges = [window.x, window.y, (z - 3, z + 3)];
+            for i in ranges[p].0..=ranges[p].1 {
+                for j in ranges[q].0..=ranges[q].1 {
+                    let (cp, cq) = (centre(i, p), centre(j, q));
+                    let side = |a: usize, b: usize| {
+                        (corner(b, p) - corner(a, p)) * (cq - corner(a, q))
+                            - (corner(b, q) - corner(a, q)) * (cp - corner(a, p))
+                    };
+                    // Of 2^110 at most: one scale is taken out where products of three are needed.
+                    let w = [side(1, 2), side(2, 0), side(0, 1)];
+                    let along = w.iter().all(|w| *w > 0);
+                    if !along && !w.iter().all(|w| *w < 0) {
+                        continue;
+                    }
+                    // The half in which the row that was not moved is crossed, and which centres lie beyond.
+                    let small = |k: usize, a: usize| i128::from(t[3 * k + a]);
+                    let at = |c: i32| i128::from(c) * 4096 + 2048;
+                    let plain = |a: usize, b: usize| {
+                        (small(b, p) - small(a, p)) * (at(j) - small(a, q))
+                            - (small(b, q) - small(a, q)) * (at(i) - small(a, p))
+                    };
+                    let v = [plain(1, 2), plain(2, 0), plain(0, 1)];
+                    let area: i128 = v.iter().sum();
+                    let sum: i128 = (0..3).map(|k| v[k] * small(k, axis)).sum();
+                    let (area, sum) = (area * area.signum(), sum * area.signum());
+                    let voxel = sum.div_euclid(area * 4096);
+                    let voxel = i32::try_from(voxel).unwrap();
+                    // Is the moved centre of that voxel before the plane?
+                    let mut at = [0; 3];
+                    (at[axis], at[p], at[q]) = (voxel, i, j);
+                    let d: [i128; 3] = std::array::from_fn(|a| centre(at[a], a) - corner(0, a));
+                    let n = direction(t).map(i128::from);
+                    let side: i128 = (0..3).map(|a| n[a] * d[a]).sum();
+                    let upper = (side < 0) == (n[axis] > 0);
+                    let fits = |c: i32, r: (i32, i32)| (r.0..=r.1).contains(&c);
+                    if at[2] == z && fits(at[0], window.x) && fits(at[1], window.y) {
+                        out.push((axis, at[0], at[1], upper, along));
+                    }
+                }
+            }
+        }
+        out.sort_unstable();
+        out
+    }
+
+    #[test]
+    fn crossings_are_those_of_the_definition_also_through_edges_and_corners() {
+        let mut state = 7_u32;
+        let mut next = |n: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 10) % n
+        };
+        let window = Window { x: (-1, 6), y: (-1, 6) };
+        let mut met = 0;
+        for round in 0..2000 {
+            // Every other triangle has its vertices on centres and corners, where ties are.
+            let t: Triangle = std::array::from_fn(|_| {
+                let c = if round % 2 == 0 { next(11) * 2048 } else { next(5 * 4096) };
+                i32::try_from(c).unwrap()
+            });
+            for z in -1..7 {
+                let mut got = Vec::new();
+                crossings(&t, z, &window, &mut |c| got.push((c.axis, c.x, c.y, c.upper, c.along)));
+                got.sort_unstable();
+                let want = by_definition(&t, z, &window);
+                assert_eq!(got, want, "{t:?} slice {z}");
+                met += want.len();
+            }
+        }
+        assert!(met > 5000, "{met}");
+    }
+}
