@@ -20,7 +20,7 @@ use super::bins::{BlockBuffers, held};
 use super::lattice::{Triangle, centres};
 use super::raster::{Crossings, cross_slice};
 use super::resident::Resident;
-use super::solid::{MeshSolid, MeshWorker};
+use super::solid::MeshSolid;
 use crate::builder::{Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, normal};
@@ -63,8 +63,6 @@ pub(super) fn fixed_bytes(tile: &Tile) -> u64 {
 }
 
 impl Solid for ThinSolid {
-    type Worker<'a> = ThinWorker<'a>;
-
     fn dims(&self) -> Dims {
         self.mesh.dims()
     }
@@ -89,9 +87,9 @@ impl Solid for ThinSolid {
         self.mesh.worker_bytes(tile) + fixed_bytes(tile) + Resident::bytes(self.mesh.resident, 0)
     }
 
-    fn worker(&self, tile: &Tile) -> ThinWorker<'_> {
+    fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
         let words = row_words(tile);
-        ThinWorker {
+        Box::new(ThinWorker {
             solid: self,
             mesh: self.mesh.worker(tile),
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
@@ -102,7 +100,7 @@ impl Solid for ThinSolid {
             crossings: Crossings::new(words, ROWS),
             slices: std::array::from_fn(|_| Planes::new(words)),
             codes: Vec::with_capacity(2 * SkinSlice::MOST),
-        }
+        })
     }
 }
 
@@ -110,7 +108,7 @@ impl Solid for ThinSolid {
 pub(super) struct ThinWorker<'a> {
     solid: &'a ThinSolid,
     /// Describes the skin.
-    mesh: MeshWorker<'a>,
+    mesh: Box<dyn SolidWorker + 'a>,
     column: VoxelBox,
     /// Slices whose triangles are at hand, or are read again for every slice.
     run: (i32, i32),
