@@ -209,7 +209,32 @@ fn volumes_of_few_slices_are_left_alone_when_asked_to() {
         models.iter().filter(|n| n.ends_with(".oct")).map(|n| fs::read(out.join(n)).unwrap()).collect();
     assert_eq!(old, now);
     assert_eq!(failed["holds"]["models"], 2, "{failed}");
-    let (_, again) = batch(&top, &out, &["--min-slices", "3"]);
-    assert_eq!(counts(&again), [0, 3, 0], "{again}");
+    let kept = |report: &Value| {
+        let items = report["items"].as_array().unwrap().iter();
+        items
+            .filter(|item| item["status"] == "kept")
+            .map(|item| item["input"].to_string())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(kept(&failed).len(), 2, "{failed}");
+    // Reports go on telling of what earlier runs made, once each, however often others are built.
+    fs::rename(top.join("scout"), folder.path().join("scout")).unwrap();
+    for _ in 0..2 {
+        let (_, again) = batch(&top, &out, &["--min-slices", "3"]);
+        assert_eq!(counts(&again), [0, 2, 0], "{again}");
+        let told = kept(&again);
+        assert!(told.len() == 1 && told[0].contains("scout"), "{again}");
+        assert!(fs::read_to_string(out.join("report.csv")).unwrap().contains("yes,kept,"));
+    }
+    let scout = again_without(&out, &top, &models);
+    assert!(kept(&scout).is_empty(), "{scout}");
     oct(&["batch", &text(&top), "--out", &text(&out), "--min-slices", "0"]).refused(2, &["--min-slices"]);
+}
+
+/// The report of a run after the models of earlier runs were taken out of the folder.
+fn again_without(out: &Path, top: &Path, models: &[String]) -> Value {
+    for name in models.iter().filter(|name| name.contains(".oct")) {
+        fs::remove_file(out.join(name)).unwrap();
+    }
+    batch(top, out, &["--min-slices", "3"]).1
 }

@@ -17,6 +17,7 @@
 //! | `page` | `index.html`, the contact sheet |
 
 mod claims;
+mod earlier;
 mod key;
 mod lock;
 mod page;
@@ -230,6 +231,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         options: options_told(request),
         holds: Holdings::of(&request.out),
     };
+    earlier::take_over(&request.out, request.thumbnails_of_all, &run.journal).map_err(out_error)?;
     report.write(&request.out, &run.journal).map_err(out_error)?;
     drop(lock);
     Ok(report)
@@ -435,6 +437,7 @@ impl Run<'_> {
             Status::Converted => 0,
             Status::Skipped => 1,
             Status::Failed => 2,
+            Status::Kept => return,
         };
         if let Some(count) = self.counts.get(count) {
             count.fetch_add(1, Ordering::Relaxed);

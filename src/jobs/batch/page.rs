@@ -78,7 +78,7 @@ pub(super) fn write(
         writeln!(w, "<p class=\"in\">{}</p>", escaped(warning))?;
     }
     w.write_all(b"<main>\n")?;
-    let embed = c.converted + c.skipped <= MOST_EMBEDDED;
+    let embed = report.holds.models <= MOST_EMBEDDED;
     journal.for_each(&mut |item| {
         if item.model.is_some() { card(&item, report, out, embed, w) } else { Ok(()) }
     })?;

@@ -24,6 +24,8 @@ pub enum Status {
     Skipped,
     /// Refused, or its build failed.
     Failed,
+    /// Built by an earlier run, and still there; this run did not come across it.
+    Kept,
 }
 
 /// Why there is no model, in a word that names nothing.
@@ -210,6 +212,19 @@ impl Record {
     /// Puts a record back whose files are still what it tells of.
     pub(super) fn put_back(&self, out: &Path, name: &str) -> bool {
         self.name == name && self.is_whole(out) && self.write(out).is_ok()
+    }
+
+    /// Is it the record of `name`, and are its files there?
+    pub(super) fn is_of(&self, name: &str, out: &Path) -> bool {
+        self.name == name
+            && !name.contains('/')
+            && self.model.file == format!("{name}.oct")
+            && self.is_whole(out)
+    }
+
+    /// What it tells of the model.
+    pub(super) fn into_model(self) -> ModelFacts {
+        self.model
     }
 
     /// Removes the files that a record tells of, and the record first of all; without a record, nothing.

@@ -217,6 +217,7 @@ pub(super) fn status(status: Status) -> &'static str {
         Status::Converted => "converted",
         Status::Skipped => "skipped",
         Status::Failed => "failed",
+        Status::Kept => "kept",
     }
 }
 

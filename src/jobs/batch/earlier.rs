@@ -1,0 +1,58 @@
+//! What earlier runs left in the output folder: models that this run did not come across. Reports go on telling where
+//! they came from, as nothing else does.
+
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader};
+use std::path::Path;
+
+use super::record::{Item, Journal, Record, Status};
+
+/// Longest line of a report that is read; longer ones are passed over.
+const MOST_LINE_BYTES: u64 = 1 << 20;
+
+/// Adds to the journal, behind this run's items, those of the report that lies in `out` whose models are still there
+/// and are not models of this run. `shows_text`: are thumbnails shown whose pixels may carry text?
+///
+/// Memory: a name for each model of this run, and a line.
+///
+/// # Errors
+/// The journal cannot be read or written. A report that cannot be read tells of nothing.
+pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::Result<()> {
+    let Ok(report) = File::open(out.join("report.json")) else { return Ok(()) };
+    let mut known = HashSet::new();
+    journal.for_each(&mut |item| {
+        if item.model.is_some() {
+            known.insert(item.name);
+        }
+        Ok(())
+    })?;
+    let mut lines = BufReader::new(report);
+    let mut line = Vec::new();
+    for number in 0.. {
+        line.clear();
+        match io::Read::take(&mut lines, MOST_LINE_BYTES).read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => break,
+            Ok(_) => {}
+        }
+        // Each item is a line of its own.
+        let text = line.trim_ascii();
+        let text = text.strip_suffix(b",").unwrap_or(text);
+        let Ok(mut item) = serde_json::from_slice::<Item>(text) else { continue };
+        let Some(record) = Record::read(out, &item.name).filter(|record| record.is_of(&item.name, out))
+        else {
+            continue;
+        };
+        if !known.insert(item.name.clone()) {
+            continue;
+        }
+        let mut model = record.into_model();
+        if item.burned_in.is_some() && !shows_text {
+            model.thumbnail = None;
+        }
+        (item.status, item.model) = (Status::Kept, Some(model));
+        (item.cause, item.reason) = (None, None);
+        journal.add((usize::MAX, number), &item)?;
+    }
+    Ok(())
+}
