@@ -93,6 +93,7 @@ mod tests {
         parts.face(6);
         let mut next = parts.each();
         let got: Vec<u32> = (0..8).map(|_| next()).collect();
+        drop(next);
         assert_eq!((parts.count(), got), (3, vec![0, 0, 0, 1, 1, 2, 0, 0]));
         for at in 0..2000_u64 {
             parts.object(&at.to_le_bytes());
