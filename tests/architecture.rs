@@ -53,7 +53,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
         &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "resident", "scratch", "volume"],
     ),
     ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "volume"]),
-    ("mesh", &["budget", "builder", "codec", "facts", "format", "geom", "scratch", "source", "stamp"]),
+    ("mesh", &["budget", "builder", "codec", "cpu", "facts", "format", "geom", "scratch", "source", "stamp"]),
     (
         "csg",
         &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "resident", "stamp", "volume"],

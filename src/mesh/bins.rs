@@ -7,14 +7,6 @@
 //! A triangle shorter than eight voxels is a record of 24 bytes, which holds its first vertex and the ways to the
 //! others in 16 bits; a longer one takes two. (lz4 took a quarter less and a second for ten million.)
 //!
-//! What else was tried on 1 M and 10 M triangles of a torus of 1.84 M skin voxels, for the search of the nearest:
-//!
-//! | tried | seconds of the search, against lists by slice and brick (0.9; 4.4) |
-//! |---|---|
-//! | triangles within a voxel by cells of one, disks around them as bounds, eight at a time | 1.1; 6.2 |
-//! | the same by cells of two and of four voxels | 3.5; 2.9 |
-//! | the triangle made ready only once its box is near enough for a voxel | 0.8; 4.1, and a fifth more for long ones |
-//!
 //! A bin holds every triangle that bears upon the voxels of 32 rows and 32 slices and on those two beyond, along
 //! the whole of x. The file has no name, as that of skin records.
 #![expect(clippy::cast_possible_truncation, reason = "bins lie within the grid, blocks are short")]
@@ -86,6 +78,12 @@ pub(super) fn unpacked(record: &Record) -> Triangle {
     [x, y, z, x + a, y + b, z + c, x + d, y + e, z + f]
 }
 
+/// The records of a triangle.
+#[cfg(test)]
+pub(super) fn packed(t: &Triangle) -> Vec<Record> {
+    short(t).map_or_else(|| pair(t).to_vec(), |record| vec![record])
+}
+
 /// What a block holds.
 pub(super) enum Held<'a> {
     Short(&'a Record),
@@ -102,19 +100,28 @@ impl Held<'_> {
     }
 }
 
+/// The triangles of a block, with the number of the first record of each.
+#[inline]
+pub(super) fn numbered(block: &[Record]) -> impl Iterator<Item = (u32, Held<'_>)> {
+    let mut at = 0;
+    std::iter::from_fn(move || {
+        let first = at;
+        let record = block.get(first)?;
+        at += 1;
+        let [x, y, z, p, q, r] = *record;
+        if x < LONG / 2 {
+            return Some((first as u32, Held::Short(record)));
+        }
+        let [a, b, c, ..] = *block.get(at)?;
+        at += 1;
+        Some((first as u32, Held::Long([x - LONG, y, z, p, q, r, a, b, c])))
+    })
+}
+
 /// The triangles of a block.
 #[inline]
 pub(super) fn held(block: &[Record]) -> impl Iterator<Item = Held<'_>> {
-    let mut left = block.iter();
-    std::iter::from_fn(move || {
-        let record = left.next()?;
-        let [x, y, z, p, q, r] = *record;
-        if x < LONG / 2 {
-            return Some(Held::Short(record));
-        }
-        let [a, b, c, ..] = *left.next()?;
-        Some(Held::Long([x - LONG, y, z, p, q, r, a, b, c]))
-    })
+    numbered(block).map(|(_, t)| t)
 }
 
 /// A block's head, as long as a record: where the bin's block before it is, and how many records that holds.

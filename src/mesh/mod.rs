@@ -24,7 +24,8 @@
 //! | `census`, `boundary` | closed or not, told by sums; open edges and caps |
 //! | `bins` | triangles sorted by place, in a nameless file |
 //! | `raster` | rows that cross triangles, bits from crossings |
-//! | `resident`, `nearest` | triangles at hand; the nearest of a voxel |
+//! | `resident`, `cells` | triangles at hand; small ones by cells of a voxel |
+//! | `nearest`, `bound` | the nearest of a voxel; what is too far to be it |
 //! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `solid` | all of it as a solid of the builder |
 //! | `thin` | surfaces alone, and walls thinner than a voxel |
@@ -35,7 +36,9 @@
 //! text, and about the size of the model.
 
 mod bins;
+mod bound;
 mod boundary;
+mod cells;
 mod census;
 mod lattice;
 mod nearest;
@@ -433,16 +436,18 @@ impl Front<'_> {
                     Some(placed) => grid.triangle(&t.map(|p| placed.apply(p)))?,
                     None => grid.triangle(t)?,
                 };
-                let mut look = *look;
-                if look != Look::NONE {
+                let turned;
+                let mut look = look;
+                if *look != Look::NONE {
                     // What corners carry turns with them.
                     let begins = |p: &[f64; 3]| grid.point(*p).is_ok_and(|corner| t.starts_with(&corner));
-                    look = look.turned(corners.iter().position(begins).unwrap_or(0));
+                    turned = look.turned(corners.iter().position(begins).unwrap_or(0));
+                    look = &turned;
                 }
                 counted.triangles += 1;
                 counted.flat += u64::from(t[0..3] == t[3..6] || t[3..6] == t[6..9] || t[0..3] == t[6..9]);
                 counted.census.add(&t);
-                each(&t, &look, number).map_err(|failed| {
+                each(&t, look, number).map_err(|failed| {
                     stopped = Some(failed);
                     MeshFault::CutShort
                 })
@@ -494,8 +499,8 @@ impl Front<'_> {
             Some(_) => (own + thin::fixed_bytes(&tile), 2),
         };
         let each = (left / self.options.threads.max(1) as u64).saturating_sub(own) / shares;
-        let bytes = Resident::bytes(1 << 10, 0) >> 10;
-        let fit = usize::try_from(each / bytes.max(1)).unwrap_or(usize::MAX);
-        fit.clamp(LEAST_RESIDENT, LEAST_RESIDENT.max(bins.fullest() as usize))
+        // A longer triangle takes two places more, one near to two bricks another.
+        let most = 4 * bins.fullest() as usize + 8;
+        Resident::fit(each).clamp(LEAST_RESIDENT, LEAST_RESIDENT.max(most))
     }
 }

@@ -29,6 +29,7 @@ pub(crate) struct Facet {
     corners: Triangle,
 }
 
+#[inline(always)]
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -58,6 +59,13 @@ impl Nearest {
     /// Its distance in lattice steps.
     pub(crate) fn distance(&self) -> f64 {
         self.squared.max(0.0).sqrt()
+    }
+
+    /// No triangle farther away than this, in lattice steps, would be taken.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a bound with room for it")]
+    pub(super) fn bound(&self) -> f32 {
+        (self.squared as f32 + 1.0).sqrt() + 0.5
     }
 
     /// Takes a triangle if it comes before the best so far: nearer, or as near and facing the voxel more, or with

@@ -1,240 +1,406 @@
-//! The triangles of some slices of a bin in memory, and lists of those that bear upon the slice at hand.
+//! The triangles of some slices of a bin in memory, sorted by bricks along x and by slices.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "slices are within a bin, numbers of triangles below 2^32"
 )]
 
-use super::bins::{BEYOND, Held, Record, held, unpacked, ways};
-use super::lattice::{Triangle, centres, first_centre, last_centre};
+use std::ops::Range;
 
-/// Slices of a triangle, from the first of the run, and bricks along x that it is within a voxel of.
+use super::bins::{BEYOND, Held, Record, held, ways};
+use super::lattice::{centres, first_centre, last_centre};
+
+/// A triangle of a brick: its record, or, where it takes two, the place of them behind [`ELSEWHERE`]; and [`Place`].
+pub(super) type Item = [i32; 7];
+
+/// Where an item belongs.
 #[derive(Clone, Copy, Debug)]
-struct Slices {
+struct Place {
+    /// Slices between whose centres it lies, from the first of the run.
     first: i8,
     last: i8,
-    /// [`WIDE`] if it is near to more than two.
-    brick: u16,
-    /// Is it near to the next one, too?
-    next: bool,
+    /// The brick along x that it is within two voxels of, or one of two groups behind them; with [`AGAIN`] if it
+    /// is in the brick before, too.
+    group: u16,
 }
 
-/// Near to more than two bricks, and near to no brick of the tile.
-const WIDE: u16 = u16::MAX;
-const AWAY: u16 = u16::MAX - 1;
+impl Place {
+    #[inline(always)]
+    fn of(item: &Item) -> Self {
+        let [first, last, low, high] = item[6].to_le_bytes();
+        Self { first: first.cast_signed(), last: last.cast_signed(), group: u16::from_le_bytes([low, high]) }
+    }
+
+    #[inline]
+    fn word(self) -> i32 {
+        let [low, high] = self.group.to_le_bytes();
+        i32::from_le_bytes([self.first.cast_unsigned(), self.last.cast_unsigned(), low, high])
+    }
+
+    #[inline(always)]
+    fn is_near(self, z: i32, reach: i32) -> bool {
+        i32::from(self.first) - reach <= z && i32::from(self.last) + reach >= z
+    }
+
+    /// Its slot, of so many bricks.
+    #[inline]
+    fn slot(self, bricks: usize) -> usize {
+        let group = usize::from(self.group & !AGAIN);
+        let (first, last) = (i32::from(self.first), i32::from(self.last));
+        let slot = match usize::try_from(first + BEFORE) {
+            Ok(slot) if slot < TALL && last - first <= 1 && group != bricks => slot,
+            _ => TALL,
+        };
+        group * SLOTS + slot
+    }
+}
+
+const ELSEWHERE: i32 = i32::MAX;
+const AGAIN: u16 = 1 << 15;
 /// Slices before and after the run of which more need not be known.
 const FAR: i32 = 100;
+/// Triangles of at most two slices stand by their first one, from three before the run on, and behind the others.
+const BEFORE: i32 = 3;
+const TALL: usize = 38;
+const SLOTS: usize = TALL + 1;
 
-/// Triangles of a run of slices, at most as many as there is room for.
+/// Most places that a triangle takes.
+const MOST_PLACES: usize = 4;
+
+/// Triangles of a run of slices, as many as there is room for.
 pub(super) struct Resident {
-    most: usize,
-    triangles: Vec<Triangle>,
-    /// Slices between whose centres each lies, from the first of the run.
-    slices: Vec<Slices>,
+    /// Those of bricks from the front on, and longer triangles, in two places each, from the end on.
+    items: Vec<Item>,
+    count: usize,
+    long: usize,
     base: i32,
     x0: i32,
-    /// Of the slice whose rows were crossed last.
-    crossed: Live,
-    /// Of the slice that was described last, and the same by bricks along x.
-    near: Live,
-    by_brick: Vec<u32>,
+    bricks: usize,
+    /// Bricks whose triangles are taken; those of a whole tile are what rows cross, too.
+    taken: Range<usize>,
+    /// First item of every slot of every group, and one more.
     starts: Vec<u32>,
+    next: Vec<u32>,
+    /// Of the triangles near to many bricks, so many stand in front that are near to the slice at hand.
+    wide: usize,
 }
 
-/// Triangles that bear upon a slice, which only rises.
-struct Live {
-    /// Slices beyond the triangle's own.
-    reach: i32,
-    next: usize,
-    list: Vec<u32>,
-}
-
-impl Live {
-    fn new(reach: i32, most: usize) -> Self {
-        Self { reach, next: 0, list: Vec::with_capacity(most) }
-    }
-
-    fn restart(&mut self) {
-        self.next = 0;
-        self.list.clear();
-    }
-
-    fn rise(&mut self, slice: i32, slices: &[Slices]) {
-        let reach = self.reach;
-        self.list.retain(|t| i32::from(slices[*t as usize].last) + reach >= slice);
-        while let Some(own) = slices.get(self.next) {
-            if i32::from(own.first) - reach > slice {
-                break;
-            }
-            if i32::from(own.last) + reach >= slice {
-                self.list.push(self.next as u32);
-            }
-            self.next += 1;
-        }
-    }
+/// Slots of so many bricks, and of those that are near to many bricks and to none.
+fn slots(bricks: usize) -> usize {
+    (bricks + 2) * SLOTS + 1
 }
 
 impl Resident {
-    /// Memory of one with room for so many triangles.
-    pub(super) fn bytes(most: usize, bricks: usize) -> u64 {
-        let each = size_of::<Triangle>() + size_of::<Slices>() + 4 * size_of::<u32>();
-        (most * each + (bricks + 3) * size_of::<u32>()) as u64
+    /// Memory of one with so many places.
+    pub(super) fn bytes(places: usize, bricks: usize) -> u64 {
+        (places * size_of::<Item>() + 2 * slots(bricks) * size_of::<u32>()) as u64
     }
 
-    pub(super) fn new(most: usize, bricks: usize) -> Self {
+    /// Places that so many bytes have room for, beside the lists of the bricks.
+    pub(super) fn fit(bytes: u64) -> usize {
+        usize::try_from(bytes / size_of::<Item>() as u64).unwrap_or(usize::MAX)
+    }
+
+    /// Places that a triangle takes that is near to bricks `from..=to`.
+    #[inline(always)]
+    pub(super) fn places(t: &Held<'_>, from: i32, to: i32) -> u32 {
+        1 + u32::from(to - from == 1) + if matches!(t, Held::Short(_)) { 0 } else { 2 }
+    }
+
+    pub(super) fn new(places: usize, bricks: usize) -> Self {
         Self {
-            most,
-            triangles: Vec::with_capacity(most),
-            slices: Vec::with_capacity(most),
+            items: vec![[0; 7]; places],
+            count: 0,
+            long: 0,
             base: 0,
             x0: 0,
-            crossed: Live::new(0, most),
-            near: Live::new(1, most),
-            by_brick: Vec::with_capacity(2 * most),
-            starts: vec![0; bricks + 3],
+            bricks,
+            taken: 0..bricks,
+            starts: vec![0; slots(bricks)],
+            next: vec![0; slots(bricks)],
+            wide: 0,
         }
     }
 
-    /// Begins anew, for slices from `base` and columns from `x0` on.
-    pub(super) fn clear(&mut self, base: i32, x0: i32) {
+    /// Begins anew, for slices from `base` and columns from `x0` on, and for some bricks from there.
+    pub(super) fn clear(&mut self, base: i32, x0: i32, taken: Range<usize>) {
         self.base = base;
         self.x0 = x0;
-        self.triangles.clear();
-        self.slices.clear();
-        self.crossed.restart();
-        self.near.restart();
+        self.taken = taken;
+        self.count = 0;
+        self.long = 0;
+    }
+
+    /// Places that are filled whatever comes.
+    pub(super) fn room(&self) -> usize {
+        self.items.len().saturating_sub(MOST_PLACES)
+    }
+
+    /// Bricks along x that there are.
+    pub(super) fn bricks(&self) -> usize {
+        self.bricks
     }
 
     /// Takes those triangles that bear upon slices `first..end`; `false` where there is no room.
     pub(super) fn take(&mut self, block: &[Record], first: i32, end: i32) -> bool {
         let near = |low: i32, high: i32| low < end + BEYOND && high >= first - BEYOND;
-        held(block).all(|t| match t {
-            Held::Short(record) => {
-                let [a, b] = ways(record, 2);
-                let low = first_centre(record[2] + a.min(b).min(0));
-                let high = last_centre(record[2] + a.max(b).max(0));
-                !near(low, high) || self.keep(&unpacked(record), low, high)
-            }
-            Held::Long(t) => {
-                let (low, high) = centres(&t, 2);
-                !near(low, high) || self.keep(&t, low, high)
-            }
+        held(block).all(|t| {
+            let (low, high) = slices(&t);
+            !near(low, high) || self.keep(&t, low, high)
         })
     }
 
     /// Takes a triangle between slices `low..=high`; `false` where there is no room.
     #[inline]
-    fn keep(&mut self, t: &Triangle, low: i32, high: i32) -> bool {
-        if self.triangles.len() == self.most {
+    fn keep(&mut self, t: &Held<'_>, low: i32, high: i32) -> bool {
+        let (from, to) = bricks_of(t, self.x0);
+        let Range { start, end } = self.taken;
+        let away = to < start as i32 || from >= end as i32;
+        if away && end - start < self.bricks {
+            return true;
+        }
+        if self.count + 2 * self.long + MOST_PLACES > self.items.len() {
             return false;
         }
-        self.triangles.push(*t);
-        let within = |at: i32| (at - self.base).clamp(-FAR, FAR) as i8;
-        let (left, right) = centres(t, 0);
-        let (from, to) = ((left - 1 - self.x0) >> 5, (right + 1 - self.x0) >> 5);
-        let bricks = self.starts.len() as i32 - 3;
-        let (from, to, away) = (from.max(0), to.min(bricks - 1), to < 0 || from >= bricks);
-        let brick = match to - from {
-            _ if away => AWAY,
-            0 | 1 => from as u16,
-            _ => WIDE,
+        let [a, b, c, d, e, f] = match t {
+            Held::Short(record) => **record,
+            Held::Long(t) => {
+                self.long += 1;
+                let at = self.items.len() - 2 * self.long;
+                let [a, b, c, d, e, f, g, h, i] = *t;
+                self.items[at] = [a, b, c, d, e, f, 0];
+                self.items[at + 1] = [g, h, i, 0, 0, 0, 0];
+                [ELSEWHERE, at as i32, 0, 0, 0, 0]
+            }
         };
-        self.slices.push(Slices { first: within(low), last: within(high), brick, next: to > from });
+        let within = |at: i32| (at - self.base).clamp(-FAR, FAR) as i8;
+        let (first, last) = (within(low), within(high));
+        let mut put = |group: usize, again: u16| {
+            let place = Place { first, last, group: group as u16 | again };
+            self.items[self.count] = [a, b, c, d, e, f, place.word()];
+            self.count += 1;
+        };
+        if away {
+            put(self.bricks + 1, 0);
+            return true;
+        }
+        let (from, to) = (from.max(start as i32) as usize, to.min(end as i32 - 1) as usize);
+        match to - from {
+            0 => put(from, 0),
+            1 => {
+                put(from, 0);
+                put(to, AGAIN);
+            }
+            _ => put(self.bricks, 0),
+        }
         true
     }
 
-    /// Puts the triangles into the order of their first slices, in place: what bears upon a slice lies together.
+    /// The triangle of an item.
+    #[inline(always)]
+    fn held<'a>(&'a self, item: &'a Item) -> Held<'a> {
+        let [x, at, ..] = *item;
+        match item.first_chunk::<6>() {
+            Some(record) if x != ELSEWHERE => Held::Short(record),
+            _ => {
+                let [a, b, c, d, e, f, _] = self.items[at as usize];
+                let [g, h, i, ..] = self.items[at as usize + 1];
+                Held::Long([a, b, c, d, e, f, g, h, i])
+            }
+        }
+    }
+
+    /// The record of an item, which is no longer triangle.
+    #[inline]
+    pub(super) fn record(&self, number: u32) -> &Record {
+        let [record @ .., _] = &self.items[number as usize];
+        record
+    }
+
+    /// Sorts the triangles, in place.
     pub(super) fn settle(&mut self) {
-        let mut starts = [0_u32; 2 * FAR as usize + 2];
-        let place = |s: &Slices| (i32::from(s.first) + FAR) as usize;
-        for s in &self.slices {
-            starts[place(s) + 1] += 1;
+        let Self { items, starts, next, bricks, count, .. } = self;
+        self.wide = 0;
+        starts.fill(0);
+        for item in &items[..*count] {
+            starts[Place::of(item).slot(*bricks) + 1] += 1;
         }
         for at in 1..starts.len() {
             starts[at] += starts[at - 1];
         }
-        // The list by bricks is made anew for every slice; until then it tells where each belongs.
-        let order = &mut self.by_brick;
-        order.clear();
-        for s in &self.slices {
-            let to = &mut starts[place(s)];
-            order.push(*to);
-            *to += 1;
-        }
-        for at in 0..order.len() {
-            while order[at] as usize != at {
-                let to = order[at] as usize;
-                self.triangles.swap(at, to);
-                self.slices.swap(at, to);
-                order.swap(at, to);
+        next.copy_from_slice(starts);
+        for slot in 0..starts.len() - 1 {
+            while next[slot] < starts[slot + 1] {
+                let at = next[slot] as usize;
+                let own = Place::of(&items[at]).slot(*bricks);
+                if own != slot {
+                    items.swap(at, next[own] as usize);
+                }
+                next[own] += 1;
             }
         }
+    }
+
+    /// Numbers of the items of slots `from..=to` of a group.
+    #[inline(always)]
+    fn run(&self, group: usize, from: i32, to: i32) -> Range<u32> {
+        let slot = |at: i32| (at + BEFORE).clamp(0, TALL as i32) as usize;
+        self.starts[group * SLOTS + slot(from)]..self.starts[group * SLOTS + slot(to + 1)]
+    }
+
+    #[inline(always)]
+    fn tall(&self, group: usize) -> Range<u32> {
+        let slot = group * SLOTS + TALL;
+        self.starts[slot]..self.starts[slot + 1]
+    }
+
+    #[inline(always)]
+    fn items(&self, numbers: Range<u32>) -> &[Item] {
+        &self.items[numbers.start as usize..numbers.end as usize]
     }
 
     /// Calls `each` with the triangles between whose ends the centres of a slice lie.
     #[inline]
-    pub(super) fn crossed(&mut self, slice: i32, each: &mut impl FnMut(&Triangle)) {
-        self.crossed.rise(slice - self.base, &self.slices);
-        for t in &self.crossed.list {
-            each(&self.triangles[*t as usize]);
-        }
+    pub(super) fn crossed(&self, slice: i32, each: &mut impl FnMut(&Held<'_>)) {
+        self.around(slice, 0, each);
     }
 
-    /// Calls `each` with the triangles within a voxel of a slice.
-    pub(super) fn around(&mut self, slice: i32, each: &mut impl FnMut(&Triangle)) {
-        self.near.rise(slice - self.base, &self.slices);
-        for t in &self.near.list {
-            each(&self.triangles[*t as usize]);
-        }
-    }
-
-    /// Sorts the triangles within a voxel of a slice by bricks along x.
-    pub(super) fn gather(&mut self, slice: i32) {
-        self.near.rise(slice - self.base, &self.slices);
-        let (slices, starts) = (&self.slices, &mut self.starts);
-        // One place for each brick, then that of the wide ones.
-        let wide = starts.len() - 3;
-        let place = |t: u32| {
-            let own = slices[t as usize];
-            match own.brick {
-                AWAY => None,
-                WIDE => Some((wide, false)),
-                brick => Some((usize::from(brick), own.next)),
-            }
-        };
-        starts.fill(0);
-        for t in &self.near.list {
-            if let Some((at, next)) = place(*t) {
-                starts[at + 2] += 1;
-                starts[at + 3 - usize::from(!next)] += u32::from(next);
-            }
-        }
-        for at in 2..starts.len() {
-            starts[at] += starts[at - 1];
-        }
-        self.by_brick.clear();
-        self.by_brick.resize(starts[starts.len() - 1] as usize, 0);
-        for t in &self.near.list {
-            if let Some((at, next)) = place(*t) {
-                for at in at..=at + usize::from(next) {
-                    self.by_brick[starts[at + 1] as usize] = *t;
-                    starts[at + 1] += 1;
+    /// Calls `each` with the triangles within so many slices of one, those near to no brick that is taken among them.
+    #[inline]
+    pub(super) fn around(&self, slice: i32, reach: i32, each: &mut impl FnMut(&Held<'_>)) {
+        let z = slice - self.base;
+        for group in 0..self.bricks + 2 {
+            // One of two slices begins one before its end.
+            let (run, tall) = (self.run(group, z - reach - 1, z + reach), self.tall(group));
+            for item in self.items(run).iter().chain(self.items(tall)) {
+                let place = Place::of(item);
+                if place.is_near(z, reach) && place.group & AGAIN == 0 {
+                    each(&self.held(item));
                 }
             }
         }
     }
 
-    /// Calls `each` with the gathered triangles that may bear upon a brick.
-    #[inline]
-    pub(super) fn near(&self, brick: usize, each: &mut impl FnMut(&Triangle)) {
-        let wide = self.starts.len() - 3;
-        let run = |at: usize| self.starts[at] as usize..self.starts[at + 1] as usize;
-        for t in self.by_brick[run(brick)].iter().chain(&self.by_brick[run(wide)]) {
-            each(&self.triangles[*t as usize]);
+    /// Makes ready for [`Resident::near`] of a slice.
+    pub(super) fn gather(&mut self, slice: i32, reach: i32) {
+        let z = slice - self.base;
+        let slot = self.bricks * SLOTS + TALL;
+        let wide = &mut self.items[self.starts[slot] as usize..self.starts[slot + 1] as usize];
+        self.wide = 0;
+        for at in 0..wide.len() {
+            if Place::of(&wide[at]).is_near(z, reach) {
+                wide.swap(at, self.wide);
+                self.wide += 1;
+            }
         }
     }
 
-    /// Calls `each` with all triangles.
-    pub(super) fn all(&self, each: &mut dyn FnMut(&Triangle)) {
-        self.triangles.iter().for_each(each);
+    /// Calls `each` with the number and the triangle of every item that may be within `reach` voxels, at most
+    /// two, of a brick's voxels of the slice that was gathered.
+    #[inline(always)]
+    pub(super) fn near(&self, slice: i32, brick: usize, reach: i32, each: &mut impl FnMut(u32, &Held<'_>)) {
+        let z = slice - self.base;
+        // One of two slices begins one before its end, one between two centres behind it.
+        for numbers in [self.run(brick, z - reach - 1, z + reach), self.tall(brick)] {
+            for (number, item) in numbers.clone().zip(self.items(numbers)) {
+                if Place::of(item).is_near(z, reach) {
+                    each(number, &self.held(item));
+                }
+            }
+        }
+        let wide = self.tall(self.bricks);
+        for (number, item) in wide.clone().zip(&self.items(wide)[..self.wide]) {
+            each(number, &self.held(item));
+        }
+    }
+}
+
+/// Slices between whose centres a triangle lies.
+#[inline(always)]
+pub(super) fn slices(t: &Held<'_>) -> (i32, i32) {
+    match t {
+        Held::Short(record) => {
+            let [a, b] = ways(record, 2);
+            (first_centre(record[2] + a.min(b).min(0)), last_centre(record[2] + a.max(b).max(0)))
+        }
+        Held::Long(t) => centres(t, 2),
+    }
+}
+
+/// Bricks along x, counted from a column, that a triangle is within two voxels of.
+#[inline(always)]
+pub(super) fn bricks_of(t: &Held<'_>, x0: i32) -> (i32, i32) {
+    let (left, right) = match t {
+        Held::Short(record) => {
+            let [a, b] = ways(record, 0);
+            (first_centre(record[0] + a.min(b).min(0)), last_centre(record[0] + a.max(b).max(0)))
+        }
+        Held::Long(t) => centres(t, 0),
+    };
+    ((left - 2 - x0) >> 5, (right + 2 - x0) >> 5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bins::packed;
+    use super::super::lattice::Triangle;
+    use super::*;
+
+    #[test]
+    fn every_brick_and_slice_gets_what_is_near_and_only_once() {
+        let mut state = 4_u32;
+        let mut next = |n: i32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            ((i64::from(state >> 8) * i64::from(n)) >> 24) as i32
+        };
+        let all: Vec<Triangle> = (0..3000)
+            .map(|i| {
+                let size = [1, 3, 9, 90][i % 4] * 4096;
+                let corner: [i32; 3] =
+                    std::array::from_fn(|axis| next([140, 36, 44][axis] * 4096) - 4 * 4096);
+                std::array::from_fn(|k| corner[k % 3] + next(size))
+            })
+            .collect();
+        let block: Vec<Record> = all.iter().flat_map(packed).collect();
+        let mut resident = Resident::new(12_000, 4);
+        for (first, end, taken) in [(0, 32, 0..4), (9, 14, 0..4), (20, 21, 1..3)] {
+            resident.clear(first, 0, taken.clone());
+            assert!(resident.take(&block, first, end));
+            resident.settle();
+            let is_near = |t: &Triangle, axis: usize, low: i32, high: i32| {
+                let (first, last) = centres(t, axis);
+                first <= high && last >= low
+            };
+            for slice in first..end {
+                for reach in [1, 2] {
+                    resident.gather(slice, reach);
+                    for brick in taken.clone() {
+                        let mut got = Vec::new();
+                        resident.near(slice, brick, reach, &mut |_, t| got.push(t.triangle()));
+                        let x = 32 * brick as i32;
+                        let wanted = all.iter().filter(|t| {
+                            is_near(t, 0, x - 2, x + 33) && is_near(t, 2, slice - reach, slice + reach)
+                        });
+                        assert!(wanted.clone().count() > 5 && wanted.clone().all(|t| got.contains(t)));
+                        let count = got.len();
+                        got.sort_unstable();
+                        got.dedup();
+                        assert_eq!(got.len(), count, "once each");
+                    }
+                }
+                if taken.len() == 4 {
+                    let mut got = Vec::new();
+                    resident.crossed(slice, &mut |t| got.push(t.triangle()));
+                    let mut wanted: Vec<Triangle> =
+                        all.iter().filter(|t| is_near(t, 2, slice, slice)).copied().collect();
+                    got.sort_unstable();
+                    wanted.sort_unstable();
+                    assert_eq!(got, wanted);
+                }
+            }
+        }
+        // Without room it says so.
+        let mut small = Resident::new(100, 4);
+        small.clear(0, 0, 0..4);
+        assert!(!small.take(&block, 0, 32));
     }
 }

@@ -6,24 +6,30 @@
 //!   slice z     skin voxels seek their nearest triangle within a voxel, then within two
 //! ```
 //!
-//! Where the triangles of one slice alone do not fit, they are read block by block whenever they are needed.
+//! Slices are as many as have room. Where the triangles of one slice alone have none, its rows cross what is read
+//! block by block, and its voxels are described by as many bricks at a time as have room; a brick that has none reads
+//! its blocks, too. So two workers, each with room for some thousand triangles, read bins a few times instead of once
+//! for every brick and slice.
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
     reason = "coordinates are below 2^16"
 )]
 
+use std::ops::Range;
 use std::path::PathBuf;
 
-use super::bins::{BEYOND, Bins, BlockBuffers, held};
-use super::lattice::{Grid, HALF, STEPS, Triangle, centres, first_centre, last_centre, span};
+use super::bins::{BEYOND, Bins, BlockBuffers, Held, Record, held, numbered};
+use super::cells::Cells;
+use super::lattice::{Grid, HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::nearest::{Facet, Nearest};
 use super::paint::{Paint, Painter};
 use super::raster::{Crossings, Rule, cross_slice};
-use super::resident::Resident;
+use super::resident::{Resident, bricks_of, slices};
 use crate::builder::{
     Cover, Exposed, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
+use crate::cpu::{Isa, Kernel, dispatch};
 use crate::facts::{Fault, SourceError};
 use crate::format::{Channel, Metadata, SourceMeta, normal};
 use crate::geom::Dims;
@@ -66,6 +72,7 @@ fn row_words(tile: &Tile) -> usize {
 pub(super) fn fixed_bytes(tile: &Tile) -> u64 {
     Crossings::bytes(row_words(tile), ROWS)
         + BlockBuffers::BYTES
+        + Cells::BYTES
         + (SkinSlice::MOST * (size_of::<Nearest>() + 2)) as u64
 }
 
@@ -125,13 +132,15 @@ impl Solid for MeshSolid {
             solid: self,
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
             run: (0, 0),
-            streamed: false,
+            bricks: 0..0,
+            needs: Needs::NONE,
             resident: Resident::new(self.resident, tile.columns.div_ceil(32) as usize),
             buffers: BlockBuffers::new(),
             crossings: Crossings::new(words, ROWS),
             crossed: None,
             gathered: None,
             nearest: vec![Nearest::within(0.0); SkinSlice::MOST],
+            cells: Cells::new(),
             codes: Vec::with_capacity(2 * SkinSlice::MOST),
             painter: self.paint.as_ref().map(Painter::new),
         })
@@ -142,52 +151,60 @@ impl Solid for MeshSolid {
 pub(crate) struct MeshWorker<'a> {
     solid: &'a MeshSolid,
     column: VoxelBox,
-    /// Slices whose skin can be described with the triangles at hand.
+    /// Slices and bricks whose skin can be described with the triangles at hand; fewer bricks than the tile has
+    /// are those of one slice, and none where not even a brick's triangles have room.
     run: (i32, i32),
-    /// Are they too many to be held?
-    streamed: bool,
+    bricks: Range<usize>,
+    /// Of the bin at hand, if not all of it has room.
+    needs: Needs,
     resident: Resident,
     buffers: BlockBuffers,
     crossings: Crossings,
     /// Slices whose rows were crossed and whose triangles were gathered last.
     crossed: Option<u32>,
-    gathered: Option<u32>,
+    gathered: Option<(i32, i32)>,
     nearest: Vec<Nearest>,
+    cells: Cells,
     codes: Vec<u8>,
     painter: Option<Painter<'a>>,
 }
 
 impl MeshWorker<'_> {
-    /// Has the triangles for describing slice `z`, and for the bits two slices ahead, at hand.
+    /// Has the triangles for describing slice `z`, and for the bits two slices ahead, at hand, if they have room.
     fn seek(&mut self, z: i32) -> Result<(), SourceError> {
         if (self.run.0..self.run.1).contains(&z) {
             return Ok(());
         }
-        // As many slices as have room if the bin's triangles are spread evenly, at first.
-        let bin_end = (z | 31) + 1;
-        let share = self.solid.resident as u64 * (BRICK as u64 + 2 * BEYOND as u64)
-            / u64::from(self.solid.bins.triangles(self.column.y.start, z as u32)).max(1);
-        let run = share.saturating_sub(2 * BEYOND as u64).clamp(1, BRICK as u64) as i32;
-        let mut end = bin_end.min(z + run);
+        let Self { resident, buffers, solid, column, .. } = self;
+        let (row, x0) = (column.y.start, column.x.start as i32);
+        let all = 0..resident.bricks();
+        let mut end = (z | 31) + 1;
+        if 4 * solid.bins.triangles(row, z as u32) as usize > resident.room() {
+            if self.needs.bin != (row, z >> 5) {
+                self.needs = Needs::count(solid, buffers, column, z)?;
+            }
+            while end > z && self.needs.places(z, end) > resident.room() {
+                end -= 1;
+            }
+        }
         self.gathered = None;
         loop {
-            self.resident.clear(z, self.column.x.start as i32);
-            let mut fits = true;
-            let Self { resident, buffers, solid, column, .. } = self;
-            solid.bins.for_each_block(column.y.start, z as u32, buffers, &mut |block| {
-                fits = resident.take(block, z, end);
-                fits
-            })?;
-            self.streamed = !fits && end == z + 1;
-            if fits || self.streamed {
+            resident.clear(z, x0, all.clone());
+            let mut fits = end > z;
+            if fits {
+                solid.bins.for_each_block(row, z as u32, buffers, &mut |block| {
+                    fits = resident.take(block, z, end);
+                    fits
+                })?;
+            }
+            if fits || end <= z + 1 {
+                self.bricks = if fits { all } else { 0..0 };
                 break;
             }
             end = z + (end - z) / 2;
         }
-        self.run = (z, end);
-        if !self.streamed {
-            self.resident.settle();
-        }
+        self.run = (z, end.max(z + 1));
+        resident.settle();
         Ok(())
     }
 
@@ -200,56 +217,206 @@ impl MeshWorker<'_> {
         let top = self.column.y.start as i32 - 1;
         let bottom = self.column.y.end as i32 + 1;
         let left = i64::from(self.column.x.start) - 64;
-        let Self { resident, crossings, solid, buffers, column, .. } = self;
-        let mut each = |t: &Triangle| {
-            cross_slice(t, slice, top, bottom, &mut |row, column, sign| {
+        let Self { resident, crossings, solid, buffers, column, bricks, .. } = self;
+        let mut each = |t: &Held<'_>| {
+            cross_slice(&t.triangle(), slice, top, bottom, &mut |row, column, sign| {
                 crossings.add((row - top) as usize, column - left, sign);
             });
         };
-        if self.streamed {
+        if bricks.len() == resident.bricks() {
+            resident.crossed(slice, &mut each);
+        } else {
             solid.bins.for_each_block(column.y.start, self.run.0 as u32, buffers, &mut |block| {
-                for t in held(block).map(|t| t.triangle()) {
-                    let (low, high) = centres(&t, 2);
+                for t in held(block) {
+                    let (low, high) = slices(&t);
                     if low <= slice && slice <= high {
                         each(&t);
                     }
                 }
                 true
             })?;
-        } else {
-            resident.crossed(slice, &mut each);
         }
         crossings.settle(solid.rule);
         self.crossed = Some(z);
         Ok(())
     }
 
+    /// Has the triangles of a brick's slice at hand, and those of as many bricks behind it as have room; `false`
+    /// if its own have none.
+    fn seek_brick(&mut self, z: i32, brick: usize) -> Result<bool, SourceError> {
+        self.seek(z)?;
+        if self.bricks.contains(&brick) {
+            return Ok(true);
+        }
+        let Self { resident, buffers, solid, column, .. } = self;
+        let (row, x0) = (column.y.start, column.x.start as i32);
+        // Places that are first wanted for each brick.
+        let mut counts = [0_u32; BRICK];
+        solid.bins.for_each_block(row, z as u32, buffers, &mut |block| {
+            for t in held(block) {
+                let (low, high) = slices(&t);
+                let (from, to) = bricks_of(&t, x0);
+                let from = from - brick as i32;
+                if low < z + 1 + BEYOND && high >= z - BEYOND && to >= brick as i32 && from < BRICK as i32 {
+                    counts[from.max(0) as usize] += Resident::places(&t, from + brick as i32, to);
+                }
+            }
+            true
+        })?;
+        let mut sum = 0;
+        let fits = counts.iter().take_while(|count| {
+            sum += **count as usize;
+            sum <= resident.room()
+        });
+        let mut end = resident.bricks().min(brick + fits.count());
+        self.gathered = None;
+        self.bricks = 0..0;
+        while end > brick {
+            resident.clear(z, x0, brick..end);
+            let mut fits = true;
+            solid.bins.for_each_block(row, z as u32, buffers, &mut |block| {
+                fits = resident.take(block, z, z + 1);
+                fits
+            })?;
+            if fits {
+                resident.settle();
+                self.bricks = brick..end;
+                break;
+            }
+            end = brick + (end - brick) / 2;
+        }
+        Ok(!self.bricks.is_empty())
+    }
+
     /// Offers every triangle that may be within `reach` lattice steps to the skin voxels of a brick's slice.
     fn offer(&mut self, skin: &SkinSlice<'_>, wanted: &[u32; BRICK], reach: i32) -> Result<(), SourceError> {
         let [x0, y0, z] = skin.corner().map(|c| c as i32);
-        let Self { resident, nearest, solid, buffers, column, gathered, .. } = self;
-        let mut each = |t: &Triangle| offer_triangle(t, [x0, y0, z], wanted, reach, nearest);
-        if self.streamed {
-            return solid.bins.for_each_block(column.y.start, self.run.0 as u32, buffers, &mut |block| {
-                held(block).for_each(|t| each(&t.triangle()));
-                true
-            });
-        }
-        if reach > STEPS {
-            resident.all(&mut each);
-        } else {
-            if *gathered != Some(z as u32) {
-                resident.gather(z);
-                *gathered = Some(z as u32);
+        let brick = (x0 - self.column.x.start as i32) as usize / BRICK;
+        let fits = self.seek_brick(z, brick)?;
+        let Self { resident, nearest, solid, buffers, column, gathered, cells, .. } = self;
+        let mut offered = Offered { corner: [x0, y0, z], wanted, reach, cells, nearest };
+        if fits {
+            let voxels = reach / STEPS;
+            if *gathered != Some((z, voxels)) {
+                resident.gather(z, voxels);
+                *gathered = Some((z, voxels));
             }
-            resident.near((x0 - column.x.start as i32) as usize / BRICK, &mut each);
+            dispatch(OfferNear { resident, offered: &mut offered, brick });
+            return Ok(());
         }
-        Ok(())
+        solid.bins.for_each_block(column.y.start, z as u32, buffers, &mut |block| {
+            let record = |number: u32| &block[number as usize];
+            numbered(block).for_each(|(number, t)| offered.add(number, &t, record));
+            offered.finish(record);
+            true
+        })
+    }
+}
+
+/// What the slices of a bin need, to be told how many of them have room.
+struct Needs {
+    /// Row and slab.
+    bin: (u32, i32),
+    /// Places of triangles that are needed from a slice on, and those that no slice from it on needs.
+    begin: [u32; BRICK],
+    ended: [u32; BRICK],
+}
+
+impl Needs {
+    const NONE: Self = Self { bin: (u32::MAX, -1), begin: [0; BRICK], ended: [0; BRICK] };
+
+    fn count(
+        solid: &MeshSolid,
+        buffers: &mut BlockBuffers,
+        column: &VoxelBox,
+        z: i32,
+    ) -> Result<Self, SourceError> {
+        let (row, slab, x0) = (column.y.start, z >> 5, column.x.start as i32);
+        let mut needs = Self { bin: (row, slab), ..Self::NONE };
+        solid.bins.for_each_block(row, z as u32, buffers, &mut |block| {
+            for t in held(block) {
+                let (low, high) = slices(&t);
+                let (from, to) = bricks_of(&t, x0);
+                let places = Resident::places(&t, from, to);
+                let (first, end) = (low - BEYOND - (slab << 5), high + BEYOND + 1 - (slab << 5));
+                if let Some(begin) = needs.begin.get_mut(first.max(0) as usize) {
+                    *begin += places;
+                    if let Some(ended) = needs.ended.get_mut(end.max(0) as usize) {
+                        *ended += places;
+                    }
+                }
+            }
+            true
+        })?;
+        Ok(needs)
+    }
+
+    /// Places that slices `first..end` need.
+    fn places(&self, first: i32, end: i32) -> usize {
+        let sum = |counts: &[u32]| counts.iter().map(|count| *count as usize).sum::<usize>();
+        let at = |slice: i32| (slice - (self.bin.1 << 5)).clamp(0, BRICK as i32) as usize;
+        // What begins within a slice may end before it.
+        let ended = at(first + 1).min(BRICK);
+        sum(&self.begin[..at(end)]).saturating_sub(sum(&self.ended[..ended]))
+    }
+}
+
+/// Offers what is near to a brick's slice.
+struct OfferNear<'a, 'b> {
+    resident: &'a Resident,
+    offered: &'a mut Offered<'b>,
+    brick: usize,
+}
+
+impl Kernel for OfferNear<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let Self { resident, offered, brick } = self;
+        let record = |number| resident.record(number);
+        let (z, reach) = (offered.corner[2], offered.reach / STEPS);
+        resident.near(z, brick, reach, &mut |number, t| offered.add(number, t, record));
+        offered.finish(record);
+    }
+}
+
+/// What is offered to the skin voxels of a brick's slice.
+struct Offered<'a> {
+    corner: [i32; 3],
+    wanted: &'a [u32; BRICK],
+    reach: i32,
+    cells: &'a mut Cells,
+    nearest: &'a mut [Nearest],
+}
+
+impl Offered<'_> {
+    /// Offers a triangle: at once, or together with others that are as small, whose records are found by number.
+    #[inline(always)]
+    fn add<'r>(&mut self, number: u32, t: &Held<'_>, record: impl Fn(u32) -> &'r Record) {
+        if let Held::Short(own) = t {
+            let [x, y, z] = self.corner;
+            if self.cells.add(own, number, [x * STEPS, y * STEPS, z * STEPS + HALF], self.reach) {
+                if self.cells.is_full() {
+                    self.finish(record);
+                }
+                return;
+            }
+        }
+        offer_triangle(&t.triangle(), self.corner, self.wanted, self.reach, self.nearest);
+    }
+
+    /// Offers what still waits.
+    #[inline(never)]
+    fn finish<'r>(&mut self, record: impl Fn(u32) -> &'r Record) {
+        let [x, y, z] = self.corner;
+        let corner = [x * STEPS, y * STEPS, z * STEPS + HALF];
+        self.cells.seek(record, corner, self.wanted, self.nearest);
     }
 }
 
 /// Offers a triangle to those of the wanted voxels of a brick's slice that it may be near to.
-#[inline]
+#[inline(never)]
 fn offer_triangle(
     t: &Triangle,
     [x0, y0, z]: [i32; 3],
@@ -280,15 +447,10 @@ fn offer_triangle(
     let centre = |c: i32| f64::from(c * STEPS + HALF);
     let pz = centre(z);
     for y in rows {
-        let mut left = wanted[y] & columns;
         let py = centre(y0 + y as i32);
-        while left != 0 {
-            let x = left.trailing_zeros();
-            left &= left - 1;
-            let p = [centre(x0 + x as i32), py, pz];
-            let best = &mut nearest[BRICK * y + x as usize];
-            best.offer(&facet, p);
-        }
+        each_bit(wanted[y] & columns, |x| {
+            nearest[BRICK * y + x].offer(&facet, [centre(x0 + x as i32), py, pz]);
+        });
     }
 }
 
@@ -296,6 +458,8 @@ impl SolidWorker for MeshWorker<'_> {
     fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError> {
         self.column = column.clone();
         self.run = (0, 0);
+        self.bricks = 0..0;
+        self.needs = Needs::NONE;
         self.crossed = None;
         self.gathered = None;
         Ok(())
@@ -327,24 +491,16 @@ impl SolidWorker for MeshWorker<'_> {
     }
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
-        self.seek(skin.corner()[2] as i32)?;
-        let each_bit = |row: u32, act: &mut dyn FnMut(usize)| {
-            let mut left = row;
-            while left != 0 {
-                act(left.trailing_zeros() as usize);
-                left &= left - 1;
-            }
-        };
         let mut wanted = *skin.rows();
         for (reach, squared) in &REACHES {
             for (y, row) in wanted.iter().enumerate() {
-                each_bit(*row, &mut |x| self.nearest[BRICK * y + x] = Nearest::within(*squared));
+                each_bit(*row, |x| self.nearest[BRICK * y + x] = Nearest::within(*squared));
             }
             self.offer(skin, &wanted, *reach)?;
             let mut lost = 0;
             for (y, row) in wanted.iter_mut().enumerate() {
                 let mut left = 0;
-                each_bit(*row, &mut |x| left |= u32::from(!self.nearest[BRICK * y + x].found()) << x);
+                each_bit(*row, |x| left |= u32::from(!self.nearest[BRICK * y + x].found()) << x);
                 *row = left;
                 lost |= left;
             }
@@ -356,7 +512,7 @@ impl SolidWorker for MeshWorker<'_> {
         // Neighbours often share their nearest triangle.
         let mut last = ([0.0_f32; 3], [0; 2]);
         for (y, row) in skin.rows().iter().enumerate() {
-            each_bit(*row, &mut |x| {
+            each_bit(*row, |x| {
                 let best = &self.nearest[BRICK * y + x];
                 let direction = if best.found() { best.normal } else { from_faces(&skin.exposed(y), x) };
                 if direction != last.0 {
@@ -377,6 +533,16 @@ impl SolidWorker for MeshWorker<'_> {
             (Channel::Material, Some(painter)) => painter.parts(),
             _ => &self.codes,
         }
+    }
+}
+
+/// Calls `act` with every bit that is set.
+#[inline(always)]
+fn each_bit(row: u32, mut act: impl FnMut(usize)) {
+    let mut left = row;
+    while left != 0 {
+        act(left.trailing_zeros() as usize);
+        left &= left - 1;
     }
 }
 

@@ -232,6 +232,10 @@ impl MeshFile {
             }
         };
         let read = match &self.kind {
+            // Faces whose vertices carry nothing are read faster.
+            Kind::Ply(_) if self.has_looks() == [false; 2] => {
+                return self.for_each(scratch, &mut |t| each(t, &Look::NONE));
+            }
             Kind::Ply(open) => open.for_each_look(each),
             Kind::Obj(open) => open.for_each_look(each),
             Kind::Gltf(open) => open.for_each(&mut in_units),

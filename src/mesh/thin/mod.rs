@@ -16,10 +16,9 @@
 mod half;
 mod planes;
 
-use super::bins::{BlockBuffers, held};
-use super::lattice::{Triangle, centres};
+use super::bins::{BlockBuffers, Held, held};
 use super::raster::{Crossings, cross_slice};
-use super::resident::Resident;
+use super::resident::{Resident, slices};
 use super::solid::MeshSolid;
 use crate::builder::{Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 use crate::facts::SourceError;
@@ -84,7 +83,7 @@ impl Solid for ThinSolid {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        self.mesh.worker_bytes(tile) + fixed_bytes(tile) + Resident::bytes(self.mesh.resident, 0)
+        self.mesh.worker_bytes(tile) + fixed_bytes(tile) + Resident::bytes(self.mesh.resident, 1)
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
@@ -95,7 +94,7 @@ impl Solid for ThinSolid {
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
             run: (0, 0),
             streamed: false,
-            resident: Resident::new(self.mesh.resident, 0),
+            resident: Resident::new(self.mesh.resident, 1),
             buffers: BlockBuffers::new(),
             crossings: Crossings::new(words, ROWS),
             slices: std::array::from_fn(|_| Planes::new(words)),
@@ -151,7 +150,8 @@ impl ThinWorker<'_> {
         let mut end = bin_end.min(slice + run).max(slice + 1);
         let [left, _] = self.corner();
         loop {
-            self.resident.clear(slice, left + 64);
+            // All that there are, as one brick.
+            self.resident.clear(slice, left + 64, 0..1);
             let mut fits = true;
             let Self { resident, buffers, solid, column, .. } = self;
             solid.mesh.bins.for_each_block(column.y.start, bin, buffers, &mut |block| {
@@ -187,21 +187,21 @@ impl ThinWorker<'_> {
             Thin::Surface => (false, Noted::Directions),
         };
         let bottom = top + i32::try_from(ROWS).unwrap_or(0);
-        let mut cross = |t: &Triangle| {
-            cross_slice(t, slice, top, bottom, &mut |row, column, sign| {
+        let mut cross = |t: &Held<'_>| {
+            cross_slice(&t.triangle(), slice, top, bottom, &mut |row, column, sign| {
                 let row = usize::try_from(row - top).unwrap_or(usize::MAX);
                 crossings.add(row, column - i64::from(left), sign);
             });
         };
         if self.streamed {
             solid.mesh.bins.for_each_block(column.y.start, bin, buffers, &mut |block| {
-                for t in held(block).map(|t| t.triangle()) {
-                    let (low, high) = centres(&t, 2);
+                for t in held(block) {
+                    let (low, high) = slices(&t);
                     if walls && low <= slice && slice <= high {
                         cross(&t);
                     }
                     if low - 1 <= slice && slice <= high + 1 {
-                        planes.note(&t, [left, top], what);
+                        planes.note(&t.triangle(), [left, top], what);
                     }
                 }
                 true
@@ -210,7 +210,7 @@ impl ThinWorker<'_> {
             if walls {
                 resident.crossed(slice, &mut cross);
             }
-            resident.around(slice, &mut |t| planes.note(t, [left, top], what));
+            resident.around(slice, 1, &mut |t| planes.note(&t.triangle(), [left, top], what));
         }
         if walls {
             crossings.settle(solid.mesh.rule);
