@@ -111,18 +111,25 @@ struct Files {
 
 impl Files {
     /// Opens what a scene names, beside its own file.
-    fn open(path: &Path, scene: &Scene) -> Result<Self, Error> {
-        let folder = path.parent().unwrap_or(Path::new(""));
+    fn open(scene_path: &Path, scene: &Scene) -> Result<Self, Error> {
+        let folder = scene_path.parent().unwrap_or(Path::new(""));
         let (mut known, mut files): (Vec<PathBuf>, _) =
             (Vec::new(), Self { paths: Vec::new(), models: Vec::new(), of: Vec::new() });
-        for model in &scene.models {
+        for (number, model) in (1..).zip(&scene.models) {
             let path = folder.join(&model.file);
             // Two names of one file are one file.
             let real = path.canonicalize().unwrap_or_else(|_| path.clone());
             let at = match known.iter().position(|other| *other == real) {
                 Some(at) => at,
                 None => {
-                    files.models.push(open_model(&path)?);
+                    files.models.push(open_model(&path).map_err(|error| match error {
+                        Error::Load(cause) => {
+                            let key = Key { table: Table::Model(number), name: "file" };
+                            let fault = SceneFault::File { key, told: cause.to_string() };
+                            Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
+                        }
+                        other => other,
+                    })?);
                     files.paths.push(path);
                     known.push(real);
                     known.len() - 1
@@ -244,7 +251,13 @@ fn look(
     outputs: &Outputs<'_>,
 ) -> Result<Look, Error> {
     let [width, height] = request.size.or(scene.size).unwrap_or([1024, 1024]);
-    crate::render::picture::check_size(width, height)?;
+    crate::render::picture::check_size(width, height).map_err(|error| match error {
+        RenderError::Size { width, height, most_side, most_pixels } if request.size.is_none() => {
+            let fault = SceneFault::Size { width, height, most_side, most_pixels };
+            Error::Scene(SceneError { path: path.to_path_buf(), fault })
+        }
+        other => other.into(),
+    })?;
     let own = &scene.camera;
     let of_scene = match (own.eye, own.view) {
         (Some([eye, look_at]), _) => Some(ViewPoint::Free { eye, look_at, up: own.up }),

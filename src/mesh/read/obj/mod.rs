@@ -15,7 +15,7 @@ use super::text::{Faces, Fan, index};
 use super::vertex_looks::{VertexLooks, light, single};
 use super::vertices::{FEW_PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
-use materials::Materials;
+use materials::{Done, Materials};
 
 /// Marks a corner without a place or a normal.
 const NONE: u32 = u32::MAX;
@@ -29,6 +29,7 @@ pub(super) struct Obj {
     carried: Option<Carried>,
     materials: Vec<Material>,
     beside: Vec<PathBuf>,
+    missing: Vec<String>,
     held_bytes: u64,
 }
 
@@ -135,8 +136,8 @@ impl Obj {
             None => None,
         };
         let faces = Faces::of(vertices, triangles, VertexLooks::default())?;
-        let (materials, beside, held_bytes) = materials.done();
-        Ok(Self { faces, carried, materials, beside, held_bytes })
+        let Done { all, beside, missing, held_bytes } = materials.done();
+        Ok(Self { faces, carried, materials: all, beside, missing, held_bytes })
     }
 
     pub(super) fn materials(&self) -> &[Material] {
@@ -145,6 +146,11 @@ impl Obj {
 
     pub(super) fn beside(&self) -> &[PathBuf] {
         &self.beside
+    }
+
+    /// Files that it names and that are not there.
+    pub(super) fn missing(&self) -> &[String] {
+        &self.missing
     }
 
     pub(super) fn held_bytes(&self) -> u64 {
