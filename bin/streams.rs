@@ -6,25 +6,11 @@ use std::os::fd::AsRawFd;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::OnceLock;
 
 use infobyte::Error;
 use tempfile::TempDir;
 
 use crate::failure::{Dash, Failure, Refusal, Written};
-
-/// What standard input is called.
-const STANDARD_INPUT: &str = "standard input";
-/// Where standard input was spooled.
-static SPOOLED: OnceLock<String> = OnceLock::new();
-
-/// A sentence with standard input in the place of the name by which it was opened.
-pub(crate) fn plainly(sentence: &str) -> String {
-    match SPOOLED.get() {
-        Some(path) => sentence.replace(path.as_str(), STANDARD_INPUT),
-        None => sentence.to_owned(),
-    }
-}
 
 /// Standard input or output, where the name of a file is expected.
 pub(crate) fn is_dash(path: &Path) -> bool {
@@ -54,8 +40,7 @@ impl Input {
         let mut file = tempfile::tempfile_in(folder).map_err(failed)?;
         io::copy(&mut io::stdin().lock(), &mut file).map_err(failed)?;
         let link = tempfile::tempdir_in(folder).map_err(failed)?;
-        let path = link.path().join(STANDARD_INPUT);
-        let _ = SPOOLED.set(path.display().to_string());
+        let path = link.path().join("standard input");
         symlink(format!("/dev/fd/{}", file.as_raw_fd()), &path).map_err(failed)?;
         Ok(Self { path, _spooled: Some((file, link)) })
     }

@@ -217,7 +217,10 @@ fn wrong_usage_is_one_sentence_and_exit_code_2() {
         (&["build", &input], &["--output"]),
         (&["build", &input, &folder, "-o", &output, "--dims", "4x5x2", "--dtype", "u16"], &["folder"]),
         (&["bulid", &input, "-o", &output], &["bulid", "did you mean 'build'", "`oct --help`"]),
-        (&["build", "--help-me"], &["`oct build --help`"]),
+        (
+            &["build", &input, "-o", &output, "--treads", "1"],
+            &["did you mean '--threads'", "`oct build --help`"],
+        ),
         (&["build", "a.stl", "-o", &output, "--grid", "8", "--margin", "-1"], &["'-1'", "0 to 65535"]),
         (&["build", &input, "-o", &output, "--skip", "-1"], &["'-1'", "0 or more"]),
         (&["build", &input, "-o", &output, "--drop-below", "-5"], &["'-5'", "number of voxels"]),

@@ -86,7 +86,7 @@ fn in_full(mut error: Error, inputs: &[PathBuf]) -> Error {
         _ => return error,
     };
     if is_it(Path::new(named.as_str())) {
-        *named = path.display().to_string();
+        *named = data(path);
     }
     error
 }

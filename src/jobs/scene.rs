@@ -158,6 +158,9 @@ pub fn render_scene(
     let start = Instant::now();
     outputs.refuse_clash(path)?;
     let scene = read_scene(path)?;
+    if let (None, Some([width, height])) = (request.size, scene.size) {
+        check_size(path, width, height)?;
+    }
     let files = Files::open(path, &scene)?;
     for model in &files.paths {
         outputs.refuse_clash(model)?;
@@ -202,6 +205,17 @@ pub fn render_scene(
     let rays = report.rays as f64;
     report.rays_per_s = rays / report.trace_s.max(1e-9);
     Ok(report)
+}
+
+/// A size that a scene states is a fault of the scene.
+fn check_size(path: &Path, width: u32, height: u32) -> Result<(), Error> {
+    crate::render::picture::check_size(width, height).map_err(|error| match error {
+        RenderError::Size { width, height, most_side, most_pixels } => {
+            let fault = SceneFault::Size { width, height, most_side, most_pixels };
+            SceneError { path: path.to_path_buf(), fault }.into()
+        }
+        other => other.into(),
+    })
 }
 
 impl SceneReport {
@@ -251,13 +265,7 @@ fn look(
     outputs: &Outputs<'_>,
 ) -> Result<Look, Error> {
     let [width, height] = request.size.or(scene.size).unwrap_or([1024, 1024]);
-    crate::render::picture::check_size(width, height).map_err(|error| match error {
-        RenderError::Size { width, height, most_side, most_pixels } if request.size.is_none() => {
-            let fault = SceneFault::Size { width, height, most_side, most_pixels };
-            Error::Scene(SceneError { path: path.to_path_buf(), fault })
-        }
-        other => other.into(),
-    })?;
+    crate::render::picture::check_size(width, height)?;
     let own = &scene.camera;
     let of_scene = match (own.eye, own.view) {
         (Some([eye, look_at]), _) => Some(ViewPoint::Free { eye, look_at, up: own.up }),
