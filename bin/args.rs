@@ -117,7 +117,7 @@ pub(crate) struct StripArgs {
     #[arg(long, value_name = "LIST", value_parser = parse::kept_channels)]
     pub(crate) channels: Option<Channels>,
     /// How many of the finest levels go: each makes boxes twice as long
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0)]
     pub(crate) levels: u32,
     /// Keep the means of coarse nodes, where they are
     #[arg(long, value_enum, default_value_t = Switch::On)]
@@ -137,7 +137,7 @@ pub(crate) struct ExportArgs {
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
     /// Make triangles of blocks of 2^N voxels along each axis: 4^N times fewer; walls thinner than half a block go
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_SIMPLIFIED)))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_SIMPLIFIED)))]
     pub(crate) simplify: u32,
     /// In a mask set only the skin, not what it encloses
     #[arg(long)]
@@ -233,7 +233,7 @@ pub(crate) struct SelfcheckArgs {
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
     /// Random rays to compare with the exact reference
-    #[arg(long, value_name = "N", default_value = "1000000")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "1000000", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) rays: u64,
     /// Where the random sequence starts
     #[arg(long, value_name = "N", default_value = "1")]
@@ -248,7 +248,7 @@ pub(crate) struct SelfcheckArgs {
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("subject").required(true).multiple(true))]
 pub(crate) struct ReportArgs {
-    /// A model: what can be known without the truth
+    /// A model: measured against its own full-quality picture, as its true surface is not known
     #[arg(value_name = "MODEL.oct", group = "subject")]
     pub(crate) model: Option<PathBuf>,
     /// A synthetic volume whose surface is known, as NAME, NAME@N or NAME@N?key=value; suite for several bodies, head

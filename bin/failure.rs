@@ -29,6 +29,8 @@ pub(crate) enum Refusal {
     ForVolumes(&'static str),
     /// This flag says nothing about a tree of solids.
     ForOthers(&'static str),
+    /// A tree of solids beside other inputs.
+    SeveralTrees,
     /// This flag says something about a mesh or a tree, and the input is a volume.
     ForMeshes(&'static str),
     /// This flag says something about the picture of one model, and a scene is shown.
@@ -129,13 +131,19 @@ impl fmt::Display for Refusal {
             Self::ForOthers("--dims") => {
                 "--dims of a tree needs --voxel and --origin as well; --grid N alone chooses all of them"
             }
+            Self::ForOthers("--fill") => {
+                "--fill is for meshes, and the input is a tree of solids; leave it out"
+            }
             Self::ForOthers(flag) => {
-                return write!(f, "{flag} is for volumes or meshes, and the input is a tree of solids; leave it out");
+                return write!(f, "{flag} is for volumes, and the input is a tree of solids; leave it out");
+            }
+            Self::SeveralTrees => {
+                "a tree of solids (.csg) is built by itself; join several by union() { ... } in one file, and meshes by import()"
             }
             Self::ForMeshes(flag) => {
                 return write!(
                     f,
-                    "{flag} is for meshes (STL, PLY, OBJ, OFF) and trees (.csg), and the input is a volume; leave it out"
+                    "{flag} is for meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees (.csg), and the input is a volume; leave it out"
                 );
             }
             Self::ForModels(flag) => {

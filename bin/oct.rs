@@ -12,7 +12,8 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::error::{ContextKind, ContextValue};
+use clap::{CommandFactory, Parser};
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::export::ExportForm;
@@ -70,10 +71,48 @@ fn refuse(e: &clap::Error) -> ExitCode {
         let _ = e.print();
         return ExitCode::from(ExitKind::Usage.code());
     }
-    let sentence = format!("{}; see `oct COMMAND --help`", first_paragraph(&e.to_string()));
+    let words = || std::env::args_os().skip(1).take_while(|word| word != "--");
+    let known = args::Cli::command();
+    let command = words().find_map(|word| word.to_str().and_then(|word| known.find_subcommand(word)));
+    let help = command.map_or_else(|| "oct --help".to_owned(), |of| format!("oct {} --help", of.get_name()));
+    let meant =
+        meant(e, &known, command).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
+    let sentence = format!("{}{meant}; see `{help}`", first_paragraph(&e.to_string()));
     // The command line could not be read, so its words are looked at.
-    let as_json = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "--json");
+    let as_json = words().any(|word| word == "--json");
     tell(&sentence, ExitKind::Usage, as_json)
+}
+
+/// What may have been meant by a command or an option that is not known.
+fn meant(e: &clap::Error, known: &clap::Command, command: Option<&clap::Command>) -> Option<String> {
+    let wrong = |kind| match e.get(kind)? {
+        ContextValue::String(word) => Some(word.as_str()),
+        _ => None,
+    };
+    let near = |wrong: &str, names: &mut dyn Iterator<Item = String>| {
+        let near = names.map(|name| (steps(wrong, &name), name)).min()?;
+        (near.0 <= 2 && 2 * near.0 < wrong.len()).then_some(near.1)
+    };
+    if let Some(word) = wrong(ContextKind::InvalidSubcommand) {
+        return near(word, &mut known.get_subcommands().map(|of| of.get_name().to_owned()));
+    }
+    let options = command?.get_arguments().filter_map(|arg| arg.get_long());
+    near(wrong(ContextKind::InvalidArg)?, &mut options.map(|name| format!("--{name}")))
+}
+
+/// Letters that have to be put in, taken out or changed to come from one word to another.
+fn steps(from: &str, to: &str) -> usize {
+    let mut row: Vec<usize> = (0..=to.len()).collect();
+    for (i, a) in from.bytes().enumerate() {
+        let mut slanting = row[0];
+        row[0] = i + 1;
+        for (j, b) in to.bytes().enumerate() {
+            let changed = slanting + usize::from(a != b);
+            slanting = row[j + 1];
+            row[j + 1] = changed.min(row[j] + 1).min(slanting + 1);
+        }
+    }
+    row[to.len()]
 }
 
 /// Of what clap prints, that which says what is wrong; usage and hints follow after an empty line.
@@ -106,7 +145,15 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Strip(args) => {
             let request =
                 StripRequest { channels: args.channels, levels: args.levels, lod: args.lod == Switch::On };
-            pack_with(&args.files, |input, output| pack::strip(input, output, &request))
+            let is_whole = args.channels.is_none() && args.levels == 0 && request.lod;
+            let code = pack_with(&args.files, |input, output| pack::strip(input, output, &request))?;
+            if is_whole && !args.files.json {
+                let _ = writeln!(
+                    io::stderr(),
+                    "oct: note: nothing was left out; choose what goes with --channels, --levels or --lod off"
+                );
+            }
+            Ok(code)
         }
         Command::Export(args) => export(&args),
         Command::Intersect(args) => intersect(&args),
@@ -155,6 +202,10 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     }
     if jobs::csg::is_csg(&args.input) {
         return build_tree(args, &options);
+    }
+    let is_tree = |path: &PathBuf| jobs::csg::is_csg(std::slice::from_ref(path));
+    if args.input.len() > 1 && args.input.iter().any(is_tree) {
+        return Err(Refusal::SeveralTrees.into());
     }
     if let Some(flag) = args.mesh.grid.flag() {
         return Err(Refusal::ForMeshes(flag).into());
@@ -325,6 +376,9 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         text += "; only headers were read, so that damaged pixels, or none inside, show in the batch\n";
         for (reason, count, first) in &report.left_out {
             text += &format!("  {count} file(s) left out: {} (first: {})\n", shown(reason), shown(first));
+            if *count > 1 && reason == NOT_VOLUME {
+                text += "    headerless slices are taken with a side-car: NAME.json beside the folder NAME, with {\"dims\": [512, 512, 300], \"dtype\": \"u16\", \"spacing\": [0.5, 0.5, 1.0]}\n";
+            }
         }
         text
     };
@@ -335,6 +389,9 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     };
     Ok(print(false, || Value::Null, || if args.json { json() } else { text() })?)
 }
+
+/// Why files are left out of which nothing is known.
+const NOT_VOLUME: &str = "not a volume";
 
 /// The description of a headerless volume, if any of it was given.
 fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
@@ -408,13 +465,14 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
         let report = jobs::scene::render_scene(&args.model, &outputs, &args.scene_request(), &bars);
         bars.finish();
         let report = report?;
-        return output.finish(|| print_scene(args.json, &args.model, &args.output, &report));
+        return output
+            .finish(|| print_scene(args.json, (&args.model, &args.output), depth.is_some(), &report));
     }
     let model = Input::of(&args.model)?;
     let report = picture::render_file(model.path(), &outputs, &args.request(), &bars);
     bars.finish();
     let report = report?;
-    output.finish(|| print_picture(args.json, &args.model, &args.output, &report))
+    output.finish(|| print_picture(args.json, (&args.model, &args.output), depth.is_some(), &report))
 }
 
 fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
@@ -423,7 +481,7 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
     let model = Input::of(&args.model)?;
     bus::tell_of(&args.model, args.json);
     let report = picture::thumbnail_file(model.path(), output.path(), args.size, threads)?;
-    output.finish(|| print_picture(args.json, &args.model, &args.output, &report))
+    output.finish(|| print_picture(args.json, (&args.model, &args.output), false, &report))
 }
 
 fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {

@@ -136,6 +136,17 @@ fn folders_and_files_without_images_are_refused() {
     stage.refused(&stage.path("texts"), &[], 3, &["texts"]);
     let model = model(stage.folder.path());
     stage.refused(&model, &[], 3, &["ball.oct", "an .oct model"]);
+    // A side-car that was meant to help is what has to be corrected.
+    let raw = stage.file("a.raw", &[7; 8]);
+    for (name, told, words) in [
+        ("a.json", "{\"dims\": [2, 2, 2], \"dtyp\": \"u8\"}", ["a.json", "without the key dtype"]),
+        ("a.json", "{\"dims\": [2, 2, 2], \"dtype\": \"u8\",}", ["a.json", "cannot be parsed"]),
+        ("a.raw.json", "{\"dims\": [2, 2, 2], \"dtype\": \"u9\"}", ["a.raw.json", "dtype is not known"]),
+    ] {
+        let beside = stage.file(name, told.as_bytes());
+        stage.refused(&raw, &[], 3, &words);
+        fs::remove_file(beside).unwrap();
+    }
     let broken = stage.file("a.dcm", &[0; 500]);
     stage.refused(&broken, &[], 3, &["a.dcm", "not DICOM"]);
 }
@@ -205,10 +216,21 @@ fn wrong_usage_is_one_sentence_and_exit_code_2() {
         (&["build", "-o", &output][..], &["INPUT"][..]),
         (&["build", &input], &["--output"]),
         (&["build", &input, &folder, "-o", &output, "--dims", "4x5x2", "--dtype", "u16"], &["folder"]),
-        (&["bulid", &input, "-o", &output], &["bulid"]),
+        (&["bulid", &input, "-o", &output], &["bulid", "did you mean 'build'", "`oct --help`"]),
+        (
+            &["build", &input, "-o", &output, "--treads", "1"],
+            &["did you mean '--threads'", "`oct build --help`"],
+        ),
+        (&["build", "a.stl", "-o", &output, "--grid", "8", "--margin", "-1"], &["'-1'", "0 to 65535"]),
+        (&["build", &input, "-o", &output, "--skip", "-1"], &["'-1'", "0 or more"]),
+        (&["build", &input, "-o", &output, "--drop-below", "-5"], &["'-5'", "number of voxels"]),
+        (&["export", &input, "-o", &output, "--simplify", "-1"], &["-1 is not in 0..="]),
+        (&["build", "a.csg", "b.csg", "-o", &output], &["built by itself", "union()"]),
+        (&["build", "a.csg", "-o", &output, "--iso", "3"], &["--iso is for volumes, and"]),
+        (&["selfcheck", &input, "--rays", "0"], &["--rays"]),
         (&["render", &input, "-o", &output, "--eye", "1,2,3"], &["--look-at"]),
         (&["render", &input, "-o", &output, "--view", "front", "--eye", "1,2,3"], &["--view", "--eye"]),
-        (&["render", &input, "-o", &output, "--size", "0x5"], &["0x5", "1 to 16384"]),
+        (&["render", &input, "-o", &output, "--size", "0x5"], &["0x5", "1 to 32768"]),
         (&["render", &input, "-o", &output, "--fov", "180"], &["180", "170 degrees"]),
         (&["render", &input, "-o", &output, "--view", "inside"], &["inside", "front"]),
         (&["thumbnail", &input, "-o", &output, "--size", "0"], &["'0'", "1 to 16384"]),
@@ -233,7 +255,7 @@ fn outputs_that_cannot_be_written_are_refused() {
     };
     build(&file, &["--force"]).refused(2, &["v.raw", "is the input", "--output"]);
     build(&stage.path("nowhere/m.oct"), &[]).refused(5, &["nowhere/m.oct", "folder does not exist"]);
-    build(&stage.path("out"), &[]).refused(5, &["out", "not a regular file"]);
+    build(&stage.path("out"), &[]).refused(5, &["out", "not a regular file", "name a file"]);
     build(&stage.path("v.raw/m.oct"), &[]).refused(5, &["v.raw/m.oct", "cannot be written"]);
     // Nobody, root included, can make a file there.
     build(Path::new("/proc/m.oct"), &[]).refused(5, &["/proc/m.oct", "cannot be written"]);

@@ -48,6 +48,18 @@ fn put(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
+/// The first parts of what is told of a mesh that lacks something.
+fn notes(input: &Path) -> Vec<String> {
+    let grid = GridChoice::Side { voxels: 8, margin: 1 };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false };
+    let channels = Channels::default().with(Channel::Color);
+    let options =
+        BuildOptions { memory: MemoryCap::Share(8 << 20), threads: 1, channels, ..BuildOptions::default() };
+    let model = input.with_extension("oct");
+    let report = build_mesh(&[input.to_path_buf()], &mesh, &options, &model, &Silent).unwrap();
+    report.notes.iter().map(|note| note.to_string().split(';').next().unwrap().to_owned()).collect()
+}
+
 /// A skin voxel: where it is, and what is stored of it.
 struct Voxel {
     at: [f64; 3],
@@ -333,6 +345,63 @@ fn normals_of_vertices_make_a_coarse_ball_smooth() {
     assert!(smooth < 2.0 && flat > 4.0, "{smooth} {flat}");
 }
 
+/// Faces have colours where vertices have none, behind or before their corners, in any order of bytes.
+#[test]
+fn colours_of_faces_are_the_same_from_text_and_binary() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = Body::cuboid(LOW, HIGH);
+    let places: Vec<[f32; 3]> =
+        body.vertices.iter().map(|v| v.map(|c| (c as f64 / meshes::STEPS as f64) as f32)).collect();
+    // Red where the normal is along z.
+    let color = |t: &[[f32; 3]; 3]| {
+        if t[0][2] == t[1][2] && t[1][2] == t[2][2] { [255_u8, 0, 0] } else { [0, 0, 255] }
+    };
+    let head = |format: &str| {
+        format!(
+            "ply\nformat {format} 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+             element face {}\nproperty uchar red\nproperty list uchar int vertex_indices\nproperty uchar green\n\
+             property uchar blue\nend_header\n",
+            body.faces.len()
+        )
+    };
+    let mut text = head("ascii");
+    let (mut little, mut big) =
+        (head("binary_little_endian").into_bytes(), head("binary_big_endian").into_bytes());
+    for p in &places {
+        writeln!(text, "{} {} {}", p[0], p[1], p[2]).unwrap();
+        p.iter().for_each(|c| little.extend(c.to_le_bytes()));
+        p.iter().for_each(|c| big.extend(c.to_be_bytes()));
+    }
+    for face in &body.faces {
+        let [r, g, b] = color(&face.map(|at| places[at as usize]));
+        let [a0, a1, a2] = face.map(|at| u32::try_from(at).unwrap());
+        writeln!(text, "{r} 3 {a0} {a1} {a2} {g} {b}").unwrap();
+        little.extend([r, 3]);
+        big.extend([r, 3]);
+        [a0, a1, a2].iter().for_each(|at| little.extend(at.to_le_bytes()));
+        [a0, a1, a2].iter().for_each(|at| big.extend(at.to_be_bytes()));
+        little.extend([g, b]);
+        big.extend([g, b]);
+    }
+    let of = |name: &str, bytes: &[u8], channels| {
+        build(&[put(folder.path(), name, bytes)], channels, 1, 8).unwrap()
+    };
+    let wanted = of("a.ply", text.as_bytes(), all_channels());
+    assert!(of("b.ply", &little, all_channels()) == wanted, "little-endian");
+    assert!(of("c.ply", &big, all_channels()) == wanted, "big-endian");
+    let mut seen = [0, 0];
+    // On an edge either face may be the nearest.
+    let within = |v: &&Voxel| v.at.iter().filter(|c| (10.0..30.0).contains(*c)).count() == 2;
+    for voxel in voxels(&wanted).iter().filter(within) {
+        let is_red = voxel.normal[2].abs() > 0.99;
+        assert_eq!(voxel.color, Some(if is_red { [255, 0, 0] } else { [0, 0, 255] }), "{:?}", voxel.at);
+        seen[usize::from(is_red)] += 1;
+    }
+    assert!(seen[0] > 1000 && seen[1] > 500, "{seen:?}");
+    // Those who ask for normals alone get them.
+    assert!(voxels(&of("b.ply", &little, Channels::default())).iter().all(|v| v.color.is_none()));
+}
+
 #[test]
 fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -343,7 +412,9 @@ fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
     assert!(
         voxels(&build(std::slice::from_ref(&obj), asked, 1, 8).unwrap()).iter().all(|v| v.color.is_none())
     );
+    assert_eq!(notes(&obj), ["a.obj takes colours from looks.mtl, which is not there"]);
     put(folder.path(), "looks.mtl", b"newmtl the look\nKd 1 0 0\nmap_Kd none.png\n");
+    assert_eq!(notes(&obj), ["a.obj takes colours from none.png, which is not there"]);
     let red = build(std::slice::from_ref(&obj), asked, 1, 8).unwrap();
     assert!(voxels(&red).iter().all(|v| v.color == Some([255, 0, 0])));
     // Damaged anywhere: refused in a sentence, or built.

@@ -226,12 +226,22 @@ pub(super) fn orientation(text: &str) -> Result<Orientation, String> {
 }
 
 pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
-    let bad = || format!("'{text}' is not a picture size; write for example 1024x768, each 1 to 16384");
-    let [w, h] = parts::<2>(text, 'x').ok_or_else(bad)?.map(side);
-    match (w, h) {
-        (Ok(w), Ok(h)) => Ok([w, h]),
+    let bad = || format!("'{text}' is not a picture size; write for example 1024x768, each 1 to 32768");
+    let side = |text: &str| text.parse::<u32>().ok().filter(|n| (1..=32_768).contains(n));
+    match parts::<2>(text, 'x').ok_or_else(bad)?.map(side) {
+        [Some(w), Some(h)] => Ok([w, h]),
         _ => Err(bad()),
     }
+}
+
+/// Bytes at the start of a file.
+pub(super) fn skip(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("'{text}' is not a number of bytes; write 0 or more"))
+}
+
+/// Voxels around a mesh.
+pub(super) fn margin(text: &str) -> Result<u16, String> {
+    text.parse().map_err(|_| format!("'{text}' is not a margin; write 0 to {} voxels", u16::MAX))
 }
 
 pub(super) fn side(text: &str) -> Result<u32, String> {

@@ -85,7 +85,8 @@ pub(crate) struct RenderArgs {
     /// Draw a scale bar, and a cube with the patient's sides: R, L, A, P, S, I
     #[arg(long)]
     pub(crate) annotate: bool,
-    /// Also write a picture of the distances
+    /// Also write a picture of the distances, in grey of 16 bits: 1 is the nearest point of the model and 65535 the
+    /// farthest, 0 where nothing is hit; the distances of both in mm are told
     #[arg(long, value_name = "F.png")]
     pub(crate) depth: Option<PathBuf>,
     /// Also write a picture of the normals

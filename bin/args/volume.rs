@@ -98,7 +98,7 @@ pub(crate) struct BatchArgs {
     /// Folder for scratch files; the output folder by default
     #[arg(long, value_name = "DIR")]
     pub(crate) scratch: Option<PathBuf>,
-    /// Name files and folders in the contact sheet, too, as the reports do; it tells no names by default
+    /// Name files and folders in the contact sheet, too, as the reports do; by default it shows none
     #[arg(long)]
     pub(crate) keep_names: bool,
     #[command(flatten)]
@@ -221,11 +221,12 @@ pub(crate) struct SkinArgs {
     #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
     pub(crate) surface: SurfaceKind,
     /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of meshes normal,
-    /// color (also kept by default where they have colours), and material, the number of the part (file, object or group of OBJ, node of glTF, mesh of 3MF)
+    /// color (also kept by default where they have colours), and material, the number of the part
+    /// from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,
     /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), label5 (for
-    /// two values), or auto, which takes the best of them where it is, at three times the time of normals
+    /// two values), or auto, which chooses the best of them at every voxel and takes three times as long
     #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
     pub(crate) gradient: Gradient,
     /// Bits of a stored normal: 16 (off by 0.3 degrees), 24 (0.04, a byte more a voxel), or 12 (1.3, smaller when
@@ -300,7 +301,7 @@ pub(crate) enum Gaps {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Cleaning (in this order, whatever the order given)")]
 pub(crate) struct CleanArgs {
-    /// Use a part of the volume: voxel indices from X0 up to but without X1, and so on
+    /// Use a part of the volume: voxel indices from X0 to X1 - 1, and so on
     #[arg(long, value_name = "X0..X1,Y0..Y1,Z0..Z1", value_parser = parse::roi)]
     pub(crate) roi: Option<parse::Roi>,
     /// Make the volume 2 or 4 times smaller along each axis, by means of blocks; each pass still reads all of it
@@ -319,11 +320,11 @@ pub(crate) struct CleanArgs {
     #[arg(long)]
     pub(crate) fill_cavities: bool,
     /// Keep the N largest components, of equal ones the first in z, y, x. Extra passes: the bits twice
-    #[arg(long, value_name = "N", value_parser = parse::keep_largest)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse::keep_largest)]
     pub(crate) keep_largest: Option<u32>,
     /// Drop components of fewer voxels, or of less than a part of the largest one. Extra passes: the bits twice,
     /// together with --keep-largest
-    #[arg(long, value_name = "VOXELS|PERCENT%", value_parser = parse::drop_below)]
+    #[arg(long, value_name = "VOXELS|PERCENT%", allow_negative_numbers = true, value_parser = parse::drop_below)]
     pub(crate) drop_below: Option<SizeLimit>,
     /// Voxels of one component share a face (6), or a face, an edge or a corner (26)
     #[arg(long, value_name = "26|6", default_value = "26", value_parser = parse::component_connectivity)]
@@ -391,14 +392,14 @@ const MESHES: &str = "Meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees of solids
 #[derive(Debug, Args)]
 #[command(next_help_heading = MESHES)]
 pub(crate) struct GridArgs {
-    /// Voxels along the longest side of a mesh, margins included
-    #[arg(long, value_name = "N", value_parser = parse::grid_side, conflicts_with = "voxel")]
+    /// Voxels along the longest side of the grid, margins included; one voxel lies between these at least
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse::grid_side, conflicts_with = "voxel")]
     pub(crate) grid: Option<u32>,
     /// Edge of a voxel in mm
     #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = parse::positive)]
     pub(crate) voxel: Option<f64>,
     /// Voxels left free at every side of the mesh; 1 by default
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse::margin)]
     pub(crate) margin: Option<u16>,
     /// Unit of the file's coordinates: um, mm (the default), cm, m or in; glTF and 3MF state theirs
     #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
@@ -490,13 +491,13 @@ pub(crate) struct RawArgs {
     /// Sample type: u8, i8, u16, i16, u32, i32, f32 or f64, with le (default) or be
     #[arg(long, value_name = "TYPE", value_parser = parse::dtype)]
     pub(crate) dtype: Option<(ScalarType, Endian)>,
-    /// Distance between neighbours in mm, for any input; comes before what files state. Where nothing states it, 1x1x1
+    /// Distance between neighbours in mm, of volumes; comes before what files state. Where nothing states it, 1x1x1
     #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing, help_heading = PLACE)]
     pub(crate) spacing: Option<[f64; 3]>,
     /// Bytes to skip at the start of every file
-    #[arg(long, value_name = "BYTES")]
+    #[arg(long, value_name = "BYTES", allow_negative_numbers = true, value_parser = parse::skip)]
     pub(crate) skip: Option<u64>,
-    /// Patient directions that the axes run to, such as LPS or RAI, for any input; comes before what files state
+    /// Patient directions that the axes run to, such as LPS or RAI, of volumes; comes before what files state
     #[arg(long, value_name = "LETTERS", value_parser = parse::orientation, help_heading = PLACE)]
     pub(crate) orientation: Option<Orientation>,
 }

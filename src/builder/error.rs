@@ -102,6 +102,23 @@ pub enum BuildError {
     },
 }
 
+impl BuildError {
+    /// What the input is called, where that is told.
+    pub(crate) fn input_name(&mut self) -> Option<&mut String> {
+        match self {
+            Self::BudgetTooSmall { name, .. }
+            | Self::EmptyResult { name, .. }
+            | Self::NothingInside { name }
+            | Self::NothingVisible { name, .. }
+            | Self::NoChannel { name, .. }
+            | Self::NormalBits { name }
+            | Self::NoRoomForCells { name }
+            | Self::NoNumbers { name } => Some(name),
+            _ => None,
+        }
+    }
+}
+
 /// What a range without voxels was.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sought {

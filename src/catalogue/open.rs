@@ -278,13 +278,22 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     {
         return refuse_file(path);
     }
+    if let [path] = inputs
+        && let Some(error) = sidecar::wrong_beside(path)
+    {
+        return error;
+    }
     let files: u64 = found.left_out().iter().map(|l| l.count).sum();
     let found = match found.left_out() {
         [] => Instead::EmptyFolder,
         [only] if !matches!(only.why, NotVolume::Unknown | NotVolume::Headerless) => {
             Instead::Only { files, kind: only.why.clone() }
         }
-        _ => Instead::Unknown { files },
+        several => match several.iter().find(|left| matches!(left.why, NotVolume::SideCar(_))) {
+            // It may be why nothing else is a volume.
+            Some(left) => Instead::Only { files, kind: left.why.clone() },
+            None => Instead::Unknown { files },
+        },
     };
     SourceError::NoVolume { path: first.to_path_buf(), found }
 }
@@ -315,7 +324,8 @@ fn refuse_file(path: &Path) -> SourceError {
     if ["stl", "obj", "off", "ply", "gltf", "glb", "3mf"].iter().any(|e| promises(e)) {
         return unusable(Fault::Mesh);
     }
-    SourceError::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed }
+    let undescribed = || SourceError::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed };
+    sidecar::wrong_beside(path).unwrap_or_else(undescribed)
 }
 
 /// The first bytes of a file.

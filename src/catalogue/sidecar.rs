@@ -112,6 +112,31 @@ pub(super) fn unparsed(path: &Path) -> Option<Unparsed> {
     Some(Unparsed { raw, at })
 }
 
+/// What a text lacks that is meant as a side-car of raw data and lies beside data of its stem.
+pub(super) fn incomplete(path: &Path) -> Option<Unparsed> {
+    let key = keys_of(path)?.lacks()?;
+    data_of(path).map(|_| Unparsed { raw: true, at: ParseFault::Lacks { key } })
+}
+
+/// What is wrong with the side-cars beside a file of samples, if there are any: else it would have been read.
+pub(super) fn wrong_beside(data: &Path) -> Option<SourceError> {
+    let longer = |suffix: &str| {
+        let mut name = data.file_name().unwrap_or_default().to_owned();
+        name.push(".");
+        name.push(suffix);
+        data.with_file_name(name)
+    };
+    let named = ["json", "toml"].into_iter().flat_map(|suffix| [data.with_extension(suffix), longer(suffix)]);
+    named.into_iter().find_map(|path| match read(&path) {
+        Some(Err(error)) => Some(error),
+        Some(Ok(_)) => None,
+        None => {
+            let at = unparsed(&path).or_else(|| incomplete(&path))?;
+            Some(unusable(&path, SideCarFault::Unparsed(at)))
+        }
+    })
+}
+
 impl Sidecar {
     fn of(keys: &Keys) -> Result<Self, SideCarFault> {
         let dims = keys.dims()?;

@@ -203,7 +203,7 @@ impl<'a> Surveyor<'a> {
             return Ok(Class::Item(What::Sidecar, None, Weight::FILE));
         }
         if sidecar::is_named_so(path)
-            && let Some(unparsed) = sidecar::unparsed(path)
+            && let Some(unparsed) = sidecar::unparsed(path).or_else(|| sidecar::incomplete(path))
         {
             return left_out(NotVolume::SideCar(unparsed));
         }

@@ -253,6 +253,7 @@ impl<'a> Front<'a> {
             files: walked.len() as u64,
             voxel_mm: place.spacing_mm,
             origin_mm: [x - half[0], y - half[1], z - half[2]],
+            cut: if volumes.is_empty() { [[false; 3]; 2] } else { self.cut(tree, root, &place)? },
         };
         let program = program::compile(&flat);
         let text = Some((self.name.to_path_buf(), stamp(self.name)));
@@ -324,6 +325,26 @@ impl<'a> Front<'a> {
                 Ok(Place::around(choice, &bounds).map_err(refused)?)
             }
         }
+    }
+
+    /// On which sides the bounds of a tree reach out of its volumes' grid, by a voxel's middle at least.
+    fn cut(&self, tree: &Tree, root: NodeId, place: &Place) -> Result<[[bool; 3]; 2], BuildError> {
+        let rows = place.to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
+        let to_voxels = Affine { rows }.after(&Affine::from_spacing([self.csg.unit_mm; 3]));
+        let flat = Flat::new(tree, root, to_voxels).map_err(|fault| self.wrong(fault))?;
+        let dims = place.dims.to_array().map(f64::from);
+        let mut files = Vec::new();
+        for leaf in &flat.leaves {
+            match leaf.shape {
+                Some(Shape::Volume { .. }) => files.push(Bounds { low: [0.0; 3], high: dims }),
+                Some(Shape::Mesh { path }) => {
+                    files.push(mesh_bounds(path, &flat.affines[leaf.affine as usize].0, &self.scratch)?);
+                }
+                _ => {}
+            }
+        }
+        let found = bounds::of_tree(&flat, &files);
+        Ok([found.low.map(|low| low < -0.5), [0, 1, 2].map(|k| found.high[k] > dims[k] + 0.5)])
     }
 
     fn bounds(&self, flat: &Flat<'_>) -> Result<Bounds, BuildError> {

@@ -27,6 +27,17 @@ pub enum CsgFault {
         /// Argument.
         argument: &'static str,
     },
+    /// An argument that the module does not take.
+    Surplus {
+        /// Line.
+        line: u64,
+        /// Module.
+        module: String,
+        /// Its name, as far as it is told; nothing of a value without a name.
+        argument: Option<String>,
+        /// Names that the module takes.
+        known: &'static [&'static str],
+    },
     /// A polygon, square or circle that is not extruded.
     Flat {
         /// Line.
@@ -163,4 +174,7 @@ pub struct CsgFacts {
     pub voxel_mm: [f64; 3],
     /// Corner of the grid in mm, along the axes of the model; of a volume's grid the middle of its first voxel.
     pub origin_mm: [f64; 3],
+    /// Sides on which the bounds of solids reach out of a volume's grid, where these are cut: at the low end of each
+    /// axis of the grid, then at the high ends.
+    pub cut: [[bool; 3]; 2],
 }

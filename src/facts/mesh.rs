@@ -239,6 +239,19 @@ pub enum Fill {
     Surface,
 }
 
+/// What a mesh lacks that can be built all the same.
+#[non_exhaustive]
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum MeshNote {
+    /// A file with its colours is not there, or not below its folder.
+    NoColors {
+        /// Name of the mesh.
+        mesh: String,
+        /// The file that it names.
+        name: String,
+    },
+}
+
 /// What was found about a mesh, and what was chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshFacts {

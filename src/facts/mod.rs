@@ -11,7 +11,7 @@
 //! | [`dicom`] | what is odd or wrong about DICOM |
 //! | [`codec`] | why compressed frames cannot be decoded |
 //! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
-//! | [`MeshFault`], [`MeshFacts`] | what is wrong with a mesh, what was found and chosen |
+//! | [`MeshFault`], [`MeshFacts`], [`MeshNote`] | what is wrong with a mesh, what was found and chosen, what it lacks |
 //! | [`CsgFault`], [`CsgFacts`] | the same of a tree of solids |
 //! | [`samples`] | faults of samples in files, with a header and without |
 //! | [`numbered`] | slices numbered by the names of their files |
@@ -46,7 +46,7 @@ pub use dicom::DicomNote;
 pub use error::{Fault, Instead, Misuse, OtherVolume, SourceError};
 pub use found::{Candidate, Choice, Refusal};
 pub use left_out::{Known, NotVolume};
-pub use mesh::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, Part};
+pub use mesh::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, MeshNote, Part};
 pub use note::Note;
 pub use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
 pub use synthetic::{SyntheticFault, SyntheticValue};

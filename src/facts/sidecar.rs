@@ -70,6 +70,11 @@ pub enum ParseFault {
         /// The key.
         key: &'static str,
     },
+    /// A key that has to be there is not.
+    Lacks {
+        /// The key.
+        key: &'static str,
+    },
     /// JSON that cannot be followed, in words of the parser.
     Json(String),
 }

@@ -13,12 +13,12 @@ use super::wording::{Hint, Short, sentences};
 use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
-use crate::clean::{CleanOptions, CleanReport};
+use crate::clean::{CleanError, CleanOptions, CleanReport};
 use crate::error::{Error, UsageError};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::resident::give_back;
 use crate::source::OpenOptions;
-use crate::volume::{Preparation, VolumeSource, Workspace};
+use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
 
 /// What was built, from what, and what it took.
 #[derive(Clone, Debug)]
@@ -64,6 +64,31 @@ pub fn convert(
     refuse_own_input(inputs, output)?;
     let input = inputs.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
     convert_source(source, input, cleaning, options, output, progress, started)
+        .map_err(|error| in_full(error, inputs))
+}
+
+/// An error with the whole path of the only input, where it names that by its last part.
+fn in_full(mut error: Error, inputs: &[PathBuf]) -> Error {
+    let [path] = inputs else { return error };
+    let is_it = |name: &Path| name.file_name().is_some() && name.file_name() == path.file_name();
+    let named = match &mut error {
+        Error::Source(SourceError::Usage { path: own, .. }) => {
+            if is_it(own) {
+                own.clone_from(path);
+            }
+            return error;
+        }
+        Error::Clean(CleanError::NothingKept { name, .. }) => name,
+        Error::Build(inner) | Error::Clean(CleanError::Build(inner)) => match inner.input_name() {
+            Some(name) => name,
+            None => return error,
+        },
+        _ => return error,
+    };
+    if is_it(Path::new(named.as_str())) {
+        *named = data(path);
+    }
+    error
 }
 
 /// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
@@ -299,18 +324,20 @@ impl BuildSummary {
         #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
         let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
         let (kept, one) = match self.info.frame.surface() {
+            SurfaceKind::Skin if r.skin_voxels == 1 => ("skin voxel", "skin voxel"),
             SurfaceKind::Skin => ("skin voxels", "skin voxel"),
+            SurfaceKind::Cells if r.skin_voxels == 1 => ("cell", "cell"),
             SurfaceKind::Cells => ("cells", "cell"),
         };
         let [x, y, z] = self.info.frame.metadata.dims;
         let mut text = format!(
-            "{}: {} {kept} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {} threads, peak resident memory {} of {} allowed\n",
+            "{}: {} {kept} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {}, peak resident memory {} of {} allowed\n",
             shown(&self.output),
             r.skin_voxels,
             Bytes(r.file_bytes),
             r.nodes,
             self.wall_s,
-            r.threads,
+            if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) },
             Bytes(peak_rss_bytes()),
             Bytes(self.memory_bytes),
         );

@@ -232,11 +232,15 @@ impl Info {
         row(
             "source",
             format!(
-                "{} {} ({} files, {})",
-                shown(&m.source.format),
+                "{}{} ({}{})",
+                if has_values(m) { format!("{} ", shown(&m.source.format)) } else { String::new() },
                 shown(&m.source.kind),
-                m.source.files,
-                dtype(frame)
+                match m.source.files {
+                    0 => String::new(),
+                    1 => "1 file, ".to_owned(),
+                    files => format!("{files} files, "),
+                },
+                if has_values(m) { dtype(frame).to_string() } else { "without values".to_owned() }
             ),
         );
         row(
@@ -264,7 +268,8 @@ impl Info {
         for (name, text) in self.measured.iter().flat_map(Measured::rows) {
             row(name, text);
         }
-        let each = |b: u64| format!("{:>12}  {:>7.4} B/skin voxel", Bytes(b).to_string(), ratio(b, voxels));
+        let one = if frame.surface() == SurfaceKind::Cells { "cell" } else { "skin voxel" };
+        let each = |b: u64| format!("{:>12}  {:>7.4} B/{one}", Bytes(b).to_string(), ratio(b, voxels));
         row("structure", each(structure_bytes(frame)));
         for (name, b) in channel_bytes(frame) {
             row(name, each(b));
@@ -280,7 +285,7 @@ impl Info {
         row(
             "against paper",
             format!(
-                "1 : {:.1}  ({PAPER_BYTES_PER_VOXEL} B a voxel; 1 : {:.1} for the whole grid)",
+                "1 : {:.1}  (a volume of {PAPER_BYTES_PER_VOXEL} B a voxel; 1 : {:.1} if it filled the grid of cells)",
                 paper_dims / to_f64(bytes),
                 paper_grid / to_f64(bytes)
             ),
@@ -341,7 +346,7 @@ impl Measured {
         let sides: Vec<String> = ["x", "y", "z"]
             .iter()
             .zip(low.iter().zip(high))
-            .map(|(axis, (low, high))| format!("{axis} {low:.2} .. {high:.2}"))
+            .map(|(axis, (low, high))| format!("{axis} {:.2} .. {:.2}", plain(*low), plain(high)))
             .collect();
         let known = |value: Option<(f64, f64)>, unit: &str, why_not: &str| {
             value.map_or_else(
@@ -372,6 +377,11 @@ impl Measured {
 #[expect(clippy::cast_precision_loss, reason = "ratios for people")]
 fn to_f64(bytes: u64) -> f64 {
     bytes.max(1) as f64
+}
+
+/// To two places, without the sign of a negative zero.
+fn plain(mm: f64) -> f64 {
+    if mm.abs() < 0.005 { 0.0 } else { mm }
 }
 
 /// Nodes of every depth.

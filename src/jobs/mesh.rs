@@ -57,7 +57,9 @@ pub fn convert(
         report: report.build,
         info: read_info(output)?,
         cleaning: None,
-        warnings: vec![report.facts.to_string()],
+        warnings: std::iter::once(report.facts.to_string())
+            .chain(report.notes.iter().map(ToString::to_string))
+            .collect(),
         hints: Vec::new(),
         wall_s,
     })

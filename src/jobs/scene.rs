@@ -111,18 +111,25 @@ struct Files {
 
 impl Files {
     /// Opens what a scene names, beside its own file.
-    fn open(path: &Path, scene: &Scene) -> Result<Self, Error> {
-        let folder = path.parent().unwrap_or(Path::new(""));
+    fn open(scene_path: &Path, scene: &Scene) -> Result<Self, Error> {
+        let folder = scene_path.parent().unwrap_or(Path::new(""));
         let (mut known, mut files): (Vec<PathBuf>, _) =
             (Vec::new(), Self { paths: Vec::new(), models: Vec::new(), of: Vec::new() });
-        for model in &scene.models {
+        for (number, model) in (1..).zip(&scene.models) {
             let path = folder.join(&model.file);
             // Two names of one file are one file.
             let real = path.canonicalize().unwrap_or_else(|_| path.clone());
             let at = match known.iter().position(|other| *other == real) {
                 Some(at) => at,
                 None => {
-                    files.models.push(open_model(&path)?);
+                    files.models.push(open_model(&path).map_err(|error| match error {
+                        Error::Load(cause) => {
+                            let key = Key { table: Table::Model(number), name: "file" };
+                            let fault = SceneFault::File { key, told: cause.to_string() };
+                            Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
+                        }
+                        other => other,
+                    })?);
                     files.paths.push(path);
                     known.push(real);
                     known.len() - 1
@@ -151,6 +158,9 @@ pub fn render_scene(
     let start = Instant::now();
     outputs.refuse_clash(path)?;
     let scene = read_scene(path)?;
+    if let (None, Some([width, height])) = (request.size, scene.size) {
+        check_size(path, width, height)?;
+    }
     let files = Files::open(path, &scene)?;
     for model in &files.paths {
         outputs.refuse_clash(model)?;
@@ -195,6 +205,17 @@ pub fn render_scene(
     let rays = report.rays as f64;
     report.rays_per_s = rays / report.trace_s.max(1e-9);
     Ok(report)
+}
+
+/// A size that a scene states is a fault of the scene.
+fn check_size(path: &Path, width: u32, height: u32) -> Result<(), Error> {
+    crate::render::picture::check_size(width, height).map_err(|error| match error {
+        RenderError::Size { width, height, most_side, most_pixels } => {
+            let fault = SceneFault::Size { width, height, most_side, most_pixels };
+            SceneError { path: path.to_path_buf(), fault }.into()
+        }
+        other => other.into(),
+    })
 }
 
 impl SceneReport {

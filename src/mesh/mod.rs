@@ -61,7 +61,7 @@ use std::time::Instant;
 use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Tile, build_solid};
-use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
+use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshNote, SourceError};
 use crate::format::{Channel, Channels};
 use crate::geom::{Affine, Dims};
 use crate::stamp::stamp;
@@ -107,6 +107,8 @@ pub struct MeshReport {
     pub build: BuildReport,
     /// What was found and chosen.
     pub facts: MeshFacts,
+    /// What the mesh lacks.
+    pub notes: Vec<MeshNote>,
 }
 
 /// Fewest triangles that a worker has room for.
@@ -132,7 +134,7 @@ pub fn build_mesh(
     let started = Instant::now();
     let scratch = options.scratch_folder(output);
     let front = Front { inputs, mesh, options, scratch, progress, placed: None };
-    let (solid, facts) = front.solid()?;
+    let (solid, facts, notes) = front.solid()?;
     let reading_s = started.elapsed().as_secs_f64();
     // In a share nobody else counts what the solid holds.
     let memory = match options.memory {
@@ -154,7 +156,7 @@ pub fn build_mesh(
     build.scratch_bytes += binned;
     build.seconds.scan += reading_s;
     build.seconds.read += reading_s;
-    Ok(MeshReport { build, facts })
+    Ok(MeshReport { build, facts, notes })
 }
 
 /// A mesh as a part of something else: `placed` leads from the units of the file to voxels, counted from the low
@@ -175,7 +177,7 @@ pub(crate) fn mesh_part(
     let inputs = [path.to_path_buf()];
     let scratch = scratch.to_path_buf();
     let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed: Some(placed) };
-    let (mut solid, facts) = front.solid()?;
+    let (mut solid, facts, _) = front.solid()?;
     solid.resident = (solid.resident / parts.max(1)).max(LEAST_RESIDENT);
     Ok((solid, facts))
 }
@@ -239,7 +241,7 @@ impl Front<'_> {
         SourceError::Unusable { path, fault: Fault::MeshFile(fault) }
     }
 
-    fn solid(&self) -> Result<(MeshSolid, MeshFacts), BuildError> {
+    fn solid(&self) -> Result<(MeshSolid, MeshFacts, Vec<MeshNote>), BuildError> {
         let budget = Budget::of_job(self.options.memory);
         let reading = self.reserve(&budget, READER_BYTES)?;
         let files = self.open(budget.left_bytes() / 2)?;
@@ -312,6 +314,7 @@ impl Front<'_> {
         };
         let bins = binner.finish()?;
         let parts = files.iter().map(MeshFile::parts).sum();
+        let notes = self.notes(&files);
         drop(files);
         drop((reading, held, described));
         let (rule, asked_for) = match self.mesh.fill {
@@ -345,7 +348,18 @@ impl Front<'_> {
         Ok((
             MeshSolid { name: self.name(), grid, bins, rule, closed: is_closed, resident, inputs, paint },
             facts,
+            notes,
         ))
+    }
+
+    /// What files lack.
+    fn notes(&self, files: &[MeshFile]) -> Vec<MeshNote> {
+        let of = |(file, path): (&MeshFile, &PathBuf)| {
+            let mesh = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let note = |name: &String| MeshNote::NoColors { mesh: mesh.clone(), name: name.clone() };
+            file.missing().iter().map(note).collect::<Vec<_>>()
+        };
+        files.iter().zip(self.inputs).flat_map(of).collect()
     }
 
     /// Takes memory for a part of the work.

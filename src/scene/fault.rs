@@ -126,6 +126,17 @@ pub enum SceneFault {
         /// The other.
         other: &'static str,
     },
+    /// A picture without pixels, or with too many.
+    Size {
+        /// Pixels in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Most of either.
+        most_side: u32,
+        /// Most pixels.
+        most_pixels: u64,
+    },
     /// A direction of no length.
     NoDirection {
         /// Which.
@@ -159,6 +170,13 @@ pub enum SceneFault {
         key: Key,
         /// What it lacks.
         channel: Channel,
+    },
+    /// A model's file cannot be used.
+    File {
+        /// The model.
+        key: Key,
+        /// Why, as a sentence.
+        told: String,
     },
     /// A camera that makes no sense.
     Camera(CameraFault),

@@ -114,6 +114,37 @@ fn a_volume_is_cut_by_a_mesh_and_a_torus() {
 }
 
 #[test]
+fn what_reaches_out_of_a_volumes_grid_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let _ = put_volume(folder, [20, 20, 20], [1.0, 1.0, 2.0]);
+    put_box(&folder.join("far.stl"), [2.0; 3], [9.0, 9.0, 90.0]);
+    let told = |text: &str| {
+        let (tree, output) = (folder.join("tree.csg"), folder.join("tree.oct"));
+        std::fs::write(&tree, text).unwrap();
+        let built = infobyte::jobs::csg::convert(&[tree], &OWN, false, &options(16, 1), &output, &Silent);
+        built.unwrap().warnings.join(" ")
+    };
+    let volume = "volume(\"ct.raw\", iso = 150);";
+    for (text, cut) in [
+        (volume.to_owned(), None),
+        (format!("difference() {{ {volume} sphere(r = 500); }}"), None),
+        (
+            format!(
+                "union() {{ {volume} multmatrix([[1,0,0,10],[0,1,0,10],[0,0,1,10],[0,0,0,1]]) sphere(r = 5); }}"
+            ),
+            None,
+        ),
+        (format!("union() {{ {volume} sphere(r = 5); }}"), Some("(low x, low y, low z)")),
+        (format!("union() {{ {volume} mesh(\"far.stl\"); }}"), Some("(high z)")),
+    ] {
+        let told = told(&text);
+        assert_eq!(told.contains("cut off"), cut.is_some(), "{text}: {told}");
+        assert!(told.contains(cut.unwrap_or_default()), "{text}: {told}");
+    }
+}
+
+#[test]
 fn a_mesh_as_a_leaf_is_the_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

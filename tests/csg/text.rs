@@ -94,6 +94,34 @@ fn what_is_not_supported_is_named_with_its_line() {
     }
 }
 
+/// A name that is not taken would change the solid without a word.
+#[test]
+fn arguments_that_a_module_does_not_take_are_refused() {
+    for (text, name) in [
+        ("cube(size = [3, 3, 3], centre = true);", Some("centre")),
+        ("sphere(r = 5, $fnn = 3);", Some("$fnn")),
+        ("volume(\"ct.nrrd\", iso = 200, foo = 3);", Some("foo")),
+        ("group(1) { cube(); }", None),
+        ("torus(9, 2, 1);", None),
+    ] {
+        match refused(text) {
+            CsgFault::Surplus { line: 1, argument, .. } => assert_eq!(argument.as_deref(), name, "{text}"),
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+    let told = refused("cube(centre = true);").to_string();
+    assert!(told.contains("cube does not take centre; it takes size, center"), "{told}");
+    // As OpenSCAD writes them.
+    for text in [
+        "sphere($fn = 0, $fa = 12, $fs = 2, r = 5);",
+        "linear_extrude(height = 2, center = false, convexity = 1, twist = 0, slices = 1, scale = [1, 1], $fn = 0, $fa = 12, $fs = 2) { circle($fn = 0, $fa = 12, $fs = 2, r = 1); }",
+        "import(file = \"a.stl\", layer = \"\", origin = [0, 0], scale = 1, convexity = 1, $fn = 0, $fa = 12, $fs = 2, timestamp = 0);",
+        "color([1, 0, 0, 1]) { render(convexity = 2) { cylinder($fn = 0, $fa = 12, $fs = 2, h = 1, r1 = 1, r2 = 1, center = false); } }",
+    ] {
+        assert!(parse_tree(text.as_bytes(), Path::new("")).is_ok(), "{text}");
+    }
+}
+
 #[test]
 fn numbers_that_make_no_sense_are_refused() {
     for text in [

@@ -179,7 +179,7 @@ fn what_is_no_volume_is_refused_with_the_reason() {
         ("raw-cthead", &["no volume is among the 113 file(s)", "--dims"][..]),
         ("raw-lidc-u8/lidc2_256x256x133_u8.raw", &["headerless", "--dims", "--dtype"]),
         ("mesh/bunny-open.ply", &["is a PLY mesh"]),
-        ("mesh", &["no volume is among the 5 file(s)"]),
+        ("mesh", &["none of the 5 file(s) is a volume"]),
     ] {
         let Some(path) = real_data(item) else { continue };
         let error = open(&[path], &OpenOptions::default()).unwrap_err().to_string();

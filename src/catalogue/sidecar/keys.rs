@@ -99,6 +99,15 @@ impl Keys {
         self.dims.is_stated() && self.dtype.is_stated()
     }
 
+    /// Which key they lack to describe raw data, if they have the other one.
+    pub(in crate::catalogue) fn lacks(&self) -> Option<&'static str> {
+        match (self.dims.is_stated(), self.dtype.is_stated()) {
+            (true, false) => Some("dtype"),
+            (false, true) => Some("dims"),
+            _ => None,
+        }
+    }
+
     /// Do they say where data lies?
     pub(in crate::catalogue) fn place(&self) -> bool {
         self.spacing.is_stated() || self.spacing_mm.is_stated() || self.orientation.is_stated()

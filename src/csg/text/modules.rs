@@ -2,7 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use super::values::Arguments;
+use super::values::{Arguments, TOLD};
 use crate::csg::facets;
 use crate::csg::tree::{Faces, Operation, Shape};
 use crate::facts::CsgFault;
@@ -10,8 +10,6 @@ use crate::geom::Affine;
 
 /// Most sides of a facetted sphere or cylinder.
 const MOST_SIDES: f64 = 256.0;
-/// Letters of a name that are told.
-const TOLD: usize = 40;
 
 /// A module with children.
 #[derive(Debug)]
@@ -40,6 +38,9 @@ pub(super) fn meaning(
     extruded: Option<[f64; 2]>,
     folder: &Path,
 ) -> Result<Meaning, CsgFault> {
+    if let Some((known, places)) = taken(&of.module) {
+        of.only(known, places)?;
+    }
     let joined = |operation| Ok(Meaning::Block(Block::Joined(operation)));
     match of.module.as_str() {
         // `render` and `color` change how it looks in OpenSCAD, not what it is.
@@ -73,6 +74,47 @@ pub(super) fn meaning(
             Ok(Meaning::Leaf(shape))
         }
     }
+}
+
+/// Names of a module's arguments, those of files that OpenSCAD writes included, and how many may stand without a name;
+/// `None` for a module that is not read.
+fn taken(module: &str) -> Option<(&'static [&'static str], usize)> {
+    Some(match module {
+        "group" | "union" | "difference" | "intersection" | "complement" => (&[], 0),
+        "render" => (&["convexity"], 1),
+        "color" => (&["c", "alpha"], 2),
+        "multmatrix" => (&["m"], 1),
+        "linear_extrude" => (
+            &[
+                "height",
+                "center",
+                "twist",
+                "scale",
+                "slices",
+                "segments",
+                "v",
+                "file",
+                "layer",
+                "origin",
+                "timestamp",
+            ],
+            1,
+        ),
+        "square" | "cube" => (&["size", "center"], 2),
+        "circle" | "sphere" => (&["r", "d"], 1),
+        "polygon" => (&["points", "paths"], 2),
+        "ellipsoid" => (&["radii"], 1),
+        "cylinder" => (&["h", "r1", "r2", "center", "r", "d", "d1", "d2"], 4),
+        "polyhedron" => (&["points", "faces", "triangles"], 2),
+        "torus" => (&["major", "minor"], 2),
+        "halfspace" => (&["normal", "offset"], 2),
+        "mesh" => (&["file"], 1),
+        "import" => {
+            (&["file", "layer", "origin", "scale", "center", "dpi", "id", "width", "height", "timestamp"], 1)
+        }
+        "volume" => (&["file", "iso"], 2),
+        _ => return None,
+    })
 }
 
 fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {

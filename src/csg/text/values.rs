@@ -72,6 +72,11 @@ pub(super) struct Arguments {
     placed: Vec<Value>,
 }
 
+/// Letters of a name that are told.
+pub(super) const TOLD: usize = 40;
+/// What OpenSCAD gives any module: how fine round things are made, and hints for its preview.
+const SPECIAL: [&str; 5] = ["$fn", "$fa", "$fs", "$fe", "convexity"];
+
 /// Most arguments of a module.
 const MOST: usize = 64;
 
@@ -114,6 +119,20 @@ impl Arguments {
         let named = self.named.iter().rev().find(|(own, _)| own == name).map(|(_, value)| value);
         let value = named.or_else(|| self.placed.get(place?));
         value.filter(|value| **value != Value::Nothing)
+    }
+
+    /// Refuses names that the module does not take, and more values than it has places: a misspelt name would
+    /// change the solid without a word.
+    pub(super) fn only(&self, known: &'static [&'static str], places: usize) -> Result<(), CsgFault> {
+        let stranger = self
+            .named
+            .iter()
+            .find(|(name, _)| !known.contains(&name.as_str()) && !SPECIAL.contains(&name.as_str()));
+        let argument = stranger.map(|(name, _)| name.chars().take(TOLD).collect());
+        if argument.is_none() && self.placed.len() <= places {
+            return Ok(());
+        }
+        Err(CsgFault::Surplus { line: self.line, module: self.module.clone(), argument, known })
     }
 
     /// The refusal of an argument.

@@ -39,7 +39,7 @@ pub(super) fn page(report: &Report) -> String {
     // Writing to a string cannot fail.
     let _ = write!(
         html,
-        "<header><h1>How fast, how wrong</h1><p>Every choice was tried with everything else left alike. Errors are the same on every run and machine; times and memory are those of the machine below. Filled dots are what the program does if nothing is said; dashed lines join what nothing else beats in both cost and error.</p>\
+        "<header><h1>How fast, how wrong</h1><p>Every choice was tried with everything else left alike. Errors are the same on every run and machine; times and memory are those of the machine below, of single runs: whatever else ran there moves them, by a tenth or more. Wrong pixels are a part of those that show the body, so that more than 100 % can be wrong. Filled dots are what the program does if nothing is said; dashed lines join what nothing else beats in both cost and error.</p>\
          <dl><dt>command</dt><dd><code>{}</code></dd><dt>program</dt><dd>infobyte {}, traversal by {}</dd><dt>measured</dt><dd>{} UTC, in {:.1} s</dd><dt>machine</dt><dd>{}, {} cores, {memory}, {}</dd></dl></header>\n<main>\n",
         escaped(&report.command),
         escaped(&m.version),

@@ -49,7 +49,10 @@ impl fmt::Display for BuildError {
                 f,
                 "{name}: a side of 65536 voxels is too long for cells; use --surface skin, or a part of the volume with --roi"
             ),
-            Self::NoNumbers { name } => write!(f, "{name}: holds no finite value; check --dtype"),
+            Self::NoNumbers { name } => write!(
+                f,
+                "{name}: holds no finite value; check that it is the right file, and of headerless voxels check --dtype"
+            ),
             Self::EmptyRange { .. } => f.write_str("the range is empty: write it as LO..HI with LO <= HI"),
             Self::Scratch { path, cause } => write!(
                 f,
@@ -70,7 +73,7 @@ impl fmt::Display for BuildError {
 impl fmt::Display for Sought {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Split => f.write_str("Otsu's threshold, which needs two different values"),
+            Self::Split => f.write_str("a range by Otsu's method, which needs two different values"),
             Self::Within(range) if range.hi.is_infinite() => {
                 write!(f, "the range from {} up", Short(range.lo))
             }

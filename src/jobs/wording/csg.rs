@@ -25,6 +25,23 @@ impl fmt::Display for CsgToken {
     }
 }
 
+/// A module as it is written.
+fn example(module: &str) -> Option<&'static str> {
+    Some(match module {
+        "cube" => "cube(size = [10, 20, 30], center = true);",
+        "sphere" => "sphere(r = 5);",
+        "ellipsoid" => "ellipsoid(radii = [5, 5, 9]);",
+        "cylinder" => "cylinder(h = 10, r1 = 5, r2 = 3);",
+        "torus" => "torus(major = 10, minor = 2);",
+        "halfspace" => "halfspace(normal = [0, 0, 1], offset = 5);",
+        "volume" => "volume(file = \"ct.nii.gz\", iso = 226);",
+        "mesh" => "mesh(file = \"part.stl\");",
+        "import" => "import(file = \"part.stl\"); of STL, PLY, OBJ and OFF",
+        "multmatrix" => "multmatrix([[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])",
+        _ => return None,
+    })
+}
+
 /// Where it stands; nothing of a tree that was not read from text.
 struct At(u64);
 
@@ -60,12 +77,24 @@ impl fmt::Display for CsgFault {
             Self::Unsupported { line, module } => {
                 write!(f, "{}{} is not supported; read are {READ}", At(*line), shown(module))
             }
-            Self::Argument { line, module, argument } => write!(
-                f,
-                "{}{argument} of {} is missing or makes no sense",
-                At(*line),
-                shown(module)
-            ),
+            Self::Argument { line, module, argument } => {
+                write!(f, "{}{argument} of {} is missing or makes no sense", At(*line), shown(module))?;
+                match example(module) {
+                    Some(example) => write!(f, "; write for example {example}"),
+                    None => Ok(()),
+                }
+            }
+            Self::Surplus { line, module, argument, known } => {
+                let module = shown(module);
+                match argument {
+                    Some(name) => write!(f, "{}{module} does not take {}", At(*line), shown(name))?,
+                    None => write!(f, "{}{module} has more values than it takes", At(*line))?,
+                }
+                match known {
+                    [] => f.write_str("; leave it out"),
+                    _ => write!(f, "; it takes {}", known.join(", ")),
+                }
+            }
             Self::Flat { line, module } => {
                 write!(f, "{}{} is flat; put it into linear_extrude", At(*line), shown(module))
             }
@@ -128,7 +157,7 @@ impl fmt::Display for CsgFault {
 
 impl fmt::Display for CsgFacts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { leaves, files, voxel_mm, origin_mm } = self;
+        let Self { leaves, files, voxel_mm, origin_mm, cut } = self;
         write!(f, "{leaves} {}", if *leaves == 1 { "leaf" } else { "leaves" })?;
         if *files > 0 {
             write!(f, ", {files} of them from files")?;
@@ -140,6 +169,20 @@ impl fmt::Display for CsgFacts {
             [a, b, c] if a == b && b == c => write!(f, "; voxels of {} mm", short(*a))?,
             [a, b, c] => write!(f, "; voxels of {} x {} x {} mm", short(*a), short(*b), short(*c))?,
         }
-        write!(f, " from {x}, {y}, {z}")
+        write!(f, " from {x}, {y}, {z}")?;
+        if *cut == [[false; 3]; 2] {
+            return Ok(());
+        }
+        f.write_str(
+            "; the bounds of its solids reach out of the volume's grid, and what lies beyond is cut off (",
+        )?;
+        let mut before = "";
+        for (cut, end) in cut.iter().zip(["low", "high"]) {
+            for axis in ["x", "y", "z"].iter().zip(cut).filter_map(|(axis, cut)| cut.then_some(axis)) {
+                write!(f, "{before}{end} {axis}")?;
+                before = ", ";
+            }
+        }
+        f.write_str(")")
     }
 }

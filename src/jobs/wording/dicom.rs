@@ -353,7 +353,7 @@ impl Display for SeriesFault {
         match self {
             Self::NoImage => f.write_str("no image"),
             Self::OnePosition { images } => {
-                write!(f, "all {images} images are at one position; they form no volume")
+                write!(f, "all {images} images are at one position; they form no volume: give the whole series, or build one image as a picture")
             }
             Self::Repeated { repeats, images, first } => write!(
                 f,
@@ -565,8 +565,13 @@ impl Display for DicomNote {
             ),
             Self::Duplicates { images, files } => {
                 write!(f, "{images} image(s) that are in the series twice were left out: ")?;
-                for (i, file) in files.iter().enumerate() {
-                    write!(f, "{}{}", if i > 0 { ", " } else { "" }, shown(file))?;
+                // Images of one file with many frames share its name.
+                let mut named: Vec<_> = Vec::new();
+                for file in files {
+                    if !named.contains(&file) {
+                        write!(f, "{}{}", if named.is_empty() { "" } else { ", " }, shown(file))?;
+                        named.push(file);
+                    }
                 }
                 match images.saturating_sub(files.len() as u64) {
                     0 => Ok(()),

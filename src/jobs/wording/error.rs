@@ -87,7 +87,7 @@ impl fmt::Display for Instead {
             Self::EmptyFolder => f.write_str("the folder holds no file"),
             Self::NoSlices => f.write_str("the folder holds no file; give the folder of the slice files"),
             Self::Only { files, kind } => {
-                write!(f, "no volume is among the {files} file(s), but: {kind}")
+                write!(f, "none of the {files} file(s) is a volume: {kind}")
             }
             Self::Unknown { files } => write!(
                 f,
@@ -104,7 +104,7 @@ impl fmt::Display for Fault {
         match self {
             Self::EndsEarly => f.write_str("ends early; it was cut short, copy it again"),
             Self::Empty => f.write_str("is empty; give a DICOM series or headerless voxels"),
-            Self::NotAFile => f.write_str("is neither a file nor a folder"),
+            Self::NotAFile => f.write_str("is neither a file nor a folder; name one of these"),
             Self::Changed => f.write_str("was changed while the folders were searched; start again"),
             Self::ChangedInUse => f.write_str(
                 "was changed or replaced while it was read, so that nothing was made of it; start again once it is complete",
@@ -117,7 +117,7 @@ impl fmt::Display for Fault {
                 "is not DICOM, in spite of its name; for headerless voxels add --dims and --dtype",
             ),
             Self::Mesh => f.write_str(
-                "is a mesh by its name, and is not read as a volume; STL, PLY, OBJ and OFF are built by themselves, with --grid N or --voxel MM",
+                "is a mesh by its name, and is not read as a volume; meshes (STL, PLY, OBJ, OFF, glTF, 3MF) are built by themselves, with --grid N or --voxel MM",
             ),
             Self::MeshFile(fault) => fault.fmt(f),
             Self::Csg(fault) => fault.fmt(f),
@@ -144,7 +144,7 @@ impl fmt::Display for Misuse {
                 f.write_str("is a folder among several inputs; give one folder, or files only")
             }
             Self::Undescribed => f.write_str(
-                "is of no kind that is known; for headerless voxels add --dims NXxNYxNZ and --dtype, or put a side-car with dims and dtype beside it, as NAME.json",
+                "is not a file of a known kind; for headerless voxels add --dims NXxNYxNZ and --dtype, or put a side-car with dims and dtype beside it, as NAME.json",
             ),
             Self::Raw(fault) => raw(fault, RawKeys::Flags, f),
             Self::Roi { roi: [x, y, z], dims } => write!(

@@ -9,7 +9,7 @@ impl fmt::Display for FormatError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::BadMagic => f.write_str(
-                "is not an infobyte .oct file (its first bytes are another format's); build one with `oct build`",
+                "is not an infobyte .oct file (it is empty, or begins as another format does); build one with `oct build`",
             ),
             Self::Truncated { expected, got } => write!(
                 f,

@@ -18,7 +18,7 @@ impl fmt::Display for NotVolume {
             Self::OtherSideCar => f.write_str("another side-car describes the same data"),
             Self::SideCar(unparsed) => unparsed.fmt(f),
             Self::Headerless => f.write_str(
-                "headerless voxels by its name, which lack a side-car: write NAME.json beside NAME.raw, or beside the folder NAME of slices, with {\"dims\": [512, 512, 300], \"dtype\": \"u16\", \"spacing_mm\": [0.5, 0.5, 1.0]}",
+                "headerless voxels by its name, which lack a side-car: write NAME.json beside NAME.raw, or beside the folder NAME of slices, with {\"dims\": [512, 512, 300], \"dtype\": \"u16\", \"spacing\": [0.5, 0.5, 1.0]}",
             ),
             Self::Unknown => f.write_str("not a volume"),
             Self::FolderUnreadable => f.write_str("folder that cannot be read"),

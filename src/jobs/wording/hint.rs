@@ -37,7 +37,7 @@ impl fmt::Display for Hint {
                 let [x, y, z] = spacing_mm.map(Short);
                 write!(
                     f,
-                    "voxels of {x} x {y} x {z} mm are {} times as long along {} as they are narrow: surfaces across it look like stairs; `--surface cells` makes them smooth",
+                    "voxels of {x} x {y} x {z} mm are {} times longer along {} than along their shortest side: surfaces across it look like stairs; `--surface cells` makes them smooth",
                     Short((times * 10.0).round() / 10.0),
                     ["x", "y", "z"].get(*axis).unwrap_or(&"z")
                 )

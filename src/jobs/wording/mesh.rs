@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::foreign::shown;
 use crate::budget::Bytes;
-use crate::facts::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, Part};
+use crate::facts::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, MeshNote, Part};
 
 impl fmt::Display for MeshFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -84,7 +84,7 @@ impl fmt::Display for MeshFault {
                 shown(name)
             ),
             Self::Missing { name, why } => {
-                write!(f, "names {}, which cannot be read ({why}); put it beside the file", shown(name))
+                write!(f, "names {}, which cannot be read: {why}; put it beside the file", shown(name))
             }
             Self::Image { name, fault } => {
                 write!(f, "has a texture, {}, which {fault}, or build it with --channels normal", shown(name))
@@ -92,6 +92,19 @@ impl fmt::Display for MeshFault {
             Self::GridSize { side } => {
                 write!(f, "its grid would be {side} voxels long; choose 1 to 16384 with --grid or --voxel")
             }
+        }
+    }
+}
+
+impl fmt::Display for MeshNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoColors { mesh, name } => write!(
+                f,
+                "{} takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
+                shown(mesh),
+                shown(name)
+            ),
         }
     }
 }
@@ -133,8 +146,12 @@ impl fmt::Display for Part {
 impl fmt::Display for Feature {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Draco => f.write_str("is packed with Draco, which is not read; write it without"),
-            Self::Meshopt => f.write_str("is packed with meshopt, which is not read; write it without"),
+            Self::Draco => {
+                f.write_str("is compressed with Draco, which is not read; export it without compression")
+            }
+            Self::Meshopt => {
+                f.write_str("is compressed with meshopt, which is not read; export it without compression")
+            }
             Self::Basis => f.write_str("has KTX2 textures, which are not read; write them as PNG or JPEG"),
             Self::SparseAccessor => f.write_str("has sparse accessors, which are not read; write them out"),
             Self::EmptyAccessor => {

@@ -135,7 +135,7 @@ impl fmt::Display for Note {
             Self::Chosen(choice) => choice.fmt(f),
             Self::DamagedBeside(Refusal(error)) => {
                 let name = shown(error.path().file_name().unwrap_or_default());
-                write!(f, "{name}, of a series that is not used: {}", Reason(error))
+                write!(f, "another series, which is not used, is damaged: {name}: {}", Reason(error))
             }
             Self::LeftOut { count, why, first } => {
                 write!(f, "{count} file(s) left out: {why} (first: {first})")

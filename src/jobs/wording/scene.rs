@@ -72,6 +72,14 @@ impl fmt::Display for SceneFault {
             }
             Self::Both { key, other } => write!(f, "{key}: does not go with {other}; leave one of them out"),
             Self::Needs { key, other } => write!(f, "{key}: needs {other} as well; add it"),
+            Self::NoDirection { key: key @ Key { name: "planes", .. } } => write!(
+                f,
+                "{key}: a row of which the first three numbers are 0 is not a direction; write rows such as [0, 0, 1, 40]"
+            ),
+            Self::Size { width, height, most_side, most_pixels } => write!(
+                f,
+                "size: a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels"
+            ),
             Self::NoDirection { key } => {
                 write!(f, "{key}: has no length, so it is not a direction; write one such as [0, -1, 1]")
             }
@@ -97,6 +105,7 @@ impl fmt::Display for SceneFault {
                 "{key}: takes its colour from the channel {}, which the model lacks; build the model with it, or choose another material",
                 channel.name()
             ),
+            Self::File { key, told } => write!(f, "{key}: {told}"),
             Self::Camera(fault) => write!(f, "[camera]: {fault}"),
         }
     }

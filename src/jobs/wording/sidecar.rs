@@ -48,11 +48,15 @@ impl fmt::Display for SideCarFault {
 impl fmt::Display for Unparsed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let what = if self.raw { "side-car of raw data" } else { "side-car" };
+        if let ParseFault::Lacks { key } = &self.at {
+            return write!(f, "{what} without the key {key}; add it, and check how the others are spelt");
+        }
         write!(f, "{what} that cannot be parsed: ")?;
         match &self.at {
             ParseFault::Value { key } => {
                 write!(f, "the value of {key} is neither a string nor a number nor a list of these")
             }
+            ParseFault::Lacks { .. } => Ok(()),
             ParseFault::Json(text) => f.write_str(text),
         }
     }

@@ -4,6 +4,8 @@ use std::io;
 
 use rustix::io::Errno;
 
+use crate::atomic::TargetFault;
+
 /// What to do where a file cannot be read; `usual` where the reason says no more.
 pub(super) fn reading<'a>(cause: &io::Error, usual: &'a str) -> &'a str {
     if too_many_open(cause) { RAISE_LIMIT } else { usual }
@@ -15,7 +17,15 @@ pub(super) fn writing(cause: &io::Error) -> &'static str {
     if too_many_open(cause) {
         return RAISE_LIMIT;
     }
+    if let Some(fault) = cause.get_ref().and_then(|inner| inner.downcast_ref::<TargetFault>()) {
+        return match fault {
+            TargetFault::DanglingLink => "remove the link, or name another file",
+            TargetFault::NotRegular | TargetFault::NoFileName => "name a file that is to be written",
+            TargetFault::NoFreeName => "clear the folder of old temporary files, or choose another one",
+        };
+    }
     match cause.kind() {
+        Kind::AlreadyExists => "a file has that name; name a folder",
         Kind::NotFound => "its folder does not exist; make it first, or choose another one",
         Kind::NotADirectory => "a part of its path is a file; choose a folder",
         Kind::PermissionDenied => "you may not write there; choose another folder",
@@ -47,9 +57,11 @@ mod tests {
             (Errno::NOSPC, "free some space"),
             (Errno::ROFS, "nothing can be written"),
             (Errno::NFILE, "ulimit"),
+            (Errno::EXIST, "name a folder"),
             (Errno::IO, "check the folder"),
         ] {
             assert!(writing(&of(errno)).contains(word), "{errno:?}");
         }
+        assert!(writing(&TargetFault::NotRegular.into()).contains("name a file"));
     }
 }

@@ -60,7 +60,11 @@ impl fmt::Display for UsageError {
                 shown(path)
             ),
             Self::NamedTwice { path } => {
-                write!(f, "{}: is named for two pictures; name another file for one of them", shown(path))
+                write!(
+                    f,
+                    "{}: two pictures would be written to it; name another file for one of them",
+                    shown(path)
+                )
             }
             Self::Strip { path, fault } => {
                 write!(f, "{}: ", shown(path))?;

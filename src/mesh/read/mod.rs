@@ -199,6 +199,14 @@ impl MeshFile {
         }
     }
 
+    /// Files that it takes its colours from, and that are not there.
+    pub(super) fn missing(&self) -> &[String] {
+        match &self.kind {
+            Kind::Obj(open) => open.missing(),
+            _ => &[],
+        }
+    }
+
     /// Calls `each` with every triangle; faces with more vertices are cut into a fan.
     ///
     /// # Errors
@@ -268,7 +276,7 @@ impl MeshFile {
     /// Has it colours, and normals of vertices? Asked of a mesh that was opened with looks.
     pub(super) fn has_looks(&self) -> [bool; 2] {
         match &self.kind {
-            Kind::Ply(open) => [open.looks().colors.is_some(), open.looks().normals.is_some()],
+            Kind::Ply(open) => [open.has_colors(), open.looks().normals.is_some()],
             Kind::Obj(open) => open.has_looks(),
             Kind::Gltf(open) => open.has_looks(),
             Kind::ThreeMf(open) => [open.has_colors(), false],

@@ -1,4 +1,6 @@
 //! PLY: a header of text, then elements in binary of either order or in text.
+//!
+//! Colours are those of vertices; where these have none, those of faces.
 
 use std::fs::File;
 
@@ -6,7 +8,7 @@ use super::limits::Limits;
 use super::stop::{Each, EachLook, Stop};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan};
-use super::vertex_looks::VertexLooks;
+use super::vertex_looks::{VertexLooks, light};
 use super::vertices::{MOST_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
 
@@ -31,6 +33,8 @@ pub(super) struct Binary {
     properties: Vec<Property>,
     /// Which property names vertices.
     corners: usize,
+    /// By what colours of faces become 0 to 1, where vertices have none.
+    face_colors: Option<f64>,
     file: File,
 }
 
@@ -212,7 +216,11 @@ impl Ply {
         let header = Header::read(&file)?;
         match header.form {
             Form::Text => read_text(&file, bytes, &header, *limits).map(Self::Text),
-            form => Binary::open(file, bytes, header, form == Form::Big).map(Self::Binary),
+            form => {
+                let mut binary = Binary::open(file, bytes, header, form == Form::Big)?;
+                binary.face_colors = binary.face_colors.filter(|_| limits.colors);
+                Ok(Self::Binary(binary))
+            }
         }
     }
 
@@ -231,7 +239,16 @@ impl Ply {
         }
     }
 
-    /// Calls `each` with every triangle and what its vertices carry.
+    /// Have vertices or faces colours?
+    pub(super) fn has_colors(&self) -> bool {
+        let of_faces = match self {
+            Self::Binary(binary) => binary.face_colors.is_some(),
+            Self::Text(faces) => faces.looks().of_triangles.is_some(),
+        };
+        of_faces || self.looks().colors.is_some()
+    }
+
+    /// Calls `each` with every triangle and what it carries.
     pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         match self {
             Self::Binary(binary) => binary.for_each_look(each),
@@ -309,8 +326,10 @@ impl Binary {
                     let (Some(corners), Some(vertices)) = (corners, vertices) else {
                         return Err(MeshFault::NoFaces.into());
                     };
+                    let colors = fields(&element, COLOR).filter(|_| looks.colors.is_none());
                     return Ok(Self {
                         looks,
+                        face_colors: colors.map(color_scale),
                         vertices,
                         offset: at,
                         faces: element.count,
@@ -392,7 +411,13 @@ impl Binary {
         let mut looks = self.looks.open();
         let big = self.vertices.big;
         let mut triangles = 0;
+        // The colour of a face may stand behind its corners, whose number has no bound: another stream runs ahead.
+        let mut ahead = self.face_colors.map(|scale| (Stream::new(&self.file, self.offset), scale));
         for face in 0..self.faces {
+            let color = match &mut ahead {
+                Some((stream, scale)) => Some(light(self.face_color(stream)?.map(|c| c * *scale))),
+                None => None,
+            };
             let bad = || MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count };
             for (at, property) in self.properties.iter().enumerate() {
                 let Some(length) = property.length else {
@@ -416,12 +441,47 @@ impl Binary {
                     if !t.iter().flatten().all(|c| c.is_finite()) {
                         return Err(MeshFault::NotFinite { triangle: triangles }.into());
                     }
-                    each(&t, &looks.look(corners, face)?)?;
+                    let mut look = looks.look(corners, face)?;
+                    look.colors = look.colors.or(color.map(|color| [color; 3]));
+                    each(&t, &look)?;
                 }
             }
         }
         Ok(())
     }
+
+    /// Reads a face for its colour alone.
+    fn face_color(&self, stream: &mut Stream<'_>) -> Result<[f64; 3], Stop> {
+        let big = self.vertices.big;
+        let mut color = [0.0; 3];
+        for property in &self.properties {
+            if let Some(length) = property.length {
+                let count = u64::try_from(whole(stream, length, big)?).unwrap_or(0);
+                stream.skip(property.value.bytes().saturating_mul(count));
+            } else if let Some(at) = COLOR.iter().position(|name| *name == property.name) {
+                color[at] = real(stream, property.value, big)?;
+            } else {
+                stream.skip(property.value.bytes());
+            }
+        }
+        Ok(color)
+    }
+}
+
+/// The next number.
+#[expect(clippy::cast_precision_loss, reason = "integers of 32 bits")]
+fn real(stream: &mut Stream<'_>, number: Number, big: bool) -> Result<f64, Stop> {
+    Ok(match number {
+        Number::F32 => {
+            let b: [u8; 4] = stream.take()?;
+            if big { f32::from_be_bytes(b) } else { f32::from_le_bytes(b) }.into()
+        }
+        Number::F64 => {
+            let b: [u8; 8] = stream.take()?;
+            if big { f64::from_be_bytes(b) } else { f64::from_le_bytes(b) }
+        }
+        _ => whole(stream, number, big)? as f64,
+    })
 }
 
 /// The next whole number.
@@ -453,11 +513,11 @@ fn read_text(
     file: &File,
     bytes: u64,
     header: &Header,
-    Limits { scratch, looks, .. }: Limits<'_>,
+    Limits { scratch, looks, colors: colored, .. }: Limits<'_>,
 ) -> Result<Faces, Stop> {
     let mut words = Words::new(file, header.end);
     let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
-    let (mut colors, mut normals) = (None, None);
+    let (mut colors, mut normals, mut of_triangles) = (None, None, None);
     let mut seen = false;
     for element in &header.elements {
         // Every value takes two bytes at least.
@@ -481,15 +541,20 @@ fn read_text(
                 if !seen || !element.properties.iter().any(lists) {
                     return Err(MeshFault::NoFaces.into());
                 }
+                let own = fields(element, COLOR).filter(|_| colored && colors.is_none());
+                if let Some(fields) = own {
+                    of_triangles = Some((Spool::new(scratch)?, color_scale(fields)));
+                }
             }
             Kind::Other => {}
         }
         for at in 0..element.count {
             let (mut point, mut color, mut normal) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+            let mut added = 0_u64;
             for property in &element.properties {
                 words.must_anywhere()?;
                 if property.length.is_none() {
-                    if element.kind == Kind::Vertex {
+                    if element.kind == Kind::Vertex || element.kind == Kind::Face && of_triangles.is_some() {
                         let value = words.as_number()?;
                         let kinds = [(PLACE, &mut point), (COLOR, &mut color), (NORMAL, &mut normal)];
                         for (names, values) in kinds {
@@ -511,7 +576,13 @@ fn read_text(
                         .map_err(|_| MeshFault::BadIndex { face: at + 1, vertices: vertices.count })?;
                     if let Some(t) = fan.next(index) {
                         triangles.triangle(t)?;
+                        added += 1;
                     }
+                }
+            }
+            if let (Kind::Face, Some((spool, _))) = (element.kind, &mut of_triangles) {
+                for _ in 0..added {
+                    spool.vertex(color)?;
                 }
             }
             if element.kind == Kind::Vertex {
@@ -525,12 +596,13 @@ fn read_text(
             }
         }
         if element.kind == Kind::Face {
-            let colors = match colors {
-                Some((spool, scale)) => Some((spool.into_vertices()?, scale)),
-                None => None,
+            let read = |of: Option<(Spool, f64)>| match of {
+                Some((spool, scale)) => spool.into_vertices().map(|read| Some((read, scale))),
+                None => Ok(None),
             };
+            let (colors, of_triangles) = (read(colors)?, read(of_triangles)?);
             let normals = normals.map(Spool::into_vertices).transpose()?;
-            return Faces::of(vertices, triangles, VertexLooks { colors, normals });
+            return Faces::of(vertices, triangles, VertexLooks { colors, normals, of_triangles });
         }
     }
     Err(MeshFault::NoFaces.into())

@@ -117,7 +117,7 @@ impl Faces {
                     *out = u32::from_le_bytes(*bytes);
                 }
                 face += 1;
-                looks.look(at, face)
+                looks.look_of(face - 1, at, face)
             });
             match carried {
                 Ok(look) => each(t, &look),

@@ -10,21 +10,29 @@ pub(super) struct VertexLooks {
     /// sRGB, and by what it becomes 0 to 1.
     pub(super) colors: Option<(Vertices, f64)>,
     pub(super) normals: Option<Vertices>,
+    /// Colours of triangles, by their numbers, where vertices have none.
+    pub(super) of_triangles: Option<(Vertices, f64)>,
 }
 
 /// The same, while triangles are read.
 pub(super) struct Open<'a> {
     colors: Option<(Pages<'a>, f64)>,
     normals: Option<Pages<'a>>,
+    of_triangles: Option<(Pages<'a>, f64)>,
 }
 
 impl VertexLooks {
     pub(super) fn open(&self) -> Open<'_> {
         Open {
-            colors: self.colors.as_ref().map(|(of, scale)| (Pages::new(of, FEW_PAGES), *scale)),
+            colors: paged(self.colors.as_ref()),
             normals: self.normals.as_ref().map(|of| Pages::new(of, FEW_PAGES)),
+            of_triangles: paged(self.of_triangles.as_ref()),
         }
     }
+}
+
+fn paged(of: Option<&(Vertices, f64)>) -> Option<(Pages<'_>, f64)> {
+    of.map(|(of, scale)| (Pages::new(of, FEW_PAGES), *scale))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "looks are in single precision")]
@@ -54,6 +62,15 @@ impl Open<'_> {
                 *out = single(pages.get(at.into(), face)?);
             }
             look.normals = Some(three);
+        }
+        Ok(look)
+    }
+
+    /// As [`Open::look`], of a triangle with a number of its own from 0.
+    pub(super) fn look_of(&mut self, triangle: u64, corners: [u32; 3], face: u64) -> Result<Look, Stop> {
+        let mut look = self.look(corners, face)?;
+        if let Some((pages, scale)) = &mut self.of_triangles {
+            look.colors = Some([light(pages.get(triangle, face)?.map(|c| c * *scale)); 3]);
         }
         Ok(look)
     }

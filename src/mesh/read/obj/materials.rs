@@ -1,6 +1,6 @@
 //! MTL: the materials of OBJ. A colour (`Kd`, sRGB) times a texture (`map_Kd`).
 //!
-//! Files that are not there are left out, as every viewer leaves them out: they are often not handed on.
+//! Files that are not there are left out, as every viewer leaves them out: they are often not handed on. It is told.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,6 +18,20 @@ use crate::facts::MeshFault;
 /// Memory of a material beside its name, about.
 const EACH_BYTES: u64 = 256;
 
+/// Most names of missing files that are kept.
+const MOST_MISSING: usize = 16;
+
+/// Materials that were read.
+pub(super) struct Done {
+    pub(super) all: Vec<Material>,
+    /// The files that they are read from.
+    pub(super) beside: Vec<PathBuf>,
+    /// Names of files that are not there.
+    pub(super) missing: Vec<String>,
+    /// Memory that all of it takes.
+    pub(super) held_bytes: u64,
+}
+
 /// Materials by their names.
 pub(super) struct Materials<'a> {
     path: &'a Path,
@@ -26,13 +40,16 @@ pub(super) struct Materials<'a> {
     all: Vec<Material>,
     images: BTreeMap<String, Arc<Image>>,
     beside: Vec<PathBuf>,
+    /// Names of files that are not there.
+    missing: Vec<String>,
     held_bytes: u64,
 }
 
 impl<'a> Materials<'a> {
     pub(super) fn new(path: &'a Path, limits: &'a Limits<'a>) -> Self {
         let (numbers, images) = (BTreeMap::new(), BTreeMap::new());
-        Self { path, limits, numbers, all: Vec::new(), images, beside: Vec::new(), held_bytes: 0 }
+        let (all, beside, missing) = (Vec::new(), Vec::new(), Vec::new());
+        Self { path, limits, numbers, all, images, beside, missing, held_bytes: 0 }
     }
 
     fn hold(&mut self, name: &str) -> Result<(), Stop> {
@@ -49,9 +66,10 @@ impl<'a> Materials<'a> {
         Ok(self.numbers.get(name).copied().unwrap_or(NONE))
     }
 
-    /// All of them, the files that they are read from, and the memory that they take.
-    pub(super) fn done(self) -> (Vec<Material>, Vec<PathBuf>, u64) {
-        (self.all, self.beside, self.held_bytes)
+    /// All of them, and what they are read from.
+    pub(super) fn done(self) -> Done {
+        let Self { all, beside, missing, held_bytes, .. } = self;
+        Done { all, beside, missing, held_bytes }
     }
 
     /// A file beside the mesh; `None` if it is not there.
@@ -61,7 +79,13 @@ impl<'a> Materials<'a> {
                 self.beside.push(path);
                 Ok(Some((file, bytes)))
             }
-            Err(Stop::Mesh(MeshFault::Missing { .. } | MeshFault::Outside { .. })) => Ok(None),
+            Err(Stop::Mesh(MeshFault::Missing { name, .. } | MeshFault::Outside { name })) => {
+                if !self.missing.contains(&name) && self.missing.len() < MOST_MISSING {
+                    self.hold(&name)?;
+                    self.missing.push(name);
+                }
+                Ok(None)
+            }
             Err(stop) => Err(stop),
         }
     }

@@ -17,7 +17,7 @@ use super::text::{Faces, Fan, index};
 use super::vertex_looks::{VertexLooks, light, single};
 use super::vertices::{FEW_PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
-use materials::Materials;
+use materials::{Done, Materials};
 
 /// Marks a corner without a place or a normal.
 const NONE: u32 = u32::MAX;
@@ -32,6 +32,7 @@ pub(super) struct Obj {
     materials: Vec<Material>,
     beside: Vec<PathBuf>,
     parts: Parts,
+    missing: Vec<String>,
     held_bytes: u64,
 }
 
@@ -142,8 +143,9 @@ impl Obj {
             None => None,
         };
         let faces = Faces::of(vertices, triangles, VertexLooks::default())?;
-        let (materials, beside, held_bytes) = materials.done();
-        Ok(Self { faces, carried, materials, beside, parts, held_bytes: held_bytes + Parts::BYTES })
+        let Done { all, beside, missing, held_bytes } = materials.done();
+        let held_bytes = held_bytes + Parts::BYTES;
+        Ok(Self { faces, carried, materials: all, beside, parts, missing, held_bytes })
     }
 
     /// Parts that it has, at least one.
@@ -157,6 +159,11 @@ impl Obj {
 
     pub(super) fn beside(&self) -> &[PathBuf] {
         &self.beside
+    }
+
+    /// Files that it names and that are not there.
+    pub(super) fn missing(&self) -> &[String] {
+        &self.missing
     }
 
     pub(super) fn held_bytes(&self) -> u64 {
