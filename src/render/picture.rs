@@ -11,7 +11,7 @@ use crate::load::NodeView;
 
 use super::around::Surroundings;
 use super::cells::Cells;
-use super::coherence::{Band, Look, Sample, Tolerance};
+use super::coherence::{Plan, Sample, Tolerance};
 use super::discrete::DiscreteRays;
 use super::form::Form;
 use super::image::Image;
@@ -63,8 +63,7 @@ pub struct Canvas {
     pub ambient_rays: u32,
     /// What a hit is.
     pub traversal: Traversal,
-    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 for a ray
-    /// per pixel. Half of it is allowed where that is looked at, the rest for what lies between.
+    /// Trace fewer rays where the colours around a pixel differ by at most this, of 255; 0 for a ray per pixel.
     pub coherence: u8,
     /// Pixels traced and coloured together, if fewer than usual; never fewer than 8 rows.
     pub most_band_pixels: Option<u32>,
@@ -248,7 +247,7 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
         + if canvas.normals { 3 } else { 0 }
         + if canvas.ids { 6 } else { 0 }
         + if canvas.ambient_rays > 0 { 1 } else { 0 };
-    let hits = if canvas.coherence > 0 { Band::PIXEL_BYTES } else { size_of::<Seen>() as u64 };
+    let hits = if canvas.coherence > 0 { size_of::<Sample>() } else { size_of::<Seen>() } as u64;
     rows * row * (2 * layers + hits) + ((canvas.threads.max(1) as u64) << 18)
 }
 
@@ -454,7 +453,9 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
                 |tracer, (tile, seen)| {
                     let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
                     let limits = (width.saturating_sub(left), rows.saturating_sub(above));
-                    let counts = self.trace_tile(tracer, seen, (left, top + above), limits);
+                    let lod_edge_log2 = self.canvas.lod_edge_log2;
+                    let tile = Tile { corner: (left, top + above), limits, lod_edge_log2 };
+                    let counts = self.trace_tile(tracer, seen, tile, tile.live());
                     self.watch.step();
                     counts
                 },
@@ -464,18 +465,11 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         counts
     }
 
-    /// Traces one tile; `limits` are its columns and rows that lie in the picture.
-    fn trace_tile(
-        &self,
-        tracer: &mut Tracer,
-        seen: &mut [Seen],
-        corner: (usize, usize),
-        limits: (usize, usize),
-    ) -> Counts {
-        let tile = Tile { corner, limits, lod_edge_log2: self.canvas.lod_edge_log2 };
+    /// Traces some rays of a tile, all of which lie in the picture.
+    fn trace_tile(&self, tracer: &mut Tracer, seen: &mut [Seen], tile: Tile, rays: u64) -> Counts {
+        let mut counts = Counts::default();
         if let Some(discrete) = &self.discrete {
-            let mut counts = Counts::default();
-            discrete.trace_tile(self.view, tile, |ray, trace| {
+            discrete.trace_tile(self.view, tile, rays, |ray, trace| {
                 counts = counts.add(&trace);
                 if let Some(pixel) = seen.get_mut(ray) {
                     *pixel = Seen::new(&trace);
@@ -483,10 +477,10 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
             });
             return counts;
         }
-        let hits = tracer.trace(self.view, &self.surface, &self.sight, tile);
-        let mut counts = Counts::default();
+        let hits = tracer.trace_some(self.view, &self.surface, &self.sight, tile, rays);
+        let corner = tile.corner;
         for (ray, pixel) in seen.iter_mut().enumerate() {
-            if ray % TILE < limits.0 && ray / TILE < limits.1 {
+            if rays >> (ray % TILE_PIXELS) & 1 == 1 {
                 let trace = Trace { hit: hits.hit(ray), steps: hits.steps(ray) };
                 counts = counts.add(&trace);
                 let (x, y) = ((corner.0 + ray % TILE) as f64 + 0.5, (corner.1 + ray / TILE) as f64 + 0.5);
@@ -500,46 +494,98 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     fn paint_coherent(&self, image: &mut Image, from: usize) -> Counts {
         let rows_done = self.watch.rows_done;
         let start = Instant::now();
-        let (width, height) = (self.canvas.width as usize, self.canvas.height as usize);
+        let width = self.canvas.width as usize;
         let (rows, band_rows) = (image.height as usize, self.band_rows() as usize);
+        let tiles_across = width.div_ceil(TILE);
         let edge_mm =
             f64::from(1_u32 << self.canvas.lod_edge_log2.min(31)) * self.sight.space().largest_spacing_mm();
         #[expect(clippy::cast_possible_truncation, reason = "a tolerance")]
         let tolerance =
-            Tolerance { color: self.canvas.coherence / 2, depth_mm: (TOLERATED_BOXES * edge_mm) as f32 };
-        let looks = Looks { painter: self };
+            Tolerance { color: self.canvas.coherence, depth_mm: (TOLERATED_BOXES * edge_mm) as f32 };
+        let plan = Plan::new();
         let mut counts = Counts::default();
+        let mut samples = vec![Sample::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
         for top in (0..rows).step_by(band_rows) {
             let rows = band_rows.min(rows - top);
-            let mut band = Band::new(width, height, from + top, rows);
-            counts = counts.plus(band.fill(&looks, tolerance));
-            image.rgba.par_chunks_mut(width * 4).enumerate().skip(top).take(rows).for_each(|(y, out)| {
-                let (out, _) = out.as_chunks_mut::<4>();
-                for (sample, out) in band.row(from + y).iter().zip(out) {
-                    if sample.is_hit() {
-                        let [r, g, b] = sample.color;
-                        *out = [r, g, b, 255];
-                    }
-                }
+            let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
+            let band = samples.get_mut(..used).unwrap_or_default();
+            band.fill(Sample::NOTHING);
+            let (tiles, _) = band.as_chunks_mut::<TILE_PIXELS>();
+            let begin = || (Tracer::new(self.form), Surroundings::new());
+            let own = tiles.par_iter_mut().enumerate().map_init(begin, |kept, (number, samples)| {
+                let (left, above) = (number % tiles_across * TILE, number / tiles_across * TILE);
+                let tile = Tile {
+                    corner: (left, from + top + above),
+                    limits: (width - left, rows - above),
+                    lod_edge_log2: self.canvas.lod_edge_log2,
+                };
+                plan.fill(tolerance, tile.live(), samples, |rays, samples| {
+                    let counts = self.look(kept, tile, rays, samples);
+                    self.watch.step();
+                    counts
+                })
             });
-            if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
-                for (y, out) in depth.chunks_mut(width).enumerate().skip(top).take(rows) {
-                    for (sample, out) in band.row(from + y).iter().zip(out) {
-                        *out = if sample.is_hit() { depth_code(range, sample.depth) } else { 0 };
-                    }
-                }
-            }
-            if let Some(normals) = &mut image.normals {
-                for (y, out) in normals.chunks_mut(width * 3).enumerate().skip(top).take(rows) {
-                    for (sample, out) in band.row(from + y).iter().zip(out.as_chunks_mut::<3>().0) {
-                        *out = sample.normal;
-                    }
-                }
-            }
+            counts = counts.plus(own.reduce(Counts::default, Counts::plus));
+            self.put(band, image, [top, rows]);
             #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
             rows_done(rows as u32);
         }
         Counts { rays: counts.compared, trace: start.elapsed(), ..counts }
+    }
+
+    /// What some pixels of a tile show.
+    fn look(
+        &self,
+        (tracer, around): &mut (Tracer, Surroundings),
+        tile: Tile,
+        rays: u64,
+        samples: &mut [Sample; TILE_PIXELS],
+    ) -> Counts {
+        let mut seen = [Seen::NOTHING; TILE_PIXELS];
+        let counts = self.trace_tile(tracer, &mut seen, tile, rays);
+        for (ray, (sample, seen)) in samples.iter_mut().zip(seen).enumerate() {
+            if rays >> ray & 1 == 1 && seen.is_hit() {
+                let [x, y] = [tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE];
+                let line = self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
+                let normal = self.normals.normal(around, seen, line);
+                *sample = Sample {
+                    color: self.light(seen, normal, line, [x, y]).map(|c| self.shader.encode(c)),
+                    depth: seen.depth(),
+                    normal: normal.map(normal_code),
+                };
+            }
+        }
+        counts
+    }
+
+    /// Puts samples, tile after tile, into the rows of an image from `top` on.
+    fn put(&self, samples: &[Sample], image: &mut Image, [top, rows]: [usize; 2]) {
+        let width = self.canvas.width as usize;
+        let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
+        let row = |y: usize| {
+            let samples = samples.get(y / TILE * tile_row + y % TILE * TILE..).unwrap_or_default();
+            samples.chunks(TILE_PIXELS).flat_map(|tile| tile.iter().take(TILE)).take(width)
+        };
+        for (y, out) in image.rgba.chunks_mut(width * 4).skip(top).take(rows).enumerate() {
+            for (sample, out) in row(y).zip(out.as_chunks_mut::<4>().0) {
+                let [r, g, b] = sample.color;
+                *out = if sample.is_hit() { [r, g, b, 255] } else { [0; 4] };
+            }
+        }
+        if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
+            for (y, out) in depth.chunks_mut(width).skip(top).take(rows).enumerate() {
+                for (sample, out) in row(y).zip(out) {
+                    *out = if sample.is_hit() { depth_code(range, sample.depth) } else { 0 };
+                }
+            }
+        }
+        if let Some(normals) = &mut image.normals {
+            for (y, out) in normals.chunks_mut(width * 3).skip(top).take(rows).enumerate() {
+                for (sample, out) in row(y).zip(out.as_chunks_mut::<3>().0) {
+                    *out = sample.normal;
+                }
+            }
+        }
     }
 
     /// Pixels whose neighbour is on the other side of the silhouette get the mean of four more rays.
@@ -615,59 +661,5 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
     #[inline]
     pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> Seen {
         self.normals.seen(trace, || self.sight.line(x, y))
-    }
-}
-
-/// The pixels of a painter, one by one and in tiles.
-struct Looks<'a, 'p, V, S> {
-    painter: &'a Painter<'p, V, S>,
-}
-
-impl<V: NodeView, S: Surface<V>> Looks<'_, '_, V, S> {
-    fn sample(&self, around: &mut Surroundings, seen: Seen, [x, y]: [usize; 2]) -> Sample {
-        if !seen.is_hit() {
-            return Sample::NOTHING;
-        }
-        let painter = self.painter;
-        let line = painter.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-        let normal = painter.normals.normal(around, seen, line);
-        Sample {
-            color: painter.light(seen, normal, line, [x, y]).map(|c| painter.shader.encode(c)),
-            depth: seen.depth(),
-            normal: normal.map(normal_code),
-        }
-    }
-}
-
-impl<V: NodeView, S: Surface<V>> Look for Looks<'_, '_, V, S> {
-    type Kept = (Tracer, Surroundings);
-
-    fn begin(&self) -> Self::Kept {
-        (Tracer::new(self.painter.form), Surroundings::new())
-    }
-
-    fn pixel(&self, (_, around): &mut Self::Kept, at: [usize; 2]) -> (Sample, Counts) {
-        let (x, y) = (at[0] as f64 + 0.5, at[1] as f64 + 0.5);
-        let trace = self.painter.trace(x, y);
-        let seen = self.painter.seen(&trace, x, y);
-        self.painter.watch.step();
-        (self.sample(around, seen, at), Counts::default().add(&trace))
-    }
-
-    fn tile(
-        &self,
-        (tracer, around): &mut Self::Kept,
-        corner: [usize; 2],
-        out: &mut [Sample; TILE_PIXELS],
-    ) -> Counts {
-        let mut seen = [Seen::NOTHING; TILE_PIXELS];
-        let canvas = &self.painter.canvas;
-        let limits = (canvas.width as usize - corner[0], canvas.height as usize - corner[1]);
-        let counts = self.painter.trace_tile(tracer, &mut seen, (corner[0], corner[1]), limits);
-        self.painter.watch.step();
-        for (i, (out, seen)) in out.iter_mut().zip(seen).enumerate() {
-            *out = self.sample(around, seen, [corner[0] + i % TILE, corner[1] + i / TILE]);
-        }
-        counts
     }
 }

@@ -22,14 +22,22 @@ impl<'a> DiscreteRays<'a> {
         Self { sight, frame: ParallelFrame::new(&sight, width, height) }
     }
 
-    /// First hits of the pixels of a tile that lie in the picture; `each` gets the pixel's number in the tile.
-    pub fn trace_tile<V: NodeView>(&self, view: &V, tile: Tile, mut each: impl FnMut(usize, Trace)) {
+    /// First hits of those pixels of a tile that are bits of `asked` and lie in the picture; `each` gets the pixel's
+    /// number in the tile.
+    pub fn trace_tile<V: NodeView>(
+        &self,
+        view: &V,
+        tile: Tile,
+        asked: u64,
+        mut each: impl FnMut(usize, Trace),
+    ) {
+        let is_asked = |pixel: usize| asked >> pixel & 1 == 1;
         let (columns, rows) = (tile.limits.0.min(TILE), tile.limits.1.min(TILE));
         for row in 0..rows {
             let y = tile.corner.1 + row;
             let centre = |column: usize| ((tile.corner.0 + column) as f64 + 0.5, y as f64 + 0.5);
             let Some(frame) = &self.frame else {
-                for column in 0..columns {
+                for column in (0..columns).filter(|column| is_asked(row * TILE + column)) {
                     let (x, y) = centre(column);
                     each(row * TILE + column, self.trace(view, x, y, tile.lod_edge_log2));
                 }
@@ -38,6 +46,9 @@ impl<'a> DiscreteRays<'a> {
             #[expect(clippy::cast_possible_truncation, reason = "at most the picture's sides")]
             let lines = frame.row(tile.corner.0 as u32, y as u32);
             for (column, line) in (0..columns).zip(lines) {
+                if !is_asked(row * TILE + column) {
+                    continue;
+                }
                 let (x, y) = centre(column);
                 let ray = || self.sight.ray(x, y);
                 each(row * TILE + column, first_hit(view, &line, tile.lod_edge_log2, Order::default(), ray));

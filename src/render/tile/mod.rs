@@ -89,7 +89,7 @@ pub struct Tile {
 
 impl Tile {
     /// The rays to trace, as bits: ray `8 y + x` is that of column x and row y.
-    fn live(&self) -> u64 {
+    pub(super) fn live(&self) -> u64 {
         let (columns, rows) = (self.limits.0.min(TILE), self.limits.1.min(TILE));
         let row = (1_u64 << columns) - 1;
         (0..rows).fold(0, |live, y| live | row << (TILE * y))
@@ -257,9 +257,22 @@ impl Tracer {
         sight: &Sight<'_>,
         tile: Tile,
     ) -> &TileHits {
+        self.trace_some(view, surface, sight, tile, u64::MAX)
+    }
+
+    /// As [`Tracer::trace`], of those rays only that are bits of `asked`: ray `8 y + x` is that of column x and row y.
+    #[inline]
+    pub fn trace_some<V: NodeView, S: Surface<V>>(
+        &mut self,
+        view: &V,
+        surface: &S,
+        sight: &Sight<'_>,
+        tile: Tile,
+        asked: u64,
+    ) -> &TileHits {
         let Self { form, rays, exact, hits } = self;
         exact.clear();
-        form.run(walk::Walk { view, surface, sight, tile, rays, exact, hits });
+        form.run(walk::Walk { view, surface, sight, tile, asked, rays, exact, hits });
         hits
     }
 }

@@ -26,6 +26,8 @@ pub(super) struct Walk<'a, 'b, V, S> {
     pub(super) surface: &'a S,
     pub(super) sight: &'a Sight<'b>,
     pub(super) tile: Tile,
+    /// The rays of it that are asked for, as bits.
+    pub(super) asked: u64,
     pub(super) rays: &'a mut Rays,
     pub(super) exact: &'a mut ExactRays,
     pub(super) hits: &'a mut TileHits,
@@ -37,7 +39,7 @@ impl<V: NodeView, S: Surface<V>> LanesKernel for Walk<'_, '_, V, S> {
     #[inline(always)]
     fn run(mut self, lanes: impl Lanes) {
         self.hits.clear();
-        let live = self.tile.live();
+        let live = self.tile.live() & self.asked;
         if self.view.voxel_count() == 0 {
             return;
         }
