@@ -73,7 +73,7 @@ pub(crate) struct RenderArgs {
     /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
     #[arg(long, default_value = "exact", value_parser = parse::traversals())]
     pub(crate) traversal: Traversal,
-    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0: all
+    /// Trace fewer rays where the colours around a pixel differ by at most this, of 255; 0: all
     #[arg(long, value_name = "0..255", default_value_t = 0)]
     pub(crate) coherence: u8,
     /// Six sides on one sheet, each framed by itself

@@ -51,7 +51,7 @@ pub struct RenderRequest {
     pub ambient_rays: u32,
     /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
-    /// Trace fewer rays where colours differ by at most this, of 255, from what their neighbours foretell; 0 traces all.
+    /// Trace fewer rays where the colours around a pixel differ by at most this, of 255; 0 traces all.
     pub coherence: u8,
     /// Draw a scale bar and the patient's sides.
     pub annotate: bool,

@@ -64,8 +64,9 @@ struct Foretold {
     /// On opposite sides of it, two and two; the second two may be one that only has to look alike.
     around: [usize; 4],
     weights: [f32; 4],
-    /// Do the depths of the first two and of the others foretell its depth?
-    crossed: bool,
+    /// Parts of the first and the third in the depth where the two pairs cross on a smooth surface; `None` where the
+    /// second pair is no pair.
+    crossing: Option<[f32; 2]>,
 }
 
 /// In which order the pixels of a tile are found.
@@ -102,7 +103,7 @@ impl Plan {
                         pixel: number(*x, *y),
                         around: [number(x0, y0), number(x1, y1), number(x1, y0), number(x0, y1)],
                         weights: [(1.0 - u) * (1.0 - v), u * v, u * (1.0 - v), (1.0 - u) * v],
-                        crossed: true,
+                        crossing: Some([0.5; 2]),
                     });
                 }
             }
@@ -132,7 +133,7 @@ impl Plan {
                                 place(*at, beside[1]),
                             ],
                             weights: [half * (1.0 - u), half * u, (1.0 - half) * (1.0 - v), (1.0 - half) * v],
-                            crossed,
+                            crossing: crossed.then_some([1.0 - u, 1.0 - v]),
                         });
                     }
                 }
@@ -191,11 +192,10 @@ impl Foretold {
         let mean = |of: &dyn Fn(&Sample) -> f32| {
             around.iter().zip(self.weights).map(|(sample, weight)| of(sample) * weight).sum::<f32>()
         };
-        let [w0, w1, w2, w3] = self.weights;
-        if self.crossed {
+        if let Some([first, third]) = self.crossing {
             let [d0, d1, d2, d3] = around.map(|sample| sample.depth);
-            let one = (d0 * w0 + d1 * w1) / (w0 + w1);
-            let other = (d2 * w2 + d3 * w3) / (w2 + w3);
+            let one = d0 * first + d1 * (1.0 - first);
+            let other = d2 * third + d3 * (1.0 - third);
             let apart = (one - other).abs();
             // Not a number is not alike.
             if apart.is_nan() || apart > tolerance.depth_mm {
