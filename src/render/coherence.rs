@@ -262,7 +262,7 @@ mod tests {
             let depth = 5.0 + (i % TILE) as f32 - 2.0 * (i / TILE) as f32;
             assert!((sample.depth - depth).abs() < 1e-3, "{i}: {sample:?}");
         }
-        let noise = |x: usize, y: usize| Some(if (x + y).is_multiple_of(2) { 9 } else { 200 });
+        let noise = |x: usize, y: usize| u8::try_from((x * 37 + y * 101 + x * y * 13) % 251).ok();
         let (_, got) = filled(0, noise);
         assert!(got.iter().enumerate().all(|(i, sample)| Some(sample.color[0]) == noise(i % TILE, i / TILE)));
         // A silhouette is as it is.
