@@ -51,7 +51,7 @@ fn put(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
 /// The first parts of what is told of a mesh that lacks something.
 fn notes(input: &Path) -> Vec<String> {
     let grid = GridChoice::Side { voxels: 8, margin: 1 };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, follow_links: false };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
     let channels = Channels::default().with(Channel::Color);
     let options =
         BuildOptions { memory: MemoryCap::Share(8 << 20), threads: 1, channels, ..BuildOptions::default() };

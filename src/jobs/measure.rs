@@ -296,7 +296,7 @@ mod tests {
         for outward in [&nearest as &dyn Fn([f64; 3]) -> [f64; 3], &between] {
             let (tree, _) = skin(48, inside, Some(outward));
             let dims = Dims::new(48, 48, 48).unwrap();
-            let found = measure(&tree, dims, &Affine::from_spacing([0.5; 3])).unwrap();
+            let found = measure(&tree, dims, &Affine::from_spacing([0.5; 3]), false).unwrap();
             let (area, error) = found.area_mm2.unwrap();
             let lacks = 6.0 * 20.0 * 20.0 - area;
             assert!(lacks > 0.0 && lacks <= 1.02 * error && error < 2.0 * lacks, "{area} {error}");

@@ -18,7 +18,7 @@ mod planes;
 
 use super::bins::{BlockBuffers, Held, held};
 use super::raster::{Crossings, cross_slice};
-use super::resident::{Resident, slices};
+use super::resident::{Resident, slices as slices_of};
 use super::solid::MeshSolid;
 use crate::builder::{Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 use crate::facts::SourceError;
@@ -196,7 +196,7 @@ impl ThinWorker<'_> {
         if self.streamed {
             solid.mesh.bins.for_each_block(column.y.start, bin, buffers, &mut |block| {
                 for t in held(block) {
-                    let (low, high) = slices(&t);
+                    let (low, high) = slices_of(&t);
                     if walls && low <= slice && slice <= high {
                         cross(&t);
                     }
