@@ -128,7 +128,7 @@ fn what_reaches_out_of_a_volumes_grid_is_told() {
     let volume = "volume(\"ct.raw\", iso = 150);";
     for (text, cut) in [
         (volume.to_owned(), None),
-        (format!("difference() {{ {volume} sphere(r = 500); }}"), None),
+        (format!("difference() {{ {volume} sphere(r = 15); }}"), None),
         (
             format!(
                 "union() {{ {volume} multmatrix([[1,0,0,10],[0,1,0,10],[0,0,1,10],[0,0,0,1]]) sphere(r = 5); }}"
