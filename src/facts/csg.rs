@@ -31,12 +31,8 @@ pub enum CsgFault {
     Surplus {
         /// Line.
         line: u64,
-        /// Module.
-        module: String,
-        /// Its name, as far as it is told; nothing of a value without a name.
-        argument: Option<String>,
-        /// Names that the module takes.
-        known: &'static [&'static str],
+        /// Which, and of what.
+        of: Box<SurplusArgument>,
     },
     /// A polygon, square or circle that is not extruded.
     Flat {
@@ -109,6 +105,17 @@ pub enum CsgFault {
     Volumes,
     /// A grid is asked for beside a volume, which brings its own.
     GridOfVolume,
+}
+
+/// An argument that a module does not take.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SurplusArgument {
+    /// Module.
+    pub module: String,
+    /// Its name, as far as it is told; nothing of a value without a name.
+    pub argument: Option<String>,
+    /// Names that the module takes.
+    pub known: &'static [&'static str],
 }
 
 /// What can be missing from the text of a tree.
