@@ -373,7 +373,7 @@ fn colours_of_faces_are_the_same_from_text_and_binary() {
         p.iter().for_each(|c| big.extend(c.to_be_bytes()));
     }
     for face in &body.faces {
-        let [r, g, b] = color(&face.map(|at| places[at as usize]));
+        let [r, g, b] = color(&face.map(|at| places[at]));
         let [a0, a1, a2] = face.map(|at| u32::try_from(at).unwrap());
         writeln!(text, "{r} 3 {a0} {a1} {a2} {g} {b}").unwrap();
         little.extend([r, 3]);

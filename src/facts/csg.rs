@@ -31,12 +31,8 @@ pub enum CsgFault {
     Surplus {
         /// Line.
         line: u64,
-        /// Module.
-        module: String,
-        /// Its name, as far as it is told; nothing of a value without a name.
-        argument: Option<String>,
-        /// Names that the module takes.
-        known: &'static [&'static str],
+        /// Which, and of what.
+        of: Box<SurplusArgument>,
     },
     /// A polygon, square or circle that is not extruded.
     Flat {
@@ -138,6 +134,17 @@ pub enum OffsetFault {
     ShrunkUnion,
     /// A tube of more than 16 times its ring.
     Wide,
+}
+
+/// An argument that a module does not take.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SurplusArgument {
+    /// Module.
+    pub module: String,
+    /// Its name, as far as it is told; nothing of a value without a name.
+    pub argument: Option<String>,
+    /// Names that the module takes.
+    pub known: &'static [&'static str],
 }
 
 /// What can be missing from the text of a tree.

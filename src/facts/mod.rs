@@ -41,7 +41,7 @@ mod synthetic;
 mod system;
 pub mod tiff;
 
-pub use csg::{CsgFacts, CsgFault, CsgToken, OffsetFault};
+pub use csg::{CsgFacts, CsgFault, CsgToken, OffsetFault, SurplusArgument};
 pub use dicom::DicomNote;
 pub use error::{Fault, Instead, Misuse, OtherVolume, SourceError};
 pub use found::{Candidate, Choice, Refusal};

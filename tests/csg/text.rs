@@ -105,7 +105,7 @@ fn arguments_that_a_module_does_not_take_are_refused() {
         ("torus(9, 2, 1);", None),
     ] {
         match refused(text) {
-            CsgFault::Surplus { line: 1, argument, .. } => assert_eq!(argument.as_deref(), name, "{text}"),
+            CsgFault::Surplus { line: 1, of } => assert_eq!(of.argument.as_deref(), name, "{text}"),
             other => panic!("{text}: {other:?}"),
         }
     }

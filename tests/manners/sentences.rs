@@ -97,7 +97,7 @@ fn uneven_spacing_and_a_ct_without_a_threshold_are_told() {
         |spacing| [&source, "--dims", "24x24x24", "--dtype", "u16", "--iso", "500", "--spacing", spacing];
     let told = hints(&shape("0.5x0.5x5"));
     assert!(
-        told.len() == 1 && told[0].contains("are 10 times as long along z") && told[0].contains("stairs"),
+        told.len() == 1 && told[0].contains("are 10 times longer along z") && told[0].contains("stairs"),
         "{told:?}"
     );
     assert_eq!(hints(&shape("0.5x0.5x1.2")), [""; 0]);

@@ -2,7 +2,7 @@
 
 use super::lexer::{Lexer, Token};
 use super::stop::Stop;
-use crate::facts::{CsgFault, CsgToken};
+use crate::facts::{CsgFault, CsgToken, SurplusArgument};
 use crate::geom::Affine;
 
 /// How deep lists may lie in lists: the rows of a list of lists.
@@ -132,7 +132,8 @@ impl Arguments {
         if argument.is_none() && self.placed.len() <= places {
             return Ok(());
         }
-        Err(CsgFault::Surplus { line: self.line, module: self.module.clone(), argument, known })
+        let of = SurplusArgument { module: self.module.clone(), argument, known };
+        Err(CsgFault::Surplus { line: self.line, of: Box::new(of) })
     }
 
     /// The refusal of an argument.

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::foreign::shown;
 use super::mesh::length;
-use crate::facts::{CsgFacts, CsgFault, CsgToken, OffsetFault};
+use crate::facts::{CsgFacts, CsgFault, CsgToken, OffsetFault, SurplusArgument};
 
 /// What is written in `.csg` files, and read.
 const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, multmatrix, offset3d, color and group";
@@ -84,7 +84,8 @@ impl fmt::Display for CsgFault {
                     None => Ok(()),
                 }
             }
-            Self::Surplus { line, module, argument, known } => {
+            Self::Surplus { line, of } => {
+                let SurplusArgument { module, argument, known } = &**of;
                 let module = shown(module);
                 match argument {
                     Some(name) => write!(f, "{}{module} does not take {}", At(*line), shown(name))?,
