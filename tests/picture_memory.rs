@@ -45,8 +45,7 @@ fn held_to(model: &Path, folder: &Path, size: &str, threads: &str, extra: &[&str
     // Code that is not optimised is larger than it is counted for; such a program is held to less, and shows less.
     let (size, caps, allowed) = if is_slow() { ("64x48", &[0][..], 4 * MIB) } else { (size, &[0, 2][..], 0) };
     let output = text(&folder.join("picture.png"));
-    let common =
-        ["render", &text(model), "-o", &output, "--size", size, "--threads", threads, "--view", "iso"];
+    let common = ["render", &text(model), "-o", &output, "--size", size, "--threads", threads];
     let render = |cap: &str| oct(&[&common[..], extra, &["--json", "--memory", cap]].concat());
     let name = format!("{} {size} {threads} {}", model.file_name().unwrap().display(), extra.join(" "));
     let refused = render("2MiB");
