@@ -7,8 +7,6 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::load::NodeView;
-
 use super::around::Surroundings;
 use super::colors::{color_of, has_colors};
 use super::image::Image;
@@ -55,7 +53,7 @@ impl Kept {
     }
 }
 
-impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
+impl<S: Surface> Painter<'_, S> {
     /// Linear RGB of a pixel that saw a surface with this normal.
     #[inline]
     pub(super) fn light(&self, seen: Seen, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {

@@ -14,7 +14,7 @@
 //! microseconds.
 
 use crate::format::normal;
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::around::{SIDE, Surroundings};
 use super::ray::Face;
@@ -150,8 +150,8 @@ pub(super) struct Struck {
 /// The normal that is shown of a stored one, both in the frame of the boxes (any length, each axis in its own
 /// spacing); `None` where the stored one stays. `struck` is asked for what was hit only where that matters.
 #[inline]
-pub(super) fn shown<V: NodeView>(
-    view: &V,
+pub(super) fn shown(
+    view: &ModelView<'_>,
     around: &mut Surroundings,
     face: Face,
     struck: impl FnOnce() -> Struck,
@@ -196,7 +196,7 @@ struct Around(u128);
 impl Around {
     /// The boxes around the one that was struck; `None` where it is not found: a hit's place is rounded, and may
     /// come out in a neighbour.
-    fn of<V: NodeView>(view: &V, around: &mut Surroundings, struck: &Struck) -> Option<Self> {
+    fn of(view: &ModelView<'_>, around: &mut Surroundings, struck: &Struck) -> Option<Self> {
         let axis = usize::from(struck.face.axis % 3);
         let levels = view.depth().checked_sub(struck.edge_log2)?;
         let limit = (1_i64 << levels) - 1;
@@ -394,7 +394,7 @@ mod tests {
     }
 
     fn of(tree: &MemoryTree, hit: Struck, stored: [f64; 3]) -> Option<[f64; 3]> {
-        shown(tree, &mut Surroundings::new(), hit.face, || hit, stored, Company::Calm)
+        shown(&tree.view(), &mut Surroundings::new(), hit.face, || hit, stored, Company::Calm)
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::around::Surroundings;
 use super::blend;
@@ -98,8 +98,8 @@ pub(super) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3
 
 /// Finds the normals of a model in its place.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Normals<'a, V> {
-    view: &'a V,
+pub(crate) struct Normals<'a> {
+    view: &'a ModelView<'a>,
     /// The cells, if the model has them: normals are of index space then.
     cells: Option<Cells<'a>>,
     space: &'a GridSpace,
@@ -109,9 +109,14 @@ pub(crate) struct Normals<'a, V> {
     lod_edge_log2: u32,
 }
 
-impl<'a, V: NodeView> Normals<'a, V> {
+impl<'a> Normals<'a> {
     /// Of a model; `blended` between the boxes around a hit, where hits may be boxes of `2^lod_edge_log2`.
-    pub(crate) fn new(view: &'a V, space: &'a GridSpace, blended: bool, lod_edge_log2: u32) -> Self {
+    pub(crate) fn new(
+        view: &'a ModelView<'a>,
+        space: &'a GridSpace,
+        blended: bool,
+        lod_edge_log2: u32,
+    ) -> Self {
         let fine = view.voxel_fine(VoxelIndex::new(0)).is_some();
         Self { view, cells: view.cells().map(Cells::new), space, blended, fine, lod_edge_log2 }
     }
