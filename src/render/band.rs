@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::around::Surroundings;
 use super::colors::{color_of, has_colors};
+use super::facing::tile::{Judge, Judged, Stored};
 use super::image::Image;
 use super::picture::{Painter, depth_code, normal_code};
 use super::shade::{Lit, Shader, TileLight};
@@ -45,6 +46,27 @@ struct Kept {
 impl Kept {
     fn new() -> Self {
         Self { around: Surroundings::new(), normals: vec![(0, 0, [0.0; 3]); 1 << KEPT_BITS], round: 0 }
+    }
+
+    /// The normal of the face of a box, which is found once.
+    #[inline]
+    fn remembered(
+        &mut self,
+        seen: Seen,
+        find: impl FnOnce(&mut Surroundings) -> Option<[f64; 3]>,
+    ) -> Option<[f64; 3]> {
+        let key = seen.key();
+        let slot = (key.wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize;
+        match self.normals.get(slot) {
+            Some((round, known, normal)) if (*round, *known) == (self.round, key) => Some(*normal),
+            _ => {
+                let normal = find(&mut self.around)?;
+                if let Some(place) = self.normals.get_mut(slot) {
+                    *place = (self.round, key, normal);
+                }
+                Some(normal)
+            }
+        }
     }
 
     /// Begins a row of tiles without normals, so that the picture does not depend on who paints which.
@@ -129,28 +151,7 @@ impl<S: Surface> Painter<'_, S> {
         let width = self.canvas.width as usize;
         let has_colors = has_colors(self.view);
         self.each_tile::<4>(seen, out, place, |kept, corner, seen, out| {
-            let mut lit = Lit::NOTHING;
-            // Towards the eye: no normal in the frame of the boxes is that.
-            let mut to_eye = 0_u64;
-            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
-                let (x, y) = (corner[0] + at % TILE, corner[1] + at / TILE);
-                // Tiles at the border reach over it; what is there may be of an earlier band.
-                if x >= width {
-                    continue;
-                }
-                let line = || self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-                match self.normal_of(kept, *pixel, line) {
-                    Some(normal) => {
-                        for (out, part) in lit.normals.iter_mut().zip(normal) {
-                            out[at % TILE_PIXELS] = part;
-                        }
-                    }
-                    None => to_eye |= 1 << (at % TILE_PIXELS),
-                }
-                if let Some(open) = self.open.at(width, [x, y]) {
-                    lit.open[at % TILE_PIXELS] = f64::from(open) / 255.0;
-                }
-            }
+            let (lit, to_eye) = self.lit(kept, corner, seen);
             let mut codes = [[0; TILE_PIXELS]; 3];
             self.form.run(TileLight { sight: &self.sight, corner, lit: &lit, out: &mut codes });
             for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
@@ -180,6 +181,57 @@ impl<S: Surface> Painter<'_, S> {
         });
     }
 
+    /// What the hits of a tile are lit by; and the pixels whose normals look towards the eye, since no normal in the
+    /// frame of the boxes does that.
+    fn lit(&self, kept: &mut Kept, corner: [usize; 2], seen: &[Seen]) -> (Lit, u64) {
+        let width = self.canvas.width as usize;
+        let mut lit = Lit::NOTHING;
+        let (mut noted, mut alone, mut to_eye) = (0_u64, 0_u64, 0_u64);
+        let edge_mm = self.normals.judged_together();
+        // Tiles at the border reach over it; what is there may be of an earlier band.
+        let is_seen = |at: usize, pixel: &Seen| pixel.is_hit() && corner[0] + at % TILE < width;
+        let mut stored = Stored::NOTHING;
+        for (at, pixel) in seen.iter().enumerate().filter(|(at, pixel)| is_seen(*at, pixel)) {
+            if edge_mm.is_some() && self.normals.note(&mut stored, at, *pixel) {
+                noted |= 1 << (at % TILE_PIXELS);
+            } else {
+                alone |= 1 << (at % TILE_PIXELS);
+            }
+            if let Some(open) = self.open.at(width, [corner[0] + at % TILE, corner[1] + at / TILE]) {
+                lit.open[at % TILE_PIXELS] = f64::from(open) / 255.0;
+            }
+        }
+        let mut judged = Judged::NOTHING;
+        if let (Some(edge_mm), 1..) = (edge_mm, noted) {
+            self.form.run(Judge { stored: &stored, edge_mm, out: &mut judged });
+            lit.normals = judged.normals;
+        }
+        let mut left = alone | noted & judged.doubts;
+        while left != 0 {
+            let at = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let Some(pixel) = seen.get(at) else { break };
+            let line = || {
+                self.sight.line((corner[0] + at % TILE) as f64 + 0.5, (corner[1] + at / TILE) as f64 + 0.5)
+            };
+            let normal = if alone >> at & 1 == 1 {
+                self.normal_of(kept, *pixel, line)
+            } else {
+                let doubt = (stored.code(at), judged.company(at));
+                kept.remembered(*pixel, |around| Some(self.normals.in_doubt(around, *pixel, doubt, line)))
+            };
+            match normal {
+                Some(normal) => {
+                    for (out, part) in lit.normals.iter_mut().zip(normal) {
+                        out[at % TILE_PIXELS] = part;
+                    }
+                }
+                None => to_eye |= 1 << at,
+            }
+        }
+        (lit, to_eye)
+    }
+
     /// Normals of the hits of a traced band.
     fn fill_normals(&self, seen: &[Seen], out: &mut [u8], place: [usize; 3]) {
         let width = self.canvas.width as usize;
@@ -205,17 +257,6 @@ impl<S: Surface> Painter<'_, S> {
         if !seen.is_of_face() || self.canvas.blended {
             return self.normals.in_boxes(&mut kept.around, seen, line);
         }
-        let key = seen.key();
-        let slot = (key.wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize;
-        match kept.normals.get(slot) {
-            Some((round, known, normal)) if (*round, *known) == (kept.round, key) => Some(*normal),
-            _ => {
-                let normal = self.normals.in_boxes(&mut kept.around, seen, line)?;
-                if let Some(place) = kept.normals.get_mut(slot) {
-                    *place = (kept.round, key, normal);
-                }
-                Some(normal)
-            }
-        }
+        kept.remembered(seen, |around| self.normals.in_boxes(around, seen, line))
     }
 }

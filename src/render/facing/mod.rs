@@ -13,12 +13,15 @@
 //! few nanoseconds where the stored normal is near the face's, else a look at the boxes around, some 0.2
 //! microseconds.
 
-use crate::format::normal;
-use crate::load::{ModelView, NodeView};
+mod plane;
+pub(super) mod tile;
 
-use super::around::{SIDE, Surroundings};
+use crate::load::ModelView;
+
+use super::around::Surroundings;
 use super::ray::Face;
 use super::space::dot;
+use plane::Around;
 
 /// How far two stored normals are apart that agree, as the sum of the differences of their parts, whose sizes add
 /// up to 1: some 25 degrees.
@@ -26,7 +29,7 @@ const AGREE: f64 = 0.5;
 
 /// Of the normals of four boxes before and four behind in the order of the file, which lie around the box for the
 /// most part, at most this many agree with its own where all of them are noise: four do on either side of an edge.
-const MOST_BY_CHANCE: usize = 3;
+const MOST_BY_CHANCE: u32 = 3;
 
 /// What the normals of the boxes around say of one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +42,17 @@ pub(super) enum Company {
     Noise,
 }
 
+impl Company {
+    #[inline]
+    fn of_flags(calm: u16, noise: u16) -> Self {
+        match (calm, noise) {
+            (0, 0) => Self::Mixed,
+            (0, _) => Self::Noise,
+            _ => Self::Calm,
+        }
+    }
+}
+
 /// What the boxes before and behind one in the order of the file say of its normal; `agrees` tells whether the one
 /// so far away has a normal [`alike`], or none.
 #[inline]
@@ -46,48 +60,18 @@ pub(super) fn company(agrees: impl Fn(i64) -> bool) -> Company {
     if agrees(1) && agrees(-1) && (agrees(2) || agrees(-2)) {
         return Company::Calm;
     }
-    let agreeing = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().filter(|at| agrees(*at)).count();
+    let agreeing: u32 = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().map(|at| u32::from(agrees(at))).sum();
     if agreeing <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
 }
 
 /// As [`company`], of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before
-/// and behind it. All are compared at once.
+/// and behind it.
 #[inline]
 pub(super) fn company_of(codes: &[u16; 9]) -> Company {
-    #[expect(clippy::cast_possible_truncation, reason = "a byte")]
-    const SCALE: i16 = normal::SCALE as i16;
-    let mut parts = [[0_i16; 9]; 3];
-    for i in 0..9 {
-        let [low, high] = codes[i].to_le_bytes();
-        let (u, v) = (i16::from(low as i8).max(-SCALE), i16::from(high as i8).max(-SCALE));
-        let (size_u, size_v) = (u.wrapping_abs(), v.wrapping_abs());
-        let z = SCALE.wrapping_sub(size_u).wrapping_sub(size_v);
-        let (fold_u, fold_v) = (SCALE.wrapping_sub(size_v), SCALE.wrapping_sub(size_u));
-        let fold_u = if u < 0 { fold_u.wrapping_neg() } else { fold_u };
-        let fold_v = if v < 0 { fold_v.wrapping_neg() } else { fold_v };
-        let folded = z < 0;
-        parts[0][i] = if folded { fold_u } else { u };
-        parts[1][i] = if folded { fold_v } else { v };
-        parts[2][i] = z;
-    }
-    let [x, y, z] = [parts[0][4], parts[1][4], parts[2][4]];
-    let mut agrees = [0_u16; 9];
-    // Sums of sizes up to 127 do not wrap; said so, because a check of each would keep the loop from being vectorised.
-    for i in 0..9 {
-        let [a, b, c] = [parts[0][i], parts[1][i], parts[2][i]];
-        let size = |x: i16, y: i16, z: i16| {
-            x.wrapping_abs().wrapping_add(y.wrapping_abs()).wrapping_add(z.wrapping_abs())
-        };
-        let to = size(x.wrapping_sub(a), y.wrapping_sub(b), z.wrapping_sub(c));
-        let fro = size(x.wrapping_add(a), y.wrapping_add(b), z.wrapping_add(c));
-        agrees[i] = u16::from(to.min(fro) < SCALE / 2 + 1);
-    }
-    if agrees[5] & agrees[3] & (agrees[6] | agrees[2]) == 1 {
-        return Company::Calm;
-    }
-    // The one in the middle agrees with itself.
-    let agreeing = agrees.iter().sum::<u16>() - 1;
-    if usize::from(agreeing) <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
+    let mut row = [0; tile::PLACES];
+    row[..9].copy_from_slice(codes);
+    let (calm, noise) = tile::company_of(&row);
+    Company::of_flags(calm, noise)
 }
 
 /// Do two normals of any length agree, or one and what is opposite to the other?
@@ -131,9 +115,6 @@ const FAR_FROM_PLANE: f64 = 0.6;
 const FLAT: f64 = 0.1;
 const NOT_FLAT: f64 = 0.18;
 
-/// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.
-const FACE_WEIGHT: f64 = 1e-3;
-
 /// A box that a ray hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Struck {
@@ -147,6 +128,37 @@ pub(super) struct Struck {
     pub(super) face: Face,
 }
 
+/// What is to be done with a stored normal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Keep,
+    /// It tells of the far side of something thin.
+    Turn,
+    /// The skin around is asked.
+    Doubt,
+}
+
+/// `along` is the cosine between the stored normal and the face that was hit.
+#[inline]
+fn judge(along: f64, company: Company) -> Verdict {
+    let near = nearness(company);
+    if company == Company::Noise {
+        Verdict::Doubt
+    } else if along >= near {
+        Verdict::Keep
+    } else if along <= -near {
+        Verdict::Turn
+    } else {
+        Verdict::Doubt
+    }
+}
+
+/// How near to a face a normal in this company is taken as it is.
+#[inline]
+fn nearness(company: Company) -> f64 {
+    if company == Company::Calm { NEAR_FACE } else { NEAR_FACE_MIXED }
+}
+
 /// The normal that is shown of a stored one, both in the frame of the boxes (any length, each axis in its own
 /// spacing); `None` where the stored one stays. `struck` is asked for what was hit only where that matters.
 #[inline]
@@ -158,27 +170,39 @@ pub(super) fn shown(
     stored: [f64; 3],
     company: Company,
 ) -> Option<[f64; 3]> {
-    let axis = usize::from(face.axis % 3);
-    let outward = if face.high { 1.0 } else { -1.0 };
-    let length = dot(stored, stored).sqrt();
-    let along = stored[axis] * outward / length;
-    let near = if company == Company::Calm { NEAR_FACE } else { NEAR_FACE_MIXED };
-    if company != Company::Noise {
-        if along >= near {
-            return None;
-        }
-        if along <= -near {
-            // The stored normal tells of the far side of something thin.
-            return Some(stored.map(|c| -c));
-        }
+    let along = along(face, stored);
+    match judge(along, company) {
+        Verdict::Keep => None,
+        Verdict::Turn => Some(stored.map(|c| -c)),
+        Verdict::Doubt => fitted(view, around, &struck(), stored, company),
     }
+}
+
+/// Cosine between a normal and a face.
+#[inline]
+fn along(face: Face, stored: [f64; 3]) -> f64 {
+    let outward = if face.high { 1.0 } else { -1.0 };
+    stored[usize::from(face.axis % 3)] * outward / dot(stored, stored).sqrt()
+}
+
+/// The normal of a hit whose stored one is in doubt: as [`shown`].
+pub(super) fn fitted(
+    view: &ModelView<'_>,
+    around: &mut Surroundings,
+    struck: &Struck,
+    stored: [f64; 3],
+    company: Company,
+) -> Option<[f64; 3]> {
     let mut face = [0.0; 3];
-    face[axis] = outward;
-    let (plane, scatter) = Around::of(view, around, &struck())?.plane(face);
+    face[usize::from(struck.face.axis % 3)] = if struck.face.high { 1.0 } else { -1.0 };
+    let (plane, scatter) = Around::of(view, around, struck)?.plane(face);
+    let length = dot(stored, stored).sqrt();
     let toward = if dot(stored, plane) < 0.0 { -1.0 } else { 1.0 };
     let cosine = dot(stored, plane) * toward / length;
     let mut share = ramp(scatter, FLAT, NOT_FLAT);
     if company != Company::Noise {
+        let near = nearness(company);
+        let along = along(struck.face, stored);
         share *= ramp(along.abs(), near - FADE, near) * ramp(cosine, FAR_FROM_PLANE, NEAR_PLANE);
     }
     (share > 0.0)
@@ -190,187 +214,11 @@ fn ramp(value: f64, all: f64, none: f64) -> f64 {
     ((none - value) / (none - all)).clamp(0.0, 1.0)
 }
 
-/// Which boxes near one are skin, as [`Surroundings::window`] tells: bit `x + 5 y + 25 z`.
-struct Around(u128);
-
-impl Around {
-    /// The boxes around the one that was struck; `None` where it is not found: a hit's place is rounded, and may
-    /// come out in a neighbour.
-    fn of(view: &ModelView<'_>, around: &mut Surroundings, struck: &Struck) -> Option<Self> {
-        let axis = usize::from(struck.face.axis % 3);
-        let levels = view.depth().checked_sub(struck.edge_log2)?;
-        let limit = (1_i64 << levels) - 1;
-        let mut cell = [0; 3];
-        for (a, cell) in cell.iter_mut().enumerate() {
-            let at = struck.at[a];
-            let at = if a != axis {
-                at.floor()
-            } else {
-                (at + 0.5).floor() - f64::from(u8::from(struck.face.high))
-            };
-            #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid")]
-            let at = at as i64;
-            *cell = at.clamp(0, limit);
-        }
-        if levels == 0 {
-            return Some(Self(1 << 62));
-        }
-        let mut look = |cell: [i64; 3]| {
-            let (found, middle) = around.window(view, levels, cell);
-            (middle == Some(struck.number)).then_some(Self(found))
-        };
-        // On an edge of the box, the neighbour across it.
-        let beside = (0..3).filter(|a| *a != axis).map(|a| {
-            let mut next = cell;
-            let within = struck.at[a] - struck.at[a].floor();
-            next[a] += if within < 0.5 { -1 } else { 1 };
-            next
-        });
-        look(cell).or_else(|| beside.into_iter().find_map(look))
-    }
-
-    /// The boxes that hang together with the middle one, by faces, edges and corners.
-    fn connected(&self) -> u128 {
-        let mut piece = 1_u128 << 62;
-        while piece != self.0 {
-            let mut wider = piece;
-            for (step, low, high) in [(1, ROW_LOW, ROW_HIGH), (5, COLUMN_LOW, COLUMN_HIGH), (25, 0, 0)] {
-                wider |= (wider & !high) << step | (wider & !low) >> step;
-            }
-            wider &= self.0;
-            if wider | piece == piece {
-                break;
-            }
-            piece |= wider;
-        }
-        piece
-    }
-
-    /// Unit normal of the plane nearest to the connected boxes (least squares), on the side of `face`, and the part
-    /// of their scatter that is along it.
-    ///
-    /// The normal is the eigenvector of the greatest eigenvalue of the adjugate of their scatter, by repeated
-    /// squaring: sums and products in one order, the same on every machine.
-    fn plane(&self, face: [f64; 3]) -> ([f64; 3], f64) {
-        let mut packed = [0_u64; 2];
-        let boxes = self.connected();
-        #[expect(clippy::cast_possible_truncation, reason = "one half after the other")]
-        for (mut boxes, from) in [(boxes as u64, 0), ((boxes >> 64) as u64, 64)] {
-            while boxes != 0 {
-                let moments = MOMENTS[(boxes.trailing_zeros() & 63 | from) as usize];
-                boxes &= boxes - 1;
-                packed = [packed[0] + moments[0], packed[1] + moments[1]];
-            }
-        }
-        // At most 125 boxes of moments up to 16: 12 bits hold every sum.
-        let field = |k: usize| (packed[k / 5] >> (12 * (k % 5)) & 0xfff) as f64;
-        let products = [field(0), field(1), field(2), field(3), field(4), field(5)];
-        let sum = [field(6), field(7), field(8)];
-        let count = field(9);
-        // Times the count squared, all whole numbers.
-        let s: [f64; 6] = std::array::from_fn(|k| count * products[k] - sum[PAIRS[k].0] * sum[PAIRS[k].1]);
-        let [xx, yy, zz, xy, xz, yz] = s;
-        let adjugate = [
-            yy * zz - yz * yz,
-            xx * zz - xz * xz,
-            xx * yy - xy * xy,
-            xz * yz - xy * zz,
-            xy * yz - xz * yy,
-            xy * xz - yz * xx,
-        ];
-        let size = (adjugate[0] + adjugate[1] + adjugate[2]).max(1.0);
-        let mut m: [f64; 6] =
-            std::array::from_fn(|k| adjugate[k] / size + FACE_WEIGHT * face[PAIRS[k].0] * face[PAIRS[k].1]);
-        for _ in 0..5 {
-            let [xx, yy, zz, xy, xz, yz] = m;
-            let square = [
-                xx * xx + xy * xy + xz * xz,
-                xy * xy + yy * yy + yz * yz,
-                xz * xz + yz * yz + zz * zz,
-                xx * xy + xy * yy + xz * yz,
-                xx * xz + xy * yz + xz * zz,
-                xy * xz + yy * yz + yz * zz,
-            ];
-            // Its length does not matter, only that it does not vanish: by a power of two it stays exact.
-            let trace = square[0] + square[1] + square[2];
-            let scale = f64::from_bits((2045 << 52) - (trace.to_bits() & 0x7ff << 52));
-            for (m, v) in m.iter_mut().zip(square) {
-                *m = v * scale;
-            }
-        }
-        let [xx, yy, zz, xy, xz, yz] = m;
-        let column = if xx >= yy && xx >= zz {
-            [xx, xy, xz]
-        } else if yy >= zz {
-            [xy, yy, yz]
-        } else {
-            [xz, yz, zz]
-        };
-        let length = dot(column, column).sqrt();
-        let side = if dot(column, face) < 0.0 { -length } else { length };
-        let n = [column[0] / side, column[1] / side, column[2] / side];
-        let along: f64 = (0..6)
-            .map(|k| if k < 3 { s[k] * n[k] * n[k] } else { 2.0 * s[k] * n[PAIRS[k].0] * n[PAIRS[k].1] })
-            .sum();
-        (n, along / (s[0] + s[1] + s[2]).max(1.0))
-    }
-}
-
-/// Axes of the six different elements of a symmetric matrix.
-const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
-
-/// For each box of the window, counted from its low corner: products of its coordinates as in [`PAIRS`], its
-/// coordinates, and 1, five in a word, 12 bits each. (128 entries, so that an index is masked.)
-const MOMENTS: [[u64; 2]; 128] = {
-    let mut table = [[0; 2]; 128];
-    let mut bit = 0_usize;
-    while bit < 125 {
-        let p = [(bit % 5) as u64, (bit / 5 % 5) as u64, (bit / 25) as u64];
-        let fields = [
-            p[0] * p[0],
-            p[1] * p[1],
-            p[2] * p[2],
-            p[0] * p[1],
-            p[0] * p[2],
-            p[1] * p[2],
-            p[0],
-            p[1],
-            p[2],
-            1,
-        ];
-        let mut k = 0;
-        while k < 10 {
-            table[bit][k / 5] |= fields[k] << (12 * (k % 5));
-            k += 1;
-        }
-        bit += 1;
-    }
-    table
-};
-
-/// Boxes at the ends of the window's rows along x, and of its columns along y.
-const ROW_LOW: u128 = ends(1, 0);
-const ROW_HIGH: u128 = ends(1, 4);
-const COLUMN_LOW: u128 = ends(5, 0);
-const COLUMN_HIGH: u128 = ends(5, 4);
-
-const fn ends(step: u32, at: u32) -> u128 {
-    let mut bits = 0;
-    let mut bit = 0;
-    while bit < SIDE * SIDE * SIDE {
-        if bit / step % SIDE == at {
-            bits |= 1 << bit;
-        }
-        bit += 1;
-    }
-    bits
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geom::{BoxIndex, Dims, Octant, morton};
-    use crate::load::MemoryTree;
+    use crate::load::{MemoryTree, NodeView};
 
     const UP: Face = Face { axis: 2, high: true };
 
