@@ -7,7 +7,7 @@ use crate::load::{ModelView, NodeView};
 use super::around::Surroundings;
 use super::blend;
 use super::cells::Cells;
-use super::facing::{self, Company, tile::Stored};
+use super::facing::{self, tile::Stored};
 use super::ray::Face;
 use super::space::{GridSpace, add_scaled, dot};
 use super::traverse::{Hit, Trace};
@@ -304,22 +304,15 @@ impl<'a> Normals<'a> {
         found.is_some()
     }
 
-    /// The normal of a pixel that was noted, but is in doubt; in the frame of the boxes.
-    pub(super) fn in_doubt(
+    /// The scatter of the boxes around a pixel that was noted, but is in doubt; `None` where its normal stays.
+    #[inline]
+    pub(super) fn scatter(
         &self,
         around: &mut Surroundings,
         seen: Seen,
-        (code, company): (u16, Company),
         line: impl Fn() -> Line,
-    ) -> [f64; 3] {
-        let own = normal::decode_fine(code, normal::FINE_NONE).map(f64::from);
-        let Some(face) = seen.face() else { return own };
-        let edge = self.space.spacing_mm()[0];
-        let struck = self.struck(seen, face, line);
-        match facing::fitted(self.view, around, &struck, own.map(|c| c * edge), company) {
-            Some(shown) => shown.map(|c| c / edge),
-            None => own,
-        }
+    ) -> Option<[f64; 6]> {
+        facing::scatter_around(self.view, around, &self.struck(seen, seen.face()?, line))
     }
 }
 

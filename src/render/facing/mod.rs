@@ -21,7 +21,7 @@ use crate::load::ModelView;
 use super::around::Surroundings;
 use super::ray::Face;
 use super::space::dot;
-use plane::Around;
+use plane::{Around, nearest_plane};
 
 /// How far two stored normals are apart that agree, as the sum of the differences of their parts, whose sizes add
 /// up to 1: some 25 degrees.
@@ -186,32 +186,54 @@ fn along(face: Face, stored: [f64; 3]) -> f64 {
 }
 
 /// The normal of a hit whose stored one is in doubt: as [`shown`].
-pub(super) fn fitted(
+fn fitted(
     view: &ModelView<'_>,
     around: &mut Surroundings,
     struck: &Struck,
     stored: [f64; 3],
     company: Company,
 ) -> Option<[f64; 3]> {
+    let scatter = scatter_around(view, around, struck)?;
     let mut face = [0.0; 3];
     face[usize::from(struck.face.axis % 3)] = if struck.face.high { 1.0 } else { -1.0 };
-    let (plane, scatter) = Around::of(view, around, struck)?.plane(face);
-    let length = dot(stored, stored).sqrt();
-    let toward = if dot(stored, plane) < 0.0 { -1.0 } else { 1.0 };
-    let cosine = dot(stored, plane) * toward / length;
-    let mut share = ramp(scatter, FLAT, NOT_FLAT);
-    if company != Company::Noise {
-        let near = nearness(company);
-        let along = along(struck.face, stored);
-        share *= ramp(along.abs(), near - FADE, near) * ramp(cosine, FAR_FROM_PLANE, NEAR_PLANE);
-    }
-    (share > 0.0)
-        .then(|| std::array::from_fn(|a| stored[a] * toward / length * (1.0 - share) + plane[a] * share))
+    let (share, shown) = settled(scatter, face, stored, nearness(company), company == Company::Noise);
+    (share > 0.0).then_some(shown)
+}
+
+/// The scatter of the boxes that hang together around the one that was struck; `None` where that is not found.
+#[inline]
+pub(super) fn scatter_around(
+    view: &ModelView<'_>,
+    around: &mut Surroundings,
+    struck: &Struck,
+) -> Option<[f64; 6]> {
+    Some(Around::of(view, around, struck)?.scatter())
+}
+
+/// What a stored normal in doubt and the plane that fits boxes of this scatter make together, and the plane's share in
+/// it; the stored one stays where that is 0.
+#[inline(always)]
+fn settled(scatter: [f64; 6], face: [f64; 3], stored: [f64; 3], near: f64, noise: bool) -> (f64, [f64; 3]) {
+    let (plane, thick) = nearest_plane(scatter, face);
+    let [x, y, z] = stored;
+    let length = (x * x + y * y + z * z).sqrt();
+    let along = (x * face[0] + y * face[1] + z * face[2]) / length;
+    let across = x * plane[0] + y * plane[1] + z * plane[2];
+    let toward = if across < 0.0 { -1.0 } else { 1.0 };
+    let cosine = across * toward / length;
+    let flat = ramp(thick, FLAT, NOT_FLAT);
+    let say = ramp(along.abs(), near - FADE, near) * ramp(cosine, FAR_FROM_PLANE, NEAR_PLANE);
+    let share = if noise { flat } else { flat * say };
+    let mixed = |stored: f64, plane: f64| stored * toward / length * (1.0 - share) + plane * share;
+    (share, [mixed(x, plane[0]), mixed(y, plane[1]), mixed(z, plane[2])])
 }
 
 /// 1 up to `all`, 0 from `none` on, and straight between.
+#[inline(always)]
 fn ramp(value: f64, all: f64, none: f64) -> f64 {
-    ((none - value) / (none - all)).clamp(0.0, 1.0)
+    let share = (none - value) / (none - all);
+    let share = if share < 0.0 { 0.0 } else { share };
+    if share > 1.0 { 1.0 } else { share }
 }
 
 #[cfg(test)]

@@ -3,14 +3,13 @@
 use crate::load::{ModelView, NodeView};
 
 use super::super::around::{SIDE, Surroundings};
-use super::super::space::dot;
 use super::Struck;
 
 /// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.
 const FACE_WEIGHT: f64 = 1e-3;
 
 /// Which boxes near one are skin, as [`Surroundings::window`] tells: bit `x + 5 y + 25 z`.
-pub(super) struct Around(u128);
+pub(super) struct Around(pub(super) u128);
 
 impl Around {
     /// The boxes around the one that was struck; `None` where it is not found: a hit's place is rounded, and may
@@ -65,12 +64,9 @@ impl Around {
         piece
     }
 
-    /// Unit normal of the plane nearest to the connected boxes (least squares), on the side of `face`, and the part
-    /// of their scatter that is along it.
-    ///
-    /// The normal is the eigenvector of the greatest eigenvalue of the adjugate of their scatter, by repeated
-    /// squaring: sums and products in one order, the same on every machine.
-    pub(super) fn plane(&self, face: [f64; 3]) -> ([f64; 3], f64) {
+    /// Of the connected boxes, their count times the sums of products of their places, less the products of the sums:
+    /// their scatter times the count squared, all whole numbers. Elements as in [`PAIRS`].
+    pub(super) fn scatter(&self) -> [f64; 6] {
         let mut packed = [0_u64; 2];
         let boxes = self.connected();
         #[expect(clippy::cast_possible_truncation, reason = "one half after the other")]
@@ -83,56 +79,72 @@ impl Around {
         }
         // At most 125 boxes of moments up to 16: 12 bits hold every sum.
         let field = |k: usize| (packed[k / 5] >> (12 * (k % 5)) & 0xfff) as f64;
-        let products = [field(0), field(1), field(2), field(3), field(4), field(5)];
         let sum = [field(6), field(7), field(8)];
         let count = field(9);
-        // Times the count squared, all whole numbers.
-        let s: [f64; 6] = std::array::from_fn(|k| count * products[k] - sum[PAIRS[k].0] * sum[PAIRS[k].1]);
-        let [xx, yy, zz, xy, xz, yz] = s;
-        let adjugate = [
-            yy * zz - yz * yz,
-            xx * zz - xz * xz,
-            xx * yy - xy * xy,
-            xz * yz - xy * zz,
-            xy * yz - xz * yy,
-            xy * xz - yz * xx,
-        ];
-        let size = (adjugate[0] + adjugate[1] + adjugate[2]).max(1.0);
-        let mut m: [f64; 6] =
-            std::array::from_fn(|k| adjugate[k] / size + FACE_WEIGHT * face[PAIRS[k].0] * face[PAIRS[k].1]);
-        for _ in 0..5 {
-            let [xx, yy, zz, xy, xz, yz] = m;
-            let square = [
-                xx * xx + xy * xy + xz * xz,
-                xy * xy + yy * yy + yz * yz,
-                xz * xz + yz * yz + zz * zz,
-                xx * xy + xy * yy + xz * yz,
-                xx * xz + xy * yz + xz * zz,
-                xy * xz + yy * yz + yz * zz,
-            ];
-            // Its length does not matter, only that it does not vanish: by a power of two it stays exact.
-            let trace = square[0] + square[1] + square[2];
-            let scale = f64::from_bits((2045 << 52) - (trace.to_bits() & 0x7ff << 52));
-            for (m, v) in m.iter_mut().zip(square) {
-                *m = v * scale;
-            }
-        }
-        let [xx, yy, zz, xy, xz, yz] = m;
-        let column = if xx >= yy && xx >= zz {
-            [xx, xy, xz]
-        } else if yy >= zz {
-            [xy, yy, yz]
-        } else {
-            [xz, yz, zz]
-        };
-        let length = dot(column, column).sqrt();
-        let side = if dot(column, face) < 0.0 { -length } else { length };
-        let n = [column[0] / side, column[1] / side, column[2] / side];
-        let along: f64 = (0..6)
-            .map(|k| if k < 3 { s[k] * n[k] * n[k] } else { 2.0 * s[k] * n[PAIRS[k].0] * n[PAIRS[k].1] })
-            .sum();
-        (n, along / (s[0] + s[1] + s[2]).max(1.0))
+        std::array::from_fn(|k| count * field(k) - sum[PAIRS[k].0] * sum[PAIRS[k].1])
     }
+}
+
+/// Unit normal of the plane nearest to boxes (least squares), on the side of `face`, and the part of their scatter that
+/// is along it.
+///
+/// The normal is the eigenvector of the greatest eigenvalue of the adjugate of their scatter, by repeated squaring: sums
+/// and products in one order, the same on every machine. Written without branches, so that loops over it vectorise.
+#[inline(always)]
+pub(super) fn nearest_plane([xx, yy, zz, xy, xz, yz]: [f64; 6], face: [f64; 3]) -> ([f64; 3], f64) {
+    let [adj_xx, adj_yy, adj_zz] = [yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy];
+    let [adj_xy, adj_xz, adj_yz] = [xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - yz * xx];
+    let size = adj_xx + adj_yy + adj_zz;
+    let size = if size > 1.0 { size } else { 1.0 };
+    let mut m_xx = adj_xx / size + FACE_WEIGHT * face[0] * face[0];
+    let mut m_yy = adj_yy / size + FACE_WEIGHT * face[1] * face[1];
+    let mut m_zz = adj_zz / size + FACE_WEIGHT * face[2] * face[2];
+    let mut m_xy = adj_xy / size + FACE_WEIGHT * face[0] * face[1];
+    let mut m_xz = adj_xz / size + FACE_WEIGHT * face[0] * face[2];
+    let mut m_yz = adj_yz / size + FACE_WEIGHT * face[1] * face[2];
+    for _ in 0..5 {
+        let sq_xx = m_xx * m_xx + m_xy * m_xy + m_xz * m_xz;
+        let sq_yy = m_xy * m_xy + m_yy * m_yy + m_yz * m_yz;
+        let sq_zz = m_xz * m_xz + m_yz * m_yz + m_zz * m_zz;
+        let sq_xy = m_xx * m_xy + m_xy * m_yy + m_xz * m_yz;
+        let sq_xz = m_xx * m_xz + m_xy * m_yz + m_xz * m_zz;
+        let sq_yz = m_xy * m_xz + m_yy * m_yz + m_yz * m_zz;
+        // Its length does not matter, only that it does not vanish: by a power of two it stays exact.
+        let trace = sq_xx + sq_yy + sq_zz;
+        let scale = f64::from_bits((2045_u64 << 52).wrapping_sub(trace.to_bits() & 0x7ff << 52));
+        (m_xx, m_yy, m_zz) = (sq_xx * scale, sq_yy * scale, sq_zz * scale);
+        (m_xy, m_xz, m_yz) = (sq_xy * scale, sq_xz * scale, sq_yz * scale);
+    }
+    // The column of the greatest element of the diagonal.
+    let first = (m_xx >= m_yy) & (m_xx >= m_zz);
+    let second = m_yy >= m_zz;
+    let x = if first {
+        m_xx
+    } else if second {
+        m_xy
+    } else {
+        m_xz
+    };
+    let y = if first {
+        m_xy
+    } else if second {
+        m_yy
+    } else {
+        m_yz
+    };
+    let z = if first {
+        m_xz
+    } else if second {
+        m_yz
+    } else {
+        m_zz
+    };
+    let length = (x * x + y * y + z * z).sqrt();
+    let side = if x * face[0] + y * face[1] + z * face[2] < 0.0 { -length } else { length };
+    let (x, y, z) = (x / side, y / side, z / side);
+    let along = xx * x * x + yy * y * y + zz * z * z + 2.0 * xy * x * y + 2.0 * xz * x * z + 2.0 * yz * y * z;
+    let all = xx + yy + zz;
+    ([x, y, z], along / if all > 1.0 { all } else { 1.0 })
 }
 
 /// Axes of the six different elements of a symmetric matrix.

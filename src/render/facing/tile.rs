@@ -9,7 +9,7 @@ use super::super::form::LanesKernel;
 use super::super::lanes::Lanes;
 use super::super::ray::Face;
 use super::super::tile::RAYS;
-use super::{Company, MOST_BY_CHANCE, NEAR_FACE, NEAR_FACE_MIXED};
+use super::{Company, MOST_BY_CHANCE, NEAR_FACE, NEAR_FACE_MIXED, nearness, settled};
 
 /// Places in a row of codes: nine are used, and sixteen are looked at together.
 pub(super) const PLACES: usize = 16;
@@ -36,12 +36,6 @@ impl Stored {
         self.axes[pixel] = face.axis;
         self.outward[pixel] = if face.high { 1.0 } else { -1.0 };
     }
-
-    /// Code of the normal of the box that a pixel hit.
-    #[inline]
-    pub(in crate::render) fn code(&self, pixel: usize) -> u16 {
-        self.codes[pixel % RAYS][OWN]
-    }
 }
 
 /// The answers.
@@ -62,6 +56,107 @@ impl Judged {
     #[inline]
     pub(in crate::render) fn company(&self, pixel: usize) -> Company {
         Company::of_flags(self.calm[pixel % RAYS], self.noise[pixel % RAYS])
+    }
+}
+
+/// Doubts that are settled together: two vectors of doubles with AVX2.
+const TOGETHER: usize = 8;
+
+/// Normals in doubt, and what the boxes around them are like.
+#[derive(Clone, Copy)]
+struct Group {
+    scatter: [[f64; TOGETHER]; 6],
+    face: [[f64; TOGETHER]; 3],
+    /// Stored normals in the frame of the boxes.
+    own: [[f64; TOGETHER]; 3],
+    near: [f64; TOGETHER],
+    /// 1 in noise.
+    noise: [f64; TOGETHER],
+}
+
+/// The doubts of a tile, to be settled together.
+pub(in crate::render) struct Doubts {
+    groups: [Group; RAYS / TOGETHER],
+    count: usize,
+}
+
+impl Doubts {
+    pub(in crate::render) const NOTHING: Self = {
+        let face = [[1.0; TOGETHER], [0.0; TOGETHER], [0.0; TOGETHER]];
+        let (scatter, one) = ([[0.0; TOGETHER]; 6], [1.0; TOGETHER]);
+        Self {
+            groups: [Group { scatter, face, own: face, near: one, noise: one }; RAYS / TOGETHER],
+            count: 0,
+        }
+    };
+
+    /// Begins a tile.
+    pub(in crate::render) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Notes that of a pixel; its number.
+    #[inline]
+    pub(in crate::render) fn add(
+        &mut self,
+        judged: &Judged,
+        stored: &Stored,
+        pixel: usize,
+        scatter: [f64; 6],
+    ) -> u8 {
+        let (number, pixel) = (self.count % RAYS, pixel % RAYS);
+        self.count += 1;
+        let (group, at) = (&mut self.groups[number / TOGETHER], number % TOGETHER);
+        for (out, part) in group.scatter.iter_mut().zip(scatter) {
+            out[at] = part;
+        }
+        let company = judged.company(pixel);
+        for a in 0..3 {
+            group.face[a][at] =
+                if usize::from(stored.axes[pixel]) == a { stored.outward[pixel] } else { 0.0 };
+            group.own[a][at] = judged.normals[a][pixel];
+        }
+        group.near[at] = nearness(company);
+        group.noise[at] = f64::from(u8::from(company == Company::Noise));
+        #[expect(clippy::cast_possible_truncation, reason = "fewer than a tile's pixels")]
+        let number = number as u8;
+        number
+    }
+
+    /// The normal that is shown, once it is settled.
+    #[inline]
+    pub(in crate::render) fn normal(&self, number: u8) -> [f64; 3] {
+        let number = usize::from(number) % RAYS;
+        self.groups[number / TOGETHER].own.map(|parts| parts[number % TOGETHER])
+    }
+}
+
+/// Settles the doubts of a tile.
+pub(in crate::render) struct Settle<'a> {
+    pub(in crate::render) doubts: &'a mut Doubts,
+    /// Edge of a box, mm.
+    pub(in crate::render) edge_mm: f64,
+}
+
+impl LanesKernel for Settle<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Lanes) {
+        let Self { doubts, edge_mm } = self;
+        for group in doubts.groups.iter_mut().take(doubts.count.div_ceil(TOGETHER)) {
+            for i in 0..TOGETHER {
+                let s = &group.scatter;
+                let scatter = [s[0][i], s[1][i], s[2][i], s[3][i], s[4][i], s[5][i]];
+                let face = [group.face[0][i], group.face[1][i], group.face[2][i]];
+                let own = [group.own[0][i], group.own[1][i], group.own[2][i]];
+                let stored = [own[0] * edge_mm, own[1] * edge_mm, own[2] * edge_mm];
+                let (share, shown) = settled(scatter, face, stored, group.near[i], group.noise[i] > 0.0);
+                for a in 0..3 {
+                    group.own[a][i] = if share > 0.0 { shown[a] / edge_mm } else { own[a] };
+                }
+            }
+        }
     }
 }
 
@@ -173,7 +268,7 @@ const BIT: [u16; PLACES] = {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Verdict, along, company, judge};
+    use super::super::{Around, Verdict, along, company, judge};
     use super::*;
     use crate::random::Random;
     use crate::render::form::Form;
@@ -185,6 +280,47 @@ mod tests {
             let part = |c: f32, random: &mut Random| c + random.below(2 * spread + 1) as f32 - spread as f32;
             normal::encode(middle.map(|c| part(c, random)))
         })
+    }
+
+    #[test]
+    fn doubts_are_settled_as_one_by_one() {
+        let mut random = Random(9);
+        let mut changed = 0;
+        for round in 0..200 {
+            let edge_mm = [1.0, 0.3, 7.25][round % 3];
+            let (mut stored, mut judged) = (Stored::NOTHING, Judged::NOTHING);
+            let wanted: Vec<_> = (0..random.below(65_usize))
+                .map(|pixel| {
+                    let face = Face::new(random.below(3_u32) as usize, random.below(2_u32) == 1);
+                    stored.set(pixel, &codes(&mut random, 500), face);
+                    judged.calm[pixel] = random.below(2_u16);
+                    judged.noise[pixel] = (1 - judged.calm[pixel]) * random.below(2_u16);
+                    let own = normal::decode_fine(stored.codes[pixel][OWN], normal::FINE_NONE).map(f64::from);
+                    for (parts, own) in judged.normals.iter_mut().zip(own) {
+                        parts[pixel] = own;
+                    }
+                    let boxes = u128::from(random.bits()) << 64 | u128::from(random.bits()) | 1 << 62;
+                    (pixel, face, own, Around(boxes & (1 << 125) - 1).scatter())
+                })
+                .collect();
+            for form in Form::available() {
+                let mut doubts = Doubts::NOTHING;
+                let numbers: Vec<_> = wanted.iter().map(|w| doubts.add(&judged, &stored, w.0, w.3)).collect();
+                form.run(Settle { doubts: &mut doubts, edge_mm });
+                for ((pixel, face, own, scatter), number) in wanted.iter().zip(numbers) {
+                    let mut out = [0.0; 3];
+                    out[usize::from(face.axis)] = if face.high { 1.0 } else { -1.0 };
+                    let company = judged.company(*pixel);
+                    let scaled = own.map(|c| c * edge_mm);
+                    let (share, shown) =
+                        settled(*scatter, out, scaled, nearness(company), company == Company::Noise);
+                    let want = if share > 0.0 { shown.map(|c| c / edge_mm) } else { *own };
+                    assert_eq!(doubts.normal(number), want, "{form:?}");
+                    changed += usize::from(share > 0.0);
+                }
+            }
+        }
+        assert!(changed > 1000, "{changed}");
     }
 
     #[test]
