@@ -310,15 +310,25 @@ impl<'a> ModelView<'a> {
     /// them is missing.
     #[inline]
     pub fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
-        let at = voxel.index()?.checked_sub(4)?;
-        let codes = self.normals?.get(at..)?.first_chunk::<9>()?;
-        Some(codes.map(u16::from_le_bytes))
+        codes_near(self.normals, voxel.index())
+    }
+
+    /// The same of a node with an edge of 4 cells or more.
+    #[inline]
+    pub fn node_normals_near(&self, node: NodeIndex) -> Option<[u16; 9]> {
+        codes_near(self.node_normals, node.index())
     }
 }
 
 #[inline]
 fn code(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<u16> {
     codes?.get(at?).map(|c| u16::from_le_bytes(*c))
+}
+
+#[inline]
+fn codes_near(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<[u16; 9]> {
+    let near = codes?.get(at?.checked_sub(4)?..)?.first_chunk::<9>()?;
+    Some(near.map(u16::from_le_bytes))
 }
 
 // Always inlined: a traversal compiled for more instructions would else call these without them.

@@ -281,11 +281,17 @@ impl<'a> Normals<'a> {
         spacing[0] == spacing[1] && spacing[1] == spacing[2]
     }
 
-    /// Codes of a voxel, of the four before and of the four behind it.
+    /// Codes of a box, of the four before and of the four behind it.
     #[inline]
     fn codes_near(&self, seen: Seen) -> Option<[u16; 9]> {
-        let voxel = BoxIndex::new(seen.box_number).voxel(self.view.node_count());
-        if seen.kind == SeenKind::Voxel { self.view.voxel_normals_near(voxel) } else { None }
+        match seen.kind {
+            SeenKind::Voxel => {
+                let voxel = BoxIndex::new(seen.box_number).voxel(self.view.node_count());
+                self.view.voxel_normals_near(voxel)
+            }
+            SeenKind::Node => self.view.node_normals_near(NodeIndex::new(seen.box_number)),
+            SeenKind::Own => None,
+        }
     }
 
     /// Can the normals of a tile be judged all at once? Edge of a voxel in mm, if so.
