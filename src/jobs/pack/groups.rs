@@ -81,8 +81,7 @@ impl<G: GroupCoder> Kernel for Decode<'_, G> {
 /// Takes group after group through a coder. `fill` puts the next one into a worker, or says that the last has been;
 /// `drain` takes what came of it. Both see the groups in their order.
 ///
-/// A worker gets its next group as soon as the one before is drained, while others are still at work: 1.1 times as fast
-/// on two threads as filling and draining all of them together.
+/// A worker gets its next group as soon as the one before is drained, while others are still at work.
 pub(super) fn each_group<G: GroupCoder>(
     direction: Direction,
     mut fill: impl FnMut(&mut Worker<G>) -> Result<bool, Stop>,
