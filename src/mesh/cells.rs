@@ -104,8 +104,9 @@ impl Cells {
         for (axis, corner) in [x, y, z].into_iter().enumerate() {
             let [a, b] = ways(record, axis);
             let (low, high) = (a.min(b).min(0), a.max(b).max(0));
-            doubled[axis] = 2 * (record[axis] - corner) + low + high;
-            edges[axis] = high - low;
+            // Far below what would overflow: coordinates are below 2^29.
+            doubled[axis] = (2 * record[axis].wrapping_sub(corner)).wrapping_add(low).wrapping_add(high);
+            edges[axis] = high.wrapping_sub(low);
         }
         if edges.iter().any(|edge| *edge > LARGEST) {
             return false;

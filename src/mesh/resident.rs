@@ -320,7 +320,8 @@ pub(super) fn slices(t: &Held<'_>) -> (i32, i32) {
     match t {
         Held::Short(record) => {
             let [a, b] = ways(record, 2);
-            (first_centre(record[2] + a.min(b).min(0)), last_centre(record[2] + a.max(b).max(0)))
+            let from = |way: i32| record[2].wrapping_add(way);
+            (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
         }
         Held::Long(t) => centres(t, 2),
     }
@@ -332,7 +333,8 @@ pub(super) fn bricks_of(t: &Held<'_>, x0: i32) -> (i32, i32) {
     let (left, right) = match t {
         Held::Short(record) => {
             let [a, b] = ways(record, 0);
-            (first_centre(record[0] + a.min(b).min(0)), last_centre(record[0] + a.max(b).max(0)))
+            let from = |way: i32| record[0].wrapping_add(way);
+            (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
         }
         Held::Long(t) => centres(t, 0),
     };
