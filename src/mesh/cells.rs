@@ -221,12 +221,7 @@ impl<'r, F: Fn(u32) -> &'r Record> Kernel for Seek<'_, F> {
                 let (from, to) = cells.rows_around(y, beyond);
                 for row in from..to {
                     for balls in cells.around(x, row, beyond) {
-                        let squared = squared(balls, middle);
-                        let mut reached = 0_u32;
-                        for (lane, (squared, radius)) in squared.iter().zip(&balls.radius).enumerate() {
-                            let most = radius + bound;
-                            reached |= u32::from(*squared <= most * most) << lane;
-                        }
+                        let mut reached = reached(balls, middle, bound);
                         while reached != 0 {
                             let lane = reached.trailing_zeros() as usize % LANES;
                             reached &= reached - 1;
@@ -345,13 +340,28 @@ impl Cells {
     }
 }
 
+/// Which balls are as near as a bound, a bit each.
+#[inline(always)]
+fn reached(balls: &Balls, p: [f32; 2], bound: f32) -> u32 {
+    let squared = squared(balls, p);
+    let mut beyond = 0;
+    for lane in 0..LANES {
+        let most = balls.radius[lane] + bound;
+        // The sign of the difference: compilers know how to gather signs, but not how to gather comparisons.
+        beyond |= ((most * most - squared[lane]).to_bits() >> 31) << lane;
+    }
+    !beyond & 0xff
+}
+
 /// Squared distances of the middles of balls.
 #[inline(always)]
 fn squared(balls: &Balls, p: [f32; 2]) -> [f32; LANES] {
-    std::array::from_fn(|lane| {
+    let mut out = [0.0; LANES];
+    for lane in 0..LANES {
         let (x, y, z) = (balls.at[0][lane] - p[0], balls.at[1][lane] - p[1], balls.at[2][lane]);
-        x * x + y * y + z * z
-    })
+        out[lane] = x * x + y * y + z * z;
+    }
+    out
 }
 
 #[cfg(test)]

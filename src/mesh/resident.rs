@@ -299,17 +299,16 @@ impl Resident {
     #[inline(always)]
     pub(super) fn near(&self, slice: i32, brick: usize, reach: i32, each: &mut impl FnMut(u32, &Held<'_>)) {
         let z = slice - self.base;
-        // One of two slices begins one before its end, one between two centres behind it.
-        for numbers in [self.run(brick, z - reach - 1, z + reach), self.tall(brick)] {
+        let wide = self.tall(self.bricks);
+        let wide = wide.start..wide.start + self.wide as u32;
+        // One of two slices begins one before its end, one between two centres behind it. What is done with each
+        // stands once, so that it becomes part of this loop and of its instructions.
+        for numbers in [self.run(brick, z - reach - 1, z + reach), self.tall(brick), wide] {
             for (number, item) in numbers.clone().zip(self.items(numbers)) {
                 if Place::of(item).is_near(z, reach) {
                     each(number, &self.held(item));
                 }
             }
-        }
-        let wide = self.tall(self.bricks);
-        for (number, item) in wide.clone().zip(&self.items(wide)[..self.wide]) {
-            each(number, &self.held(item));
         }
     }
 }
