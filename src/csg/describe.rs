@@ -104,9 +104,9 @@ impl Description {
                 if skin.rows()[from[1]..][..BLOCK].iter().all(|row| row & columns(from[0], BLOCK) == 0) {
                     continue;
                 }
-                #[expect(clippy::cast_possible_truncation, reason = "below 32")]
                 let [x, y, z] = skin.corner();
-                let corner = [x + from[0] as u32, y + from[1] as u32, z];
+                let [from_x, from_y] = from.map(|at| u32::try_from(at).unwrap_or(0));
+                let corner = [x + from_x, y + from_y, z];
                 let steps = left_around(steps, corner, [BLOCK; 2], solid, &mut nearer);
                 any_walked |= self.describe_block(skin, from, BLOCK, solid, steps, walkers, &mut insides);
             }
@@ -139,7 +139,7 @@ impl Description {
         self.leaves.extend(steps.iter().filter_map(|step| program::leaf_of(*step)).map(|(leaf, _)| leaf));
         let [x0, y0, z] = skin.corner().map(|c| i32::try_from(c).unwrap_or(i32::MAX));
         let mut any_walked = false;
-        for y in from[1]..from[1] + side {
+        for (y, insides) in insides.iter_mut().enumerate().skip(from[1]).take(side) {
             let mut rest = skin.rows()[y] & columns(from[0], side);
             if rest == 0 {
                 continue;
@@ -156,7 +156,7 @@ impl Description {
                     Some(Surface::Walked(at, inside)) => {
                         any_walked = true;
                         self.walked[BRICK * y + x] = at + 1;
-                        insides[y] |= u32::from(inside) << x;
+                        *insides |= u32::from(inside) << x;
                         from_faces(&exposed, x)
                     }
                     None => from_faces(&exposed, x),

@@ -44,6 +44,9 @@ pub(super) struct Met<'a, 'f> {
     pub(super) negated: bool,
 }
 
+/// Makes something of a leaf, and says what that holds beside itself.
+pub(super) type Make<'a, 'm, T> = dyn FnMut(Met<'a, '_>) -> Result<(T, u64), Stop> + 'm;
+
 /// Why a tree cannot be made flat.
 pub(super) enum Stop {
     Fault(CsgFault),
@@ -113,7 +116,7 @@ impl<T> Flat<T> {
         (tree, root): (&'a Tree, NodeId),
         first: Affine,
         most_bytes: u64,
-        make: &mut dyn FnMut(Met<'a, '_>) -> Result<(T, u64), Stop>,
+        make: &mut Make<'a, '_, T>,
     ) -> Result<Self, Stop> {
         let mut flat = Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new() };
         // The deepest first: those behind the one that is at hand are no longer wanted.

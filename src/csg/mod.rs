@@ -56,7 +56,7 @@ use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::resident::give_back;
 use crate::stamp::stamp;
 use crate::volume::VolumeSource;
-use flat::{Flat, Met};
+use flat::{Flat, Make};
 use leaf::Leaf;
 use place::Place;
 use solid::CsgSolid;
@@ -284,7 +284,7 @@ impl<'a> Front<'a> {
         &self,
         tree: (&'t Tree, NodeId),
         first: Affine,
-        make: &mut dyn FnMut(Met<'t, '_>) -> Result<(T, u64), flat::Stop>,
+        make: &mut Make<'t, '_, T>,
     ) -> Result<Flat<T>, BuildError> {
         let left = Budget::of_job(self.options.memory).left_bytes();
         Flat::new(tree, first, left, make).map_err(|stop| match stop {

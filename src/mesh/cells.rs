@@ -324,9 +324,11 @@ impl Cells {
             for balls in self.around(x, row, beyond) {
                 let squared = squared(balls, p);
                 for lane in 0..LANES {
-                    let nearer = squared[lane] < least[lane];
-                    least[lane] = if nearer { squared[lane] } else { least[lane] };
-                    records[lane] = if nearer { balls.records[lane] } else { records[lane] };
+                    // All ones where the difference is below zero: chosen by masks the numbers stay in lanes, too.
+                    let nearer = (squared[lane] - least[lane]).to_bits().cast_signed() >> 31;
+                    let nearer = nearer.cast_unsigned();
+                    records[lane] = balls.records[lane] & nearer | records[lane] & !nearer;
+                    least[lane] = if squared[lane] < least[lane] { squared[lane] } else { least[lane] };
                 }
             }
         }
@@ -345,10 +347,10 @@ impl Cells {
 fn reached(balls: &Balls, p: [f32; 2], bound: f32) -> u32 {
     let squared = squared(balls, p);
     let mut beyond = 0;
-    for lane in 0..LANES {
-        let most = balls.radius[lane] + bound;
+    for (lane, (squared, radius)) in squared.iter().zip(&balls.radius).enumerate() {
+        let most = radius + bound;
         // The sign of the difference: compilers know how to gather signs, but not how to gather comparisons.
-        beyond |= ((most * most - squared[lane]).to_bits() >> 31) << lane;
+        beyond |= ((most * most - squared).to_bits() >> 31) << lane;
     }
     !beyond & 0xff
 }
@@ -357,9 +359,9 @@ fn reached(balls: &Balls, p: [f32; 2], bound: f32) -> u32 {
 #[inline(always)]
 fn squared(balls: &Balls, p: [f32; 2]) -> [f32; LANES] {
     let mut out = [0.0; LANES];
-    for lane in 0..LANES {
+    for (lane, out) in out.iter_mut().enumerate() {
         let (x, y, z) = (balls.at[0][lane] - p[0], balls.at[1][lane] - p[1], balls.at[2][lane]);
-        out[lane] = x * x + y * y + z * z;
+        *out = x * x + y * y + z * z;
     }
     out
 }
