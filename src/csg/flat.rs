@@ -213,7 +213,8 @@ impl<T> Flat<T> {
 
     /// Memory that it holds, and that making a program of it takes.
     fn bytes(&self) -> u64 {
-        let lists = self.leaves.capacity() * (size_of::<T>() + 2 * size_of::<u32>())
+        // Lists grow by an eighth.
+        let lists = self.leaves.len() * (size_of::<T>() + 2 * size_of::<u32>()) * 9 / 8
             + self.joins.capacity() * 24
             + self.parts.capacity() * 2 * size_of::<(u32, Part)>();
         self.held + lists as u64
