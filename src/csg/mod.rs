@@ -51,12 +51,12 @@ use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Threshold, build_solid, volume_solid};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
 use crate::format::SurfaceKind;
-use crate::geom::Affine;
+use crate::geom::{Affine, Dims};
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::resident::give_back;
 use crate::stamp::stamp;
 use crate::volume::VolumeSource;
-use flat::Flat;
+use flat::{Flat, Make};
 use leaf::Leaf;
 use place::Place;
 use solid::CsgSolid;
@@ -217,18 +217,12 @@ impl<'a> Front<'a> {
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
     ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
         let unit = Affine::from_spacing([self.csg.unit_mm; 3]);
-        let flat = Flat::new(tree, root, unit).map_err(|fault| self.wrong(fault))?;
-        let left = Budget::of_job(self.options.memory).left_bytes();
-        if flat.bytes() > left {
-            return Err(too_small(self.name, self.options.memory, flat.bytes()));
-        }
-        let place = self.place(&flat, volumes)?;
-        let mut leaves = Vec::with_capacity(flat.leaves.len());
+        let (own, meshes) = self.files((tree, root), unit, volumes)?;
+        let place = self.place((tree, root), unit, own)?;
         let mut walked = Vec::new();
-        let meshes = flat.leaves.iter().filter(|leaf| matches!(leaf.shape, Some(Shape::Mesh { .. }))).count();
-        for leaf in &flat.leaves {
-            let to_lattice = place.to_lattice.after(&flat.affines[leaf.affine as usize].0);
-            leaves.push(match leaf.shape {
+        let flat = self.flat((tree, root), unit, &mut |met| {
+            let to_lattice = place.to_lattice.after(met.affine);
+            let leaf = match met.shape {
                 None => Leaf::Nothing,
                 Some(Shape::Mesh { path }) => {
                     walked.push(self.mesh(path, &to_lattice, &place, meshes)?);
@@ -241,24 +235,26 @@ impl<'a> Front<'a> {
                     walked.push(WalkedLeaf { solid, gives_outwards: true });
                     Leaf::Walked(u32::try_from(walked.len() - 1).unwrap_or(u32::MAX))
                 }
-                Some(shape) => {
-                    leaf::place(shape, &to_lattice, leaf.line).map_err(|fault| self.wrong(fault))?
-                }
-            });
-        }
+                Some(shape) => leaf::place(shape, &to_lattice, met.line)?,
+            };
+            let held = leaf.bytes();
+            Ok((leaf, held))
+        })?;
         let [x, y, z] = [0, 1, 2].map(|k| place.affine.rows[k][3]);
         let half = if volumes.is_empty() { place.spacing_mm.map(|s| s / 2.0) } else { [0.0; 3] };
         let facts = CsgFacts {
-            leaves: leaves.len() as u64,
+            leaves: flat.leaves.len() as u64,
             files: walked.len() as u64,
             voxel_mm: place.spacing_mm,
             origin_mm: [x - half[0], y - half[1], z - half[2]],
-            cut: if volumes.is_empty() { [[false; 3]; 2] } else { self.cut(tree, root, &place)? },
+            cut: if volumes.is_empty() { [[false; 3]; 2] } else { self.cut((tree, root), &place)? },
         };
         let program = program::compile(&flat);
+        let leaves = flat.leaves;
+        let extents = leaves.iter().map(Leaf::extent).collect();
         let text = Some((self.name.to_path_buf(), stamp(self.name)));
         let name = self.name.display().to_string();
-        Ok((CsgSolid { name, place, leaves, program, walked, text }, facts))
+        Ok((CsgSolid { name, place, leaves, extents, program, walked, text }, facts))
     }
 
     fn volume(
@@ -283,27 +279,55 @@ impl<'a> Front<'a> {
         Ok(WalkedLeaf { solid: Box::new(solid), gives_outwards: false })
     }
 
+    /// A flat tree of what is made of leaves.
+    fn flat<'t, T>(
+        &self,
+        tree: (&'t Tree, NodeId),
+        first: Affine,
+        make: &mut Make<'t, '_, T>,
+    ) -> Result<Flat<T>, BuildError> {
+        let left = Budget::of_job(self.options.memory).left_bytes();
+        Flat::new(tree, first, left, make).map_err(|stop| match stop {
+            flat::Stop::Fault(fault) => self.wrong(fault),
+            flat::Stop::Memory { bytes } => too_small(self.name, self.options.memory, bytes),
+            flat::Stop::Build(error) => error,
+        })
+    }
+
+    /// The grid of the volumes among the leaves, and the number of meshes.
+    fn files(
+        &self,
+        tree: (&Tree, NodeId),
+        unit: Affine,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<(Option<VolumeGrid>, usize), BuildError> {
+        let (mut own, mut meshes) = (None, 0);
+        if tree.0.files().next().is_none() {
+            return Ok((own, meshes));
+        }
+        self.flat(tree, unit, &mut |met| {
+            meshes += usize::from(matches!(met.shape, Some(Shape::Mesh { .. })));
+            if let Some(Shape::Volume { path, .. }) = met.shape {
+                // A volume lies where its file says.
+                let info = self.volume(path, volumes)?.info();
+                let grid = (info.dims, info.affine, info.spacing_mm);
+                if *met.affine != Affine::from_spacing([1.0; 3]) || own.is_some_and(|own| own != grid) {
+                    return Err(CsgFault::Volumes.into());
+                }
+                own = Some(grid);
+            }
+            Ok(((), 0))
+        })?;
+        Ok((own, meshes))
+    }
+
     /// The grid: that of the volumes, or the one asked for.
     fn place(
         &self,
-        flat: &Flat<'_>,
-        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+        tree: (&Tree, NodeId),
+        unit: Affine,
+        own: Option<VolumeGrid>,
     ) -> Result<Place, BuildError> {
-        let mut own = None;
-        for leaf in &flat.leaves {
-            let Some(Shape::Volume { path, .. }) = leaf.shape else { continue };
-            // A volume lies where its file says.
-            let affine = &flat.affines[leaf.affine as usize].0;
-            if *affine != Affine::from_spacing([1.0; 3]) {
-                return Err(self.wrong(CsgFault::Volumes));
-            }
-            let info = self.volume(path, volumes)?.info();
-            let grid = (info.dims, info.affine, info.spacing_mm);
-            if own.is_some_and(|own| own != grid) {
-                return Err(self.wrong(CsgFault::Volumes));
-            }
-            own = Some(grid);
-        }
         match (own, self.csg.grid) {
             (Some(_), Some(_)) => Err(self.wrong(CsgFault::GridOfVolume)),
             (Some((dims, affine, spacing_mm)), None) => {
@@ -316,7 +340,7 @@ impl<'a> Front<'a> {
             (None, Some(choice)) => {
                 let bounds = match choice {
                     GridChoice::Exact { .. } => Bounds::EMPTY,
-                    _ => self.bounds(flat)?,
+                    _ => self.bounds(tree, unit)?,
                 };
                 let refused = |fault| SourceError::Unusable {
                     path: self.name.to_path_buf(),
@@ -328,34 +352,36 @@ impl<'a> Front<'a> {
     }
 
     /// On which sides the bounds of a tree reach out of its volumes' grid, by a voxel's middle at least.
-    fn cut(&self, tree: &Tree, root: NodeId, place: &Place) -> Result<[[bool; 3]; 2], BuildError> {
+    fn cut(&self, tree: (&Tree, NodeId), place: &Place) -> Result<[[bool; 3]; 2], BuildError> {
         let rows = place.to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
         let to_voxels = Affine { rows }.after(&Affine::from_spacing([self.csg.unit_mm; 3]));
-        let flat = Flat::new(tree, root, to_voxels).map_err(|fault| self.wrong(fault))?;
         let dims = place.dims.to_array().map(f64::from);
-        let mut files = Vec::new();
-        for leaf in &flat.leaves {
-            match leaf.shape {
-                Some(Shape::Volume { .. }) => files.push(Bounds { low: [0.0; 3], high: dims }),
-                Some(Shape::Mesh { path }) => {
-                    files.push(mesh_bounds(path, &flat.affines[leaf.affine as usize].0, &self.scratch)?);
-                }
-                _ => {}
-            }
-        }
-        let found = bounds::of_tree(&flat, &files);
+        let of_volume = Bounds { low: [0.0; 3], high: dims };
+        let found = bounds::of_tree(&self.flat_bounds(tree, to_voxels, of_volume)?);
         Ok([found.low.map(|low| low < -0.5), [0, 1, 2].map(|k| found.high[k] > dims[k] + 0.5)])
     }
 
-    fn bounds(&self, flat: &Flat<'_>) -> Result<Bounds, BuildError> {
-        let mut files = Vec::new();
-        for leaf in &flat.leaves {
-            if let Some(Shape::Mesh { path }) = leaf.shape {
-                let affine = &flat.affines[leaf.affine as usize].0;
-                files.push(mesh_bounds(path, affine, &self.scratch)?);
-            }
-        }
-        let bounds = bounds::of_tree(flat, &files);
+    /// The bounds of all leaves; those of volumes are given.
+    fn flat_bounds(
+        &self,
+        tree: (&Tree, NodeId),
+        first: Affine,
+        of_volume: Bounds,
+    ) -> Result<Flat<Bounds>, BuildError> {
+        self.flat(tree, first, &mut |met| {
+            let file = match met.shape {
+                Some(Shape::Volume { .. }) => Some(of_volume),
+                Some(Shape::Mesh { path }) if !met.negated => {
+                    Some(mesh_bounds(path, met.affine, &self.scratch)?)
+                }
+                _ => None,
+            };
+            Ok((bounds::of_leaf(&met, file), 0))
+        })
+    }
+
+    fn bounds(&self, tree: (&Tree, NodeId), unit: Affine) -> Result<Bounds, BuildError> {
+        let bounds = bounds::of_tree(&self.flat_bounds(tree, unit, Bounds::EMPTY)?);
         let sides = || bounds.low.iter().zip(&bounds.high);
         if sides().any(|(low, high)| low >= high) {
             return Err(self.wrong(CsgFault::Nothing));
@@ -366,3 +392,6 @@ impl<'a> Front<'a> {
         Ok(bounds)
     }
 }
+
+/// Size, place and spacing of a volume.
+type VolumeGrid = (Dims, Affine, [f64; 3]);
