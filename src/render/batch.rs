@@ -28,7 +28,7 @@
 //! at seven bricks each that lie in the cache, so little is waited for. Making a ray takes 35 to 90 ns more.
 
 use crate::geom::NodeIndex;
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::form::{Form, LanesKernel};
 use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
@@ -65,9 +65,9 @@ impl Batch {
     ///
     /// The rays must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells count as
     /// surface. Any view is safe, whatever it answers.
-    pub fn nearest<V: NodeView, S: Surface<V>>(
+    pub fn nearest<S: Surface>(
         &mut self,
-        view: &V,
+        view: &ModelView<'_>,
         surface: &S,
         rays: &[Ray],
         lod_edge_log2: u32,
@@ -80,9 +80,9 @@ impl Batch {
     }
 
     /// Does each ray meet anything? As [`Batch::nearest`] otherwise.
-    pub fn any<V: NodeView, S: Surface<V>>(
+    pub fn any<S: Surface>(
         &mut self,
-        view: &V,
+        view: &ModelView<'_>,
         surface: &S,
         rays: &[Ray],
         lod_edge_log2: u32,
@@ -140,8 +140,8 @@ impl Answers for Any<'_> {
 }
 
 /// A batch, for any lanes.
-struct Flight<'a, V, S, A> {
-    view: &'a V,
+struct Flight<'a, S, A> {
+    view: &'a ModelView<'a>,
     surface: &'a S,
     rays: &'a [Ray],
     lod_edge_log2: u32,
@@ -149,7 +149,7 @@ struct Flight<'a, V, S, A> {
     answers: A,
 }
 
-impl<V: NodeView, S: Surface<V>, A: Answers> LanesKernel for Flight<'_, V, S, A> {
+impl<S: Surface, A: Answers> LanesKernel for Flight<'_, S, A> {
     type Output = ();
 
     #[inline(always)]
@@ -240,10 +240,10 @@ impl Slot {
         clippy::cast_possible_truncation,
         reason = "estimates within SLACK"
     )]
-    fn begin<L: Lanes, V: NodeView>(
+    fn begin<L: Lanes>(
         &mut self,
         l: L,
-        view: &V,
+        view: &ModelView<'_>,
         path: &mut Path,
         (number, ray): (usize, &Ray),
         unit: u32,
@@ -336,7 +336,7 @@ impl Slot {
 
     /// Finds where the children of the brick that is next stand.
     #[inline(always)]
-    fn find<L: Lanes, V: NodeView>(&mut self, l: L, view: &V) {
+    fn find<L: Lanes>(&mut self, l: L, view: &ModelView<'_>) {
         let node = self.next.node;
         self.next.infobyte = view.infobyte(node);
         self.next.parent = view.first_child(node).node();
@@ -345,7 +345,7 @@ impl Slot {
 
     /// Looks at the brick that is next.
     #[inline(always)]
-    fn look<L: Lanes, V: NodeView>(&mut self, l: L, view: &V) {
+    fn look<L: Lanes>(&mut self, l: L, view: &ModelView<'_>) {
         let Next { level, low, infobyte, parent, .. } = self.next;
         let stored = l.spread_children(infobyte, view.infobytes(parent));
         let mirror = self.exact.mirror;
@@ -368,7 +368,7 @@ fn spread(c: u32) -> u32 {
 
 impl Path {
     #[inline(always)]
-    fn new<L: Lanes, V: NodeView>(l: L, view: &V, levels: u32) -> Self {
+    fn new<L: Lanes>(l: L, view: &ModelView<'_>, levels: u32) -> Self {
         let mut path = Self {
             top: top_edge(levels) / 2,
             half_top: levels % 2 == 1,
@@ -392,7 +392,7 @@ impl Path {
 
     /// Makes it the path to a box.
     #[inline(always)]
-    fn follow<L: Lanes, V: NodeView>(&mut self, l: L, view: &V, start: [u32; 3]) {
+    fn follow<L: Lanes>(&mut self, l: L, view: &ModelView<'_>, start: [u32; 3]) {
         let differs = (self.start[0] ^ start[0]) | (self.start[1] ^ start[1]) | (self.start[2] ^ start[2]);
         // The lowest brick that holds both.
         let both = u32::BITS.wrapping_sub(differs.leading_zeros()).wrapping_add(1) / 2;
@@ -417,7 +417,7 @@ impl Path {
     }
 }
 
-impl<V: NodeView, S: Surface<V>, A: Answers> Flight<'_, V, S, A> {
+impl<S: Surface, A: Answers> Flight<'_, S, A> {
     #[inline(always)]
     fn fly<L: Lanes>(mut self, l: L) {
         let Some(depth) = self.rays.first().map(|ray| ray.depth().min(MAX_DEPTH)) else { return };
