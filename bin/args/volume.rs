@@ -350,9 +350,8 @@ impl CleanArgs {
 impl BuildArgs {
     /// A flag that was given and says something about volumes only.
     pub(crate) fn volume_flag(&self) -> Option<&'static str> {
-        let Self { selection, clean, raw, which, mesh, skin, .. } = self;
+        let Self { selection, clean, raw, which, mesh, .. } = self;
         let given = [
-            ("--surface cells", skin.surface != SurfaceKind::Skin),
             ("--iso", selection.iso.is_some()),
             ("--range", selection.range.is_some()),
             ("--otsu", selection.otsu),

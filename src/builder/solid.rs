@@ -14,6 +14,7 @@
 use std::ops::Range;
 use std::time::Duration;
 
+use super::cells::EdgeCrossing;
 use super::error::BuildError;
 use super::item::ItemForm;
 use super::skin::{BitRows, Exposed, corner_samples, exposed};
@@ -178,6 +179,21 @@ pub trait SolidWorker {
     /// [`SkinSlice::voxels`]; of a sparse channel those of the voxels that have one.
     fn items(&self, channel: Channel) -> &[u8];
 
+    /// Calls `found` with crossings of the surface and edges between neighbouring samples of the slice's cells, as a part
+    /// of a solid of cells is asked for them: at least one of every edge whose ends differ in this solid, where it is
+    /// known. Asked in the place of [`SolidWorker::describe`].
+    ///
+    /// # Errors
+    /// The solid cannot be read.
+    fn crossings(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        found: &mut dyn FnMut(&EdgeCrossing),
+    ) -> Result<(), SourceError> {
+        let _ = (skin, found);
+        Ok(())
+    }
+
     /// What was found since the worker was made.
     fn found(&self) -> Found {
         Found::default()
@@ -247,6 +263,22 @@ impl OccupancyRows<'_> {
     pub fn row_mut(&mut self, y: u32) -> &mut [u64] {
         assert!(self.y.contains(&y), "a row that was not asked for");
         &mut self.words[(y - self.y.start) as usize * self.pitch..][..self.width]
+    }
+
+    /// Takes out what lies beyond a grid that is smaller than that of the boxes asked for.
+    pub(crate) fn clear_beyond(&mut self, dims: Dims) {
+        let (nx, slice_exists) = (i64::from(dims.nx()), self.z < dims.nz());
+        for y in self.y.clone() {
+            let exists = slice_exists && y < dims.ny();
+            let left = nx - self.origin;
+            for (word, base) in self.row_mut(y).iter_mut().zip((0..).step_by(64)) {
+                *word &= match left - base {
+                    bits if bits <= 0 || !exists => 0,
+                    bits if bits >= 64 => u64::MAX,
+                    bits => (1 << bits) - 1,
+                };
+            }
+        }
     }
 
     /// Writes row `y`: the columns of `inside` are inside, those before and after are not.

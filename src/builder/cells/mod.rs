@@ -11,11 +11,15 @@
 //! ([`sharp`]). Cells far longer than wide keep their corners where planes do not follow the surface ([`stretch`]).
 //! One by one ([`mod@pick`]) go thin walls, label maps, and whatever touches the border of the volume.
 //!
+//! Solids that know where their surface crosses edges, as meshes and trees do, have their cells described by that
+//! ([`edges`]).
+//!
 //! Every operation is an IEEE operation in a fixed order, and the last decisions are of integers: models are the
 //! same on every machine.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
 mod corner;
+mod edges;
 mod field;
 mod fit;
 mod jet;
@@ -37,6 +41,8 @@ use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::SourceError;
 
+pub use edges::EdgeCrossing;
+pub(crate) use edges::{CellEdge, CellEdges};
 use field::{EDGE, Field};
 use fit::{BATCH, Batch, Outcome};
 use pick::{Cell, Picked};
@@ -53,7 +59,7 @@ const _: () = assert!(AROUND_CELL.high == LOOKAHEAD);
 pub(super) const WORKER_BYTES: u64 = (size_of::<Batch>() + SLICE_VOXELS * (3 + CORNERS)) as u64;
 
 /// Size of the grid of cells of a volume, if there is one.
-pub(super) fn cell_dims(volume: Dims) -> Option<Dims> {
+pub(crate) fn cell_dims(volume: Dims) -> Option<Dims> {
     let grown = SurfaceKind::Cells.grown();
     Dims::new(volume.nx() + grown, volume.ny() + grown, volume.nz() + grown)
 }
