@@ -80,19 +80,28 @@ impl Description {
         walkers: &mut [Walker<'_>],
     ) -> Result<(), SourceError> {
         self.codes.clear();
-        // What matters around these voxels alone is often one leaf.
-        let mut near = std::mem::take(&mut self.near);
-        near.clear();
-        if let Left::Steps(steps) = left {
-            let around = around(skin.corner(), solid.place.dims.to_array());
-            let told = program::prune(steps, |leaf| solid.leaves[leaf as usize].cover(&around), &mut near);
-            if told != Cover::Mixed {
-                near.clear();
-            }
-        }
+        self.look(skin, solid, left);
+        let near = std::mem::take(&mut self.near);
         let done = self.describe_near(skin, solid, &near, walkers);
         self.near = near;
         done
+    }
+
+    /// Finds what is left of the program around a brick's slice: often one leaf.
+    pub(super) fn look(&mut self, skin: &SkinSlice<'_>, solid: &CsgSolid<'_>, left: Left<'_>) {
+        self.near.clear();
+        if let Left::Steps(steps) = left {
+            let around = around(skin.corner(), solid.place.dims.to_array());
+            let cover = |leaf: u32| solid.leaves[leaf as usize].cover(&around);
+            if program::prune(steps, cover, &mut self.near) != Cover::Mixed {
+                self.near.clear();
+            }
+        }
+    }
+
+    /// What [`Description::look`] has found.
+    pub(super) fn near(&self) -> &[Step] {
+        &self.near
     }
 
     fn describe_near(

@@ -17,7 +17,7 @@
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
 //! | `leaf`, `wide`, `facets` | placed leaves: exact membership, surfaces |
 //! | `walked` | meshes and volumes, walked slice by slice |
-//! | `solid`, `describe` | all of it as a solid of the builder; normals |
+//! | `solid`, `describe`, `cells` | all of it as a solid of the builder; normals; cells instead of skin |
 //!
 //! A leaf that is a volume has its voxels inside whose sample is at least its value, and the grid of the tree is then
 //! the volume's: voxel i is sample i, nothing is resampled, and other leaves are placed in the volume's millimetres.
@@ -26,6 +26,7 @@
 //! of the model, and of meshes what [`crate::mesh`] says.
 
 mod bounds;
+mod cells;
 mod describe;
 mod facets;
 mod flat;
@@ -48,7 +49,9 @@ use std::time::Instant;
 
 use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
-use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Threshold, build_solid, volume_solid};
+use crate::builder::{
+    BuildError, BuildOptions, BuildReport, Progress, Threshold, build_solid, cell_dims, volume_solid,
+};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
 use crate::format::SurfaceKind;
 use crate::geom::Affine;
@@ -56,6 +59,7 @@ use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::resident::give_back;
 use crate::stamp::stamp;
 use crate::volume::VolumeSource;
+use cells::CsgCells;
 use flat::Flat;
 use leaf::Leaf;
 use place::Place;
@@ -191,7 +195,14 @@ pub fn build_csg(
         whole @ MemoryCap::Process(_) => whole,
     };
     let options = BuildOptions { memory, ..options.clone() };
-    let mut build = build_solid(&solid, &options, output, progress)?;
+    let mut build = match options.volume_surface() {
+        SurfaceKind::Skin => build_solid(&solid, &options, output, progress)?,
+        SurfaceKind::Cells => {
+            let dims = cell_dims(solid.place.dims)
+                .ok_or_else(|| BuildError::NoRoomForCells { name: name.display().to_string() })?;
+            build_solid(&CsgCells { tree: solid, dims }, &options, output, progress)?
+        }
+    };
     build.seconds.scan += placing_s;
     Ok(CsgReport { build, facts })
 }
@@ -236,7 +247,7 @@ impl<'a> Front<'a> {
                 }
                 Some(Shape::Volume { path, iso }) => {
                     let source = self.volume(path, volumes)?;
-                    let (chosen, surface) = (Threshold::Iso(*iso), SurfaceKind::Skin);
+                    let (chosen, surface) = (Threshold::Iso(*iso), self.options.volume_surface());
                     let solid = volume_solid(source, chosen, surface, self.options, self.progress)?;
                     walked.push(WalkedLeaf { solid, gives_outwards: true });
                     Leaf::Walked(u32::try_from(walked.len() - 1).unwrap_or(u32::MAX))

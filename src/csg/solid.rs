@@ -109,26 +109,7 @@ impl Solid for CsgSolid<'_> {
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
-        let boxes = tile.columns.div_ceil(BOX) as usize;
-        let slab = || Slab {
-            number: u32::MAX,
-            kept: Vec::with_capacity(boxes),
-            steps: Vec::with_capacity(self.store(tile)),
-        };
-        Box::new(CsgWorker {
-            column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
-            whole: Vec::with_capacity(self.program.len()),
-            most_levels: levels(tile),
-            levels: Vec::with_capacity(levels(tile)),
-            spare: Vec::with_capacity(self.program.len()),
-            slabs: [slab(), slab()],
-            stack: vec![0; STACK * ROWS],
-            slice: Vec::with_capacity(self.program.len()),
-            crossings: Crossings::new(1, ROWS),
-            walkers: self.walked.iter().map(|leaf| Walker::new(leaf, self.place.dims, tile)).collect(),
-            description: Description::new(self.program.len()),
-            solid: self,
-        })
+        Box::new(CsgWorker::new(self, tile))
     }
 
     fn nothing_inside(&self) -> BuildError {
@@ -206,6 +187,45 @@ fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Left<
         Some(Kept::Uniform(inside)) => Left::Uniform(inside),
         Some(Kept::Steps { first, count }) => Left::Steps(&slab.steps[first as usize..][..count as usize]),
         Some(Kept::Unknown) | None => Left::Steps(whole),
+    }
+}
+
+impl<'a> CsgWorker<'a> {
+    pub(super) fn new(solid: &'a CsgSolid<'_>, tile: &Tile) -> Self {
+        let boxes = tile.columns.div_ceil(BOX) as usize;
+        let slab = || Slab {
+            number: u32::MAX,
+            kept: Vec::with_capacity(boxes),
+            steps: Vec::with_capacity(solid.store(tile)),
+        };
+        Self {
+            column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
+            whole: Vec::with_capacity(solid.program.len()),
+            most_levels: levels(tile),
+            levels: Vec::with_capacity(levels(tile)),
+            spare: Vec::with_capacity(solid.program.len()),
+            slabs: [slab(), slab()],
+            stack: vec![0; STACK * ROWS],
+            slice: Vec::with_capacity(solid.program.len()),
+            crossings: Crossings::new(1, ROWS),
+            walkers: solid.walked.iter().map(|leaf| Walker::new(leaf, solid.place.dims, tile)).collect(),
+            description: Description::new(solid.program.len()),
+            solid,
+        }
+    }
+
+    /// Has the walked leaves ready for a slice, if there are any.
+    pub(super) fn ready(&mut self, z: u32) -> Result<(), SourceError> {
+        if self.walkers.is_empty() { Ok(()) } else { self.reach(z) }
+    }
+
+    /// What is left of the program around a brick's slice.
+    pub(super) fn near(&mut self, skin: &SkinSlice<'_>) -> (&CsgSolid<'a>, &[Step], &mut [Walker<'a>]) {
+        let [x, _, z] = skin.corner();
+        let at = self.box_of(x.into());
+        let Self { solid, slabs, whole, walkers, description, .. } = self;
+        description.look(skin, solid, left(slabs, whole, z, at));
+        (solid, description.near(), walkers)
     }
 }
 
@@ -311,9 +331,7 @@ impl SolidWorker for CsgWorker<'_> {
 
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
         let (x, y, z) = (rows.x(), rows.y(), rows.z());
-        if !self.walkers.is_empty() {
-            self.reach(z)?;
-        }
+        self.ready(z)?;
         let Self { solid, column, slabs, whole, stack, slice, crossings, walkers, .. } = self;
         let count = y.len();
         let width = rows.row_mut(y.start).len();
@@ -366,9 +384,7 @@ impl SolidWorker for CsgWorker<'_> {
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
         let [x, _, z] = skin.corner();
-        if !self.walkers.is_empty() {
-            self.reach(z + 2)?;
-        }
+        self.ready(z + 2)?;
         let at = self.box_of(x.into());
         let Self { solid, slabs, whole, walkers, description, .. } = self;
         description.describe(skin, solid, left(slabs, whole, z, at), walkers)

@@ -12,7 +12,8 @@
 use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::solid::{MeshSolid, MeshWorker};
 use crate::builder::{
-    CellEdges, Cover, EdgeCrossing, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    CellEdges, Cover, EdgeCrossing, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile,
+    VoxelBox,
 };
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, SurfaceKind};

@@ -28,7 +28,8 @@ use super::paint::{Paint, Painter};
 use super::raster::{Crossings, Rule, cross_slice};
 use super::resident::{Resident, bricks_of, slices};
 use crate::builder::{
-    CellEdges, Cover, EdgeCrossing, Exposed, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    CellEdges, Cover, EdgeCrossing, Exposed, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker,
+    Tile, VoxelBox,
 };
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::facts::{Fault, SourceError};

@@ -6,7 +6,10 @@
 //!
 //! Of several crossings of one edge the one counts that is next to the outside end: from there on the edge is inside.
 //! Ties go by the normals, so that the order in which crossings are offered does not matter.
-#![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^17, places along an edge within 0..=1")]
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "coordinates are below 2^17, places along an edge within 0..=1"
+)]
 
 use super::corner::EDGES;
 use super::pick::{Picked, pick_crossed};
@@ -76,16 +79,18 @@ pub(crate) struct CellEdges {
 
 impl CellEdges {
     /// Memory of one.
-    pub(crate) const BYTES: u64 = (size_of::<Self>()
-        + FAMILIES * SIDE * SIDE * size_of::<Crossing>()
-        + SLICE_VOXELS * (3 + CORNERS)) as u64;
+    pub(crate) const BYTES: u64 =
+        (size_of::<Self>() + Self::MOST * size_of::<Crossing>() + SLICE_VOXELS * (3 + CORNERS)) as u64;
+
+    /// Most edges of a brick's cells in one slice.
+    pub(crate) const MOST: usize = FAMILIES * SIDE * SIDE;
 
     pub(crate) fn new() -> Self {
         Self {
             corner: [0; 3],
             wanted: [[0; SIDE]; FAMILIES],
             low_inside: [[0; SIDE]; FAMILIES],
-            crossings: vec![NOT_CROSSED; FAMILIES * SIDE * SIDE],
+            crossings: vec![NOT_CROSSED; Self::MOST],
             codes: Vec::with_capacity(2 * SLICE_VOXELS),
             offsets: Vec::with_capacity(SLICE_VOXELS),
             corners: Vec::with_capacity(CORNERS * SLICE_VOXELS),

@@ -76,6 +76,10 @@ impl Body {
         Ok(Self { triangles, rule, low, high })
     }
 
+    pub(super) fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+
     pub(super) fn held_bytes(&self) -> usize {
         self.triangles.capacity() * size_of::<Triangle>()
     }

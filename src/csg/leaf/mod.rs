@@ -11,6 +11,7 @@
 //! torus rounds once more, middles to 2^-26 of its major radius.
 
 mod body;
+mod cross;
 mod curved;
 mod make;
 mod plain;
