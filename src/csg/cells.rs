@@ -183,7 +183,7 @@ fn outermost(
             None
         } else {
             match placed {
-                Leaf::Walked(at) => of_walked[*at as usize].crossing(edge),
+                Leaf::Walked(at) => of_walked[*at as usize].crossing(edge.low, edge.axis),
                 own => own.crossing(edge.low, edge.axis),
             }
         };

@@ -232,9 +232,9 @@ impl CellEdges {
     }
 
     /// The crossing of an edge that counts of those that were offered; its normal looks outwards.
-    pub(crate) fn crossing(&self, edge: &CellEdge) -> Option<EdgeCrossing> {
-        let CellEdge { low, axis, low_inside } = *edge;
+    pub(crate) fn crossing(&self, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
         let [family, y, x] = self.place(low, axis)?;
+        let low_inside = self.low_inside[family][y] >> x & 1 == 1;
         let Crossing { away, normal } = self.crossings[(family * SIDE + y) * SIDE + x];
         let away = f64::from(away) / PARTS;
         (away <= 1.0).then(|| EdgeCrossing {
