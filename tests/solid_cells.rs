@@ -16,7 +16,7 @@ use infobyte::csg::{CsgInput, CsgOptions, NodeId, Operation, Shape, Tree, build_
 use infobyte::facts::{Fault, MeshFault, SourceError};
 use infobyte::format::{Channel, SurfaceKind};
 use infobyte::geom::{Affine, Dims};
-use infobyte::load::verify;
+use infobyte::load::{NodeView, verify};
 use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
 use infobyte::{Model, RayCaster};
 use random::Random;

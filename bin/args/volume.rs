@@ -216,11 +216,11 @@ impl SelectionArgs {
 /// Which voxels are kept, and what is stored of them.
 #[derive(Debug, Args)]
 pub(crate) struct SkinArgs {
-    /// Surface of the model: skin voxels, or cells between samples with a plane in each, true to a few hundredths
-    /// of a voxel
+    /// Surface of the model: skin voxels, or cells between samples (of meshes and trees: voxel centres) with a plane in
+    /// each, true to a few hundredths of a voxel
     #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
     pub(crate) surface: SurfaceKind,
-    /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of meshes normal,
+    /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of the skin of meshes normal,
     /// color (also kept by default where they have colours), and material, the number of the part
     /// from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]

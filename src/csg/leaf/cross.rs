@@ -52,7 +52,7 @@ impl Leaf {
 }
 
 /// The crossing of a body that is next to its outside end.
-fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
+pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
     let mut high = low;
     high[axis] += 1;
     let low_inside = body.contains(low);
