@@ -17,10 +17,13 @@
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
 //! | `leaf`, `wide`, `facets` | placed leaves: exact membership, surfaces |
 //! | `walked` | meshes and volumes, walked slice by slice |
+//! | `turned` | volumes that are moved: values between samples |
 //! | `solid`, `describe`, `cells` | all of it as a solid of the builder; normals; cells instead of skin |
 //!
 //! A leaf that is a volume has its voxels inside whose sample is at least its value, and the grid of the tree is then
 //! the volume's: voxel i is sample i, nothing is resampled, and other leaves are placed in the volume's millimetres.
+//! A volume that the tree moves has those inside where the trilinear interpolation of its samples is at least that
+//! (`turned`); where all are moved, the grid is chosen as without volumes.
 //!
 //! Memory: [`BuildOptions::memory`], in which the tree has to fit, some 400 bytes a leaf. Temporary disk: about the size
 //! of the model, and of meshes what [`crate::mesh`] says.
@@ -37,6 +40,7 @@ mod program;
 mod solid;
 mod text;
 mod tree;
+mod turned;
 mod walked;
 mod wide;
 
@@ -65,6 +69,7 @@ use leaf::Leaf;
 use place::Place;
 use solid::CsgSolid;
 use text::Stop;
+use turned::Turned;
 use walked::WalkedLeaf;
 
 /// Bytes of a text that are read at a time.
@@ -159,6 +164,11 @@ fn unusable(path: &Path, fault: CsgFault) -> SourceError {
     SourceError::Unusable { path: path.to_path_buf(), fault: Fault::Csg(fault) }
 }
 
+/// Does a leaf lie where its file says?
+fn is_unmoved(affine: &Affine) -> bool {
+    *affine == Affine::from_spacing([1.0; 3])
+}
+
 fn too_small(path: &Path, memory: MemoryCap, bytes: u64) -> BuildError {
     let dry = Budget::dry(memory);
     drop(dry.reserve(2 * bytes));
@@ -184,7 +194,8 @@ pub fn build_csg(
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
     let front = Front { name: &name, csg, options, scratch: options.scratch_folder(output), progress };
-    let (solid, facts) = front.solid(&tree, root, &volumes)?;
+    let placed = front.placed(&tree, root, &volumes)?;
+    let (solid, facts) = front.solid(&tree, root, &volumes, &placed)?;
     drop(tree);
     // What reading and placing took is not left beside what the build takes.
     give_back();
@@ -207,6 +218,13 @@ pub fn build_csg(
     Ok(CsgReport { build, facts })
 }
 
+/// The grid of a tree, whether it is that of a volume, and the volumes that are moved, by their leaves.
+struct Placed<'a> {
+    place: Place,
+    of_volume: bool,
+    turned: Vec<(usize, Turned<'a>)>,
+}
+
 /// From a tree to a solid.
 struct Front<'a> {
     name: &'a Path,
@@ -221,23 +239,57 @@ impl<'a> Front<'a> {
         unusable(self.name, fault).into()
     }
 
-    fn solid(
-        &self,
-        tree: &Tree,
-        root: NodeId,
-        volumes: &[(PathBuf, &'a dyn VolumeSource)],
-    ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
+    fn flat<'t>(&self, tree: &'t Tree, root: NodeId) -> Result<Flat<'t>, BuildError> {
         let unit = Affine::from_spacing([self.csg.unit_mm; 3]);
         let flat = Flat::new(tree, root, unit).map_err(|fault| self.wrong(fault))?;
         let left = Budget::of_job(self.options.memory).left_bytes();
         if flat.bytes() > left {
             return Err(too_small(self.name, self.options.memory, flat.bytes()));
         }
-        let place = self.place(&flat, volumes)?;
+        Ok(flat)
+    }
+
+    /// Places the tree, and lays the volumes that it moves.
+    fn placed(
+        &self,
+        tree: &Tree,
+        root: NodeId,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<Placed<'a>, BuildError> {
+        let flat = self.flat(tree, root)?;
+        let (place, of_volume) = self.place(&flat, volumes)?;
+        let mut turned = Vec::new();
+        for (at, leaf) in flat.leaves.iter().enumerate() {
+            let affine = &flat.affines[leaf.affine as usize].0;
+            if let Some(Shape::Volume { path, iso }) = leaf.shape
+                && !is_unmoved(affine)
+            {
+                let source = self.volume(path, volumes)?;
+                let budget = Budget::of_job(self.options.memory);
+                let laying = turned::LAYING_BYTES;
+                let _laying =
+                    budget.reserve(laying).map_err(|_| too_small(self.name, self.options.memory, laying))?;
+                let moved = Turned::new(source, affine, &place, *iso, &self.scratch, self.progress)?;
+                let fault = CsgFault::Singular { line: leaf.line };
+                turned.push((at, moved.ok_or_else(|| self.wrong(fault))?));
+            }
+        }
+        Ok(Placed { place, of_volume, turned })
+    }
+
+    fn solid(
+        &self,
+        tree: &Tree,
+        root: NodeId,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+        Placed { place, of_volume, turned }: &'a Placed<'a>,
+    ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
+        let flat = self.flat(tree, root)?;
+        let (place, of_volume) = (*place, *of_volume);
         let mut leaves = Vec::with_capacity(flat.leaves.len());
         let mut walked = Vec::new();
         let meshes = flat.leaves.iter().filter(|leaf| matches!(leaf.shape, Some(Shape::Mesh { .. }))).count();
-        for leaf in &flat.leaves {
+        for (number, leaf) in flat.leaves.iter().enumerate() {
             let to_lattice = place.to_lattice.after(&flat.affines[leaf.affine as usize].0);
             leaves.push(match leaf.shape {
                 None => Leaf::Nothing,
@@ -246,7 +298,11 @@ impl<'a> Front<'a> {
                     Leaf::Walked(u32::try_from(walked.len() - 1).unwrap_or(u32::MAX))
                 }
                 Some(Shape::Volume { path, iso }) => {
-                    let source = self.volume(path, volumes)?;
+                    let moved = turned.iter().find(|(at, _)| *at == number);
+                    let source = match moved {
+                        Some((_, turned)) => turned as &dyn VolumeSource,
+                        None => self.volume(path, volumes)?,
+                    };
                     let (chosen, surface) = (Threshold::Iso(*iso), self.options.volume_surface());
                     let solid = volume_solid(source, chosen, surface, self.options, self.progress)?;
                     walked.push(WalkedLeaf { solid, gives_outwards: true });
@@ -258,13 +314,13 @@ impl<'a> Front<'a> {
             });
         }
         let [x, y, z] = [0, 1, 2].map(|k| place.affine.rows[k][3]);
-        let half = if volumes.is_empty() { place.spacing_mm.map(|s| s / 2.0) } else { [0.0; 3] };
+        let half = if of_volume { [0.0; 3] } else { place.spacing_mm.map(|s| s / 2.0) };
         let facts = CsgFacts {
             leaves: leaves.len() as u64,
             files: walked.len() as u64,
             voxel_mm: place.spacing_mm,
             origin_mm: [x - half[0], y - half[1], z - half[2]],
-            cut: if volumes.is_empty() { [[false; 3]; 2] } else { self.cut(tree, root, &place)? },
+            cut: if of_volume { self.cut(tree, root, &place, volumes)? } else { [[false; 3]; 2] },
         };
         let program = program::compile(&flat);
         let text = Some((self.name.to_path_buf(), stamp(self.name)));
@@ -294,19 +350,22 @@ impl<'a> Front<'a> {
         Ok(WalkedLeaf { solid: Box::new(solid), gives_outwards: false })
     }
 
-    /// The grid: that of the volumes, or the one asked for.
+    /// The grid: that of the volumes that lie where their files say, or the one asked for; and whether it is the
+    /// former.
     fn place(
         &self,
         flat: &Flat<'_>,
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
-    ) -> Result<Place, BuildError> {
+    ) -> Result<(Place, bool), BuildError> {
         let mut own = None;
         for leaf in &flat.leaves {
             let Some(Shape::Volume { path, .. }) = leaf.shape else { continue };
-            // A volume lies where its file says.
-            let affine = &flat.affines[leaf.affine as usize].0;
-            if *affine != Affine::from_spacing([1.0; 3]) {
-                return Err(self.wrong(CsgFault::Volumes));
+            // The millimetres of a file stay millimetres.
+            if self.csg.unit_mm != 1.0 {
+                return Err(self.wrong(CsgFault::GridOfVolume));
+            }
+            if !is_unmoved(&flat.affines[leaf.affine as usize].0) {
+                continue;
             }
             let info = self.volume(path, volumes)?.info();
             let grid = (info.dims, info.affine, info.spacing_mm);
@@ -318,7 +377,8 @@ impl<'a> Front<'a> {
         match (own, self.csg.grid) {
             (Some(_), Some(_)) => Err(self.wrong(CsgFault::GridOfVolume)),
             (Some((dims, affine, spacing_mm)), None) => {
-                Place::of_volume(dims, affine, spacing_mm).map_err(|fault| self.wrong(fault))
+                let place = Place::of_volume(dims, affine, spacing_mm);
+                Ok((place.map_err(|fault| self.wrong(fault))?, true))
             }
             (None, None) => {
                 let path = self.name.to_path_buf();
@@ -327,46 +387,66 @@ impl<'a> Front<'a> {
             (None, Some(choice)) => {
                 let bounds = match choice {
                     GridChoice::Exact { .. } => Bounds::EMPTY,
-                    _ => self.bounds(flat)?,
+                    _ => self.bounds(flat, volumes)?,
                 };
                 let refused = |fault| SourceError::Unusable {
                     path: self.name.to_path_buf(),
                     fault: Fault::MeshFile(fault),
                 };
-                Ok(Place::around(choice, &bounds).map_err(refused)?)
+                Ok((Place::around(choice, &bounds).map_err(refused)?, false))
             }
         }
     }
 
     /// On which sides the bounds of a tree reach out of its volumes' grid, by a voxel's middle at least.
-    fn cut(&self, tree: &Tree, root: NodeId, place: &Place) -> Result<[[bool; 3]; 2], BuildError> {
+    fn cut(
+        &self,
+        tree: &Tree,
+        root: NodeId,
+        place: &Place,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<[[bool; 3]; 2], BuildError> {
         let rows = place.to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
         let to_voxels = Affine { rows }.after(&Affine::from_spacing([self.csg.unit_mm; 3]));
         let flat = Flat::new(tree, root, to_voxels).map_err(|fault| self.wrong(fault))?;
         let dims = place.dims.to_array().map(f64::from);
-        let mut files = Vec::new();
-        for leaf in &flat.leaves {
-            match leaf.shape {
-                Some(Shape::Volume { .. }) => files.push(Bounds { low: [0.0; 3], high: dims }),
-                Some(Shape::Mesh { path }) => {
-                    files.push(mesh_bounds(path, &flat.affines[leaf.affine as usize].0, &self.scratch)?);
-                }
-                _ => {}
-            }
-        }
-        let found = bounds::of_tree(&flat, &files);
+        let found = bounds::of_tree(&flat, &self.files(&flat, volumes)?);
         Ok([found.low.map(|low| low < -0.5), [0, 1, 2].map(|k| found.high[k] > dims[k] + 0.5)])
     }
 
-    fn bounds(&self, flat: &Flat<'_>) -> Result<Bounds, BuildError> {
+    /// Bounds of the leaves that are files; a volume reaches half a voxel beyond its outermost samples.
+    fn files(
+        &self,
+        flat: &Flat<'_>,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<Vec<Bounds>, BuildError> {
         let mut files = Vec::new();
         for leaf in &flat.leaves {
-            if let Some(Shape::Mesh { path }) = leaf.shape {
-                let affine = &flat.affines[leaf.affine as usize].0;
-                files.push(mesh_bounds(path, affine, &self.scratch)?);
+            let affine = &flat.affines[leaf.affine as usize].0;
+            match leaf.shape {
+                Some(Shape::Volume { path, .. }) => {
+                    let info = self.volume(path, volumes)?.info();
+                    let (placed, sides) = (affine.after(&info.affine), info.dims.to_array().map(f64::from));
+                    let mut bounds = Bounds::EMPTY;
+                    for corner in 0..8_u32 {
+                        let at = |k: usize| if corner >> k & 1 == 1 { sides[k] - 0.5 } else { -0.5 };
+                        bounds.add(placed.apply([at(0), at(1), at(2)]));
+                    }
+                    files.push(bounds);
+                }
+                Some(Shape::Mesh { path }) => files.push(mesh_bounds(path, affine, &self.scratch)?),
+                _ => {}
             }
         }
-        let bounds = bounds::of_tree(flat, &files);
+        Ok(files)
+    }
+
+    fn bounds(
+        &self,
+        flat: &Flat<'_>,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<Bounds, BuildError> {
+        let bounds = bounds::of_tree(flat, &self.files(flat, volumes)?);
         let sides = || bounds.low.iter().zip(&bounds.high);
         if sides().any(|(low, high)| low >= high) {
             return Err(self.wrong(CsgFault::Nothing));
