@@ -278,11 +278,12 @@ fn a_turned_volume_is_where_its_values_between_samples_are() {
     let model = Model::open(&file).unwrap();
     verify(&model).unwrap();
     let got: BTreeSet<[u32; 3]> = skin_of(&model).into_iter().map(|v| v.0).collect();
-    let is_inside = |p: [i64; 3]| {
-        if (0..3).any(|k| p[k] < 0 || p[k] >= i64::from(sides[k])) || p[2] as f64 > 14.2 {
+    let is_inside = |p: [f64; 3]| {
+        let [x, y, z] = p.map(|c| c / STEPS - 0.5);
+        if z > 14.2 {
             return false;
         }
-        let [x, y, z] = [p[0] as f64 - 25.25, p[1] as f64 - 3.5, p[2] as f64 - 4.125];
+        let [x, y, z] = [x - 25.25, y - 3.5, z - 4.125];
         let at = [0.6 * x + 0.8 * y, 0.6 * y - 0.8 * x, z / 1.5].map(|c| (c * STEPS).round() / STEPS);
         if (0..3).any(|k| at[k] < 0.0 || at[k] > f64::from(dims[k] - 1)) {
             return false;
@@ -300,7 +301,7 @@ fn a_turned_volume_is_where_its_values_between_samples_are() {
         }
         sum as f32 >= 150.0
     };
-    let want = skin(&is_inside, sides.map(i64::from));
+    let want = skin(is_inside, sides);
     assert!(got == want, "{} of {} voxels differ", got.symmetric_difference(&want).count(), want.len());
     assert!(got.len() > 400);
     // The same bytes whatever the memory and the threads; of cells, too.
