@@ -79,7 +79,7 @@ fn triangles_of(body: &Body, fine: u32) -> Triangles {
         Body::Ball(c, r) => sheet([2 * fine, fine], false, |u, v| {
             let (u, v) = (u * turn, (v - 0.5) * turn / 2.0);
             // The poles are points.
-            let ring = if v.abs() > 1.57079 { 0.0 } else { v.cos() };
+            let ring = if v.cos() < 1e-6 { 0.0 } else { v.cos() };
             [c[0] + r * ring * u.cos(), c[1] + r * ring * u.sin(), c[2] + r * v.sin()]
         }),
         Body::Torus(c, axis, ring, tube) => {
@@ -310,7 +310,7 @@ fn neither_memory_nor_threads_nor_the_order_of_triangles_change_a_byte() {
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(*first.get_or_insert_with(|| bytes.clone()), bytes, "{share} MiB, {threads} threads");
         for at in (1..triangles.len()).rev() {
-            triangles.swap(at, random.below(u64::try_from(at).unwrap() + 1) as usize);
+            triangles.swap(at, random.below(at + 1));
             triangles[at].rotate_left(at % 3);
         }
     }

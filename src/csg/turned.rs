@@ -74,22 +74,22 @@ impl Cache {
     }
 }
 
-/// The samples of a file as singles.
+/// The samples of a file, in native byte order, as singles.
 fn singles(scalar: ScalarType, bytes: &[u8], out: &mut [f32]) {
-    fn each<const N: usize>(bytes: &[u8], out: &mut [f32], of: impl Fn([u8; N]) -> f32) {
-        for (out, bytes) in out.iter_mut().zip(bytes.as_chunks::<N>().0) {
-            *out = of(*bytes);
+    fn each<T: bytemuck::AnyBitPattern>(bytes: &[u8], out: &mut [f32], of: impl Fn(T) -> f32) {
+        for (out, bytes) in out.iter_mut().zip(bytes.chunks_exact(size_of::<T>())) {
+            *out = of(bytemuck::pod_read_unaligned(bytes));
         }
     }
     match scalar {
-        ScalarType::U8 => each(bytes, out, |[b]| f32::from(b)),
-        ScalarType::I8 => each(bytes, out, |[b]| f32::from(b.cast_signed())),
-        ScalarType::U16 => each(bytes, out, |b| f32::from(u16::from_ne_bytes(b))),
-        ScalarType::I16 => each(bytes, out, |b| f32::from(i16::from_ne_bytes(b))),
-        ScalarType::U32 => each(bytes, out, |b| u32::from_ne_bytes(b) as f32),
-        ScalarType::I32 => each(bytes, out, |b| i32::from_ne_bytes(b) as f32),
-        ScalarType::F32 => each(bytes, out, f32::from_ne_bytes),
-        ScalarType::F64 => each(bytes, out, |b| f64::from_ne_bytes(b) as f32),
+        ScalarType::U8 => each::<u8>(bytes, out, f32::from),
+        ScalarType::I8 => each::<i8>(bytes, out, f32::from),
+        ScalarType::U16 => each::<u16>(bytes, out, f32::from),
+        ScalarType::I16 => each::<i16>(bytes, out, f32::from),
+        ScalarType::U32 => each::<u32>(bytes, out, |v| v as f32),
+        ScalarType::I32 => each::<i32>(bytes, out, |v| v as f32),
+        ScalarType::F32 => each::<f32>(bytes, out, |v| v),
+        ScalarType::F64 => each::<f64>(bytes, out, |v| v as f32),
     }
 }
 
@@ -273,8 +273,8 @@ impl VolumeSource for Turned<'_> {
         let mut cache = free.unwrap_or_else(Cache::new);
         let width = cols.len();
         for (y, row) in rows.zip(out.chunks_exact_mut(width * size_of::<f32>())) {
-            for (x, out) in cols.clone().zip(row.as_chunks_mut::<4>().0) {
-                *out = self.value([x, y, z], &mut cache)?.to_ne_bytes();
+            for (x, out) in cols.clone().zip(row.chunks_exact_mut(size_of::<f32>())) {
+                out.copy_from_slice(bytemuck::bytes_of(&self.value([x, y, z], &mut cache)?));
             }
         }
         self.caches.lock().unwrap_or_else(PoisonError::into_inner).push(cache);
