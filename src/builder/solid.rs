@@ -14,7 +14,6 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use super::cells::EdgeCrossing;
 use super::error::BuildError;
 use super::item::ItemForm;
 use super::skin::{BitRows, Exposed, corner_samples, exposed};
@@ -145,6 +144,19 @@ pub trait Solid: Sync {
     fn nothing_inside(&self) -> BuildError {
         BuildError::NothingInside { name: self.name() }
     }
+}
+
+/// Where an edge between two samples meets a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeCrossing {
+    /// The sample at its low end; -1 before the first one.
+    pub low: [i32; 3],
+    /// The axis along which it runs: 0 for x, 1 for y, 2 for z.
+    pub axis: usize,
+    /// Part of the way from there to the next sample, 0 to 1.
+    pub along: f64,
+    /// Normal of the surface, against the gradient along the index axes; of either sign and any length.
+    pub normal: [f64; 3],
 }
 
 /// One thread's view of a [`Solid`]: owns its buffers and walks one column of voxels after the other.

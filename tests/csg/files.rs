@@ -232,8 +232,8 @@ fn a_volume_moved_by_whole_voxels_or_mirrored_keeps_its_voxels() {
     let own = voxels(convert(folder, "volume(\"odd.raw\", iso = 150);", &OWN, &options(16, 1)).unwrap());
     assert!(own.len() > 300);
     // Rows of signed axes, and what is added.
-    let cases: [([(usize, i32); 3], [i32; 3]); 4] = [
-        ([(0, 1), (1, 1), (2, 1)], [5, 3, 2]),
+    let cases = [
+        ([(0_usize, 1_i32), (1, 1), (2, 1)], [5, 3, 2]),
         ([(0, -1), (1, 1), (2, 1)], [22, 1, 0]),
         ([(1, 1), (2, -1), (0, 1)], [2, 17, 4]),
         ([(2, -1), (0, -1), (1, -1)], [14, 21, 33]),

@@ -16,7 +16,7 @@ use super::pick::{Picked, pick_crossed};
 use crate::builder::gradient::SLICE_VOXELS;
 use crate::builder::item::ItemForm;
 use crate::builder::skin::BRICK_ROWS;
-use crate::builder::solid::SkinSlice;
+use crate::builder::solid::{EdgeCrossing, SkinSlice};
 use crate::format::Channel;
 use crate::format::cell::{CORNERS, HAS_CORNERS};
 use crate::geom::Dims;
@@ -49,19 +49,6 @@ pub(crate) struct CellEdge {
     pub(crate) axis: usize,
     /// Is the low end the one inside?
     pub(crate) low_inside: bool,
-}
-
-/// Where an edge between two samples meets a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EdgeCrossing {
-    /// The sample at its low end; -1 before the first one.
-    pub low: [i32; 3],
-    /// The axis along which it runs: 0 for x, 1 for y, 2 for z.
-    pub axis: usize,
-    /// Part of the way from there to the next sample, 0 to 1.
-    pub along: f64,
-    /// Normal of the surface, against the gradient along the index axes; of either sign and any length.
-    pub normal: [f64; 3],
 }
 
 /// The edges of a brick's cells in one slice, and the items of these cells.

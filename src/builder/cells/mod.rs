@@ -34,7 +34,9 @@ use super::gradient::SLICE_VOXELS;
 use super::item::ItemForm;
 use super::ring::{RingForm, border_unit};
 use super::slices::{Reach, RingShape, Slices};
-use super::solid::{BRICK, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+use super::solid::{
+    BRICK, EdgeCrossing, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+};
 use super::volume::VolumeSolid;
 use crate::format::cell::{CORNERS, HAS_CORNERS};
 use crate::format::{Channel, Metadata, SurfaceKind};
@@ -42,7 +44,6 @@ use crate::geom::Dims;
 use crate::volume::SourceError;
 
 use corner::{EDGES, signed_depth};
-pub use edges::EdgeCrossing;
 pub(crate) use edges::{CellEdge, CellEdges};
 use field::{EDGE, Field};
 use fit::{BATCH, Batch, Outcome};
