@@ -8,7 +8,7 @@
 //! A solid that lies deep inside another does not touch it: models hold skins.
 
 use crate::geom::{Affine, BoxIndex, Octant};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 /// Boxes that are this near, in boxes, touch.
 const NEAR: f64 = 1e-9;
@@ -26,9 +26,9 @@ pub struct Contact {
 
 /// A model in its place.
 #[derive(Clone, Copy, Debug)]
-pub struct Placed<'a, V> {
+pub struct Placed<'a> {
     /// Its octree.
-    pub view: &'a V,
+    pub view: &'a ModelView<'a>,
     /// Index of a box (its middle at integers) to mm, placement included.
     pub affine: Affine,
 }
@@ -37,7 +37,7 @@ pub struct Placed<'a, V> {
 ///
 /// Both models must be sound (see [`crate::load::verify()`]). Cost: follows the surface where the models are near each
 /// other, and the depth of the trees elsewhere.
-pub fn contact<A: NodeView, B: NodeView>(one: Placed<'_, A>, other: Placed<'_, B>) -> Option<Contact> {
+pub fn contact(one: Placed<'_>, other: Placed<'_>) -> Option<Contact> {
     let inverse = corner_based(one.affine).inverse()?;
     let onto = inverse.after(&corner_based(other.affine));
     let mut search = Search {
@@ -112,7 +112,7 @@ impl Cube {
         self.low.map(|c| f64::from(c) + self.edge() / 2.0)
     }
 
-    fn children<V: NodeView>(self, view: &V) -> impl Iterator<Item = Self> {
+    fn children(self, view: &ModelView<'_>) -> impl Iterator<Item = Self> {
         let node = self.number.node();
         let (infobyte, first) = (view.infobyte(node), view.first_child(node));
         let level = self.level.saturating_sub(1);
@@ -124,9 +124,9 @@ impl Cube {
     }
 }
 
-struct Search<'a, A, B> {
-    one: &'a A,
-    other: &'a B,
+struct Search<'a> {
+    one: &'a ModelView<'a>,
+    other: &'a ModelView<'a>,
     /// Grid of the other model onto that of the first.
     onto: Affine,
     planes: Vec<Plane>,
@@ -138,7 +138,7 @@ struct Search<'a, A, B> {
     found: Option<Contact>,
 }
 
-impl<A: NodeView, B: NodeView> Search<'_, A, B> {
+impl Search<'_> {
     /// Looks into a box of the first model; what was near its parent stands in `near` from `from` on.
     fn descend(&mut self, cube: Cube, from: usize) {
         let own = self.near.len();
@@ -207,7 +207,7 @@ mod tests {
     }
 
     fn touching(one: &MemoryTree, a: Affine, other: &MemoryTree, b: Affine) -> Option<Contact> {
-        contact(Placed { view: one, affine: a }, Placed { view: other, affine: b })
+        contact(Placed { view: &one.view(), affine: a }, Placed { view: &other.view(), affine: b })
     }
 
     #[test]

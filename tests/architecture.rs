@@ -21,7 +21,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("cpu", &[]),
     ("exit", &[]),
     ("geom", &[]),
-    ("format", &["geom"]),
+    ("format", &["cpu", "geom"]),
     ("mark", &[]),
     ("progress", &[]),
     ("resident", &["budget"]),

@@ -189,7 +189,11 @@ fn any_finite_ray_is_as_near_to_its_fixed_form_as_is_said() {
             assert_eq!(got.map(|h| h.cell), truth.map(|h| h.cell), "{label}");
             let sealed = first_hit_sealed(&scene.tree, &ray, 0).hit;
             for form in Form::available() {
-                assert_eq!(single::trace(form, &scene.tree, &Skin, &ray, 0).hit, sealed, "{form:?} {label}");
+                assert_eq!(
+                    single::trace(form, &scene.tree.view(), &Skin, &ray, 0).hit,
+                    sealed,
+                    "{form:?} {label}"
+                );
             }
             // Where the hits differ, each ray comes within the margin of the other's voxel.
             let cell = want.map(|h| h.cell);

@@ -56,7 +56,7 @@ fn part<'a>(
     (view, file): (&'a ModelView<'a>, usize),
     placement: Affine,
     material: Material,
-) -> Part<'a, ModelView<'a>> {
+) -> Part<'a> {
     Part::new((view, file), model.dims(), &model.affine(), &placement, material, Clip::default()).unwrap()
 }
 

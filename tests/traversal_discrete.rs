@@ -288,7 +288,8 @@ fn rows_by_increments_are_the_rays_of_their_pixels() {
     let (width, height) = (4096, 16);
     let (mut frames, mut pixels, mut other) = (0, 0_u32, 0);
     let camera = |point| {
-        Camera::new(point, Projection::Parallel, 35.0, 256.0, |d| space.support(&scene.tree, d)).unwrap()
+        Camera::new(point, Projection::Parallel, 35.0, 256.0, |d| space.support(&scene.tree.view(), d))
+            .unwrap()
     };
     // From afar, and from within the grid.
     let eyes = [

@@ -5,8 +5,8 @@
 #[path = "support/scenes.rs"]
 mod support;
 
-use infobyte::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex, morton};
-use infobyte::load::{MemoryTree, NodeView};
+use infobyte::geom::{Affine, Dims, morton};
+use infobyte::load::{MemoryTree, ModelView, NodeView};
 use infobyte::render::batch::Batch;
 use infobyte::render::form::Form;
 use infobyte::render::ray::Ray;
@@ -17,7 +17,7 @@ use infobyte::render::surface::{Passage, Skin, Surface};
 use infobyte::render::tile::{RAYS, TILE, Tile, Tracer};
 use infobyte::render::traverse::{Hit, first_hit_sealed};
 use infobyte::render::{Camera, GridSpace, Projection, ViewPoint, single};
-use support::{Scene, in_ball, in_torus, noise, plane};
+use support::{Garbage, Scene, in_ball, in_torus, noise, plane};
 
 /// A camera with its eye in a grid point, looking along a vector of the grid; spacing 1.
 fn camera(eye: [f64; 3], along: [f64; 3], projection: Projection, fov_deg: f64) -> Option<Camera> {
@@ -32,22 +32,22 @@ fn unit_space(dims: Dims) -> GridSpace {
 }
 
 /// Every tile of a picture, in every form, against the sealed traversal of its rays.
-fn compare_picture<V: NodeView>(
+fn compare_picture(
     counts: &mut Mismatches,
-    view: &V,
+    tree: &MemoryTree,
     dims: Dims,
     camera: &Camera,
     size: u32,
     lod_edge_log2: u32,
 ) {
-    let space = unit_space(dims);
+    let (view, space) = (tree.view(), unit_space(dims));
     let sight = Sight::new(&space, camera, size, size);
     let size = size as usize;
     for tile in 0..size.div_ceil(TILE).pow(2) {
         let across = size.div_ceil(TILE);
         let corner = (tile % across * TILE, tile / across * TILE);
         let limits = (size - corner.0, size - corner.1);
-        counts.compare_tile(view, &sight, Tile { corner, limits, lod_edge_log2 });
+        counts.compare_tile(&view, &sight, Tile { corner, limits, lod_edge_log2 });
     }
 }
 
@@ -76,7 +76,7 @@ fn random_tiles_of_every_kind_of_volume_agree() {
     scenes.extend((0..=7).map(|depth| noise("depth", [1 << depth; 3], 2.0 / f64::from(1 << depth), 9)));
     let mut all = Mismatches::default();
     for (i, scene) in scenes.iter().enumerate() {
-        let counts = tile_mismatches(&scene.tree, 60_000, i as u64);
+        let counts = tile_mismatches(&scene.tree.view(), 60_000, i as u64);
         assert_eq!(counts.total(), 0, "{} (seed {i}): {counts:?}", scene.name);
         all = all.plus(counts);
     }
@@ -138,16 +138,16 @@ fn every_level_of_detail_agrees() {
         let mut random = Random::new(u64::from(lod));
         let rays: Vec<Ray> = (0..3_000).filter_map(|_| random_ray(&mut random, 6)).collect();
         rays.iter().for_each(|ray| alone_agrees(&scene.tree, ray, lod.min(6)));
-        counts.compare_batch(&scene.tree, &rays, lod);
+        counts.compare_batch(&scene.tree.view(), &rays, lod);
     }
     assert_eq!(counts.total(), 0, "{counts:?}");
 }
 
 /// Traces a ray alone in every form.
-fn alone_agrees<V: NodeView>(view: &V, ray: &Ray, lod: u32) {
-    let want = first_hit_sealed(view, ray, lod).hit;
+fn alone_agrees(tree: &MemoryTree, ray: &Ray, lod: u32) {
+    let want = first_hit_sealed(tree, ray, lod).hit;
     for form in Form::available() {
-        assert_eq!(single::trace(form, view, &Skin, ray, lod).hit, want, "{form:?} {ray:?}");
+        assert_eq!(single::trace(form, &tree.view(), &Skin, ray, lod).hit, want, "{form:?} {ray:?}");
     }
 }
 
@@ -193,7 +193,7 @@ fn the_deepest_and_the_flattest_grids_agree() {
                 lot.extend(Ray::new(tree.depth(), inside, direction, 0.0).unwrap());
             }
         }
-        counts.compare_batch(&tree, &lot, 0);
+        counts.compare_batch(&tree.view(), &lot, 0);
         assert_eq!(counts.total(), 0, "{dims}: {counts:?}");
     }
 }
@@ -201,10 +201,10 @@ fn the_deepest_and_the_flattest_grids_agree() {
 /// Every second box lets rays through; the others are met where they are left.
 struct Screen;
 
-impl<V: NodeView> Surface<V> for Screen {
+impl Surface for Screen {
     const SOLID: bool = false;
 
-    fn meet(&self, _: &V, ray: &Ray, passage: &Passage) -> Option<Hit> {
+    fn meet(&self, _: &ModelView<'_>, ray: &Ray, passage: &Passage) -> Option<Hit> {
         let [x, y, z] = passage.cell;
         let t = ray.t_after(passage.leave.distance, passage.leave.component);
         ((x + y + z) % 2 == 1).then(|| Hit { t, ..passage.entry_hit(ray) })
@@ -233,13 +233,13 @@ fn a_surface_within_the_boxes_is_asked_about_each_box_in_turn() {
             let mut lot = vec![];
             for _ in 0..10_000 {
                 let Some(ray) = random_ray(&mut random, 4) else { continue };
-                met += check(&ray, single::trace(form, &scene.tree, &Screen, &ray, 0).hit);
+                met += check(&ray, single::trace(form, &scene.tree.view(), &Screen, &ray, 0).hit);
                 lot.push(ray);
             }
             let (mut hits, mut any) = (vec![], vec![]);
             let mut batch = Batch::new(form);
-            batch.nearest(&scene.tree, &Screen, &lot, 0, &mut hits);
-            batch.any(&scene.tree, &Screen, &lot, 0, &mut any);
+            batch.nearest(&scene.tree.view(), &Screen, &lot, 0, &mut hits);
+            batch.any(&scene.tree.view(), &Screen, &lot, 0, &mut any);
             for (ray, (hit, any)) in lot.iter().zip(hits.iter().zip(&any)) {
                 assert_eq!(hit.is_some(), *any);
                 check(ray, *hit);
@@ -253,7 +253,7 @@ fn a_surface_within_the_boxes_is_asked_about_each_box_in_turn() {
                 for tile in 0..64 {
                     let corner = (tile % 8 * TILE, tile / 8 * TILE);
                     let tile = Tile { corner, limits: (8, 8), lod_edge_log2: 0 };
-                    let hits = tracer.trace(&scene.tree, &Screen, &sight, tile);
+                    let hits = tracer.trace(&scene.tree.view(), &Screen, &sight, tile);
                     for ray in 0..RAYS {
                         let (x, y) = (corner.0 + ray % TILE, corner.1 + ray / TILE);
                         if let Some(exact) = sight.ray(x as f64 + 0.5, y as f64 + 0.5) {
@@ -267,55 +267,24 @@ fn a_surface_within_the_boxes_is_asked_about_each_box_in_turn() {
     assert!(met > 10_000, "{met}");
 }
 
-/// Bytes of a damaged file: every answer is a hash of the question, or one that leads nowhere.
-struct Garbage(u64);
-
-impl NodeView for Garbage {
-    fn depth(&self) -> u32 {
-        16
-    }
-    fn node_count(&self) -> u64 {
-        self.0
-    }
-    fn voxel_count(&self) -> u64 {
-        u64::MAX
-    }
-    fn infobyte(&self, node: NodeIndex) -> u8 {
-        let hash = Random::new(node.get() ^ self.0).bits();
-        // Of some seeds nearly all nodes are full, and lead to empty ones in the end.
-        if self.0.is_multiple_of(2) {
-            u8::from(!hash.is_multiple_of(16)) * 255
-        } else {
-            (hash & hash >> 8 & 255) as u8
-        }
-    }
-    fn first_child(&self, node: NodeIndex) -> BoxIndex {
-        BoxIndex::new(Random::new(node.get().wrapping_add(self.0)).bits())
-    }
-    fn voxel_normal(&self, _: VoxelIndex) -> Option<u16> {
-        None
-    }
-    fn node_normal(&self, _: NodeIndex) -> Option<u16> {
-        None
-    }
-}
-
 #[test]
 fn damaged_trees_neither_panic_nor_hold_a_tile() {
     let space = unit_space(Dims::new(65_536, 65_536, 65_536).unwrap());
     let start = std::time::Instant::now();
     for seed in 0..12 {
+        let garbage = Garbage::new(seed);
+        let view = garbage.view(16);
         for projection in [Projection::Parallel, Projection::Perspective] {
             let camera = camera([-7e4, -5e4, 9e4], [1.0, 0.9, -0.8], projection, 60.0).unwrap();
             let sight = Sight::new(&space, &camera, 16, 16);
             for form in Form::available() {
                 for lod_edge_log2 in [0, 5] {
                     let tile = Tile { corner: (0, 8), limits: (8, 8), lod_edge_log2 };
-                    let _ = Tracer::new(form).trace(&Garbage(seed), &Skin, &sight, tile);
+                    let _ = Tracer::new(form).trace(&view, &Skin, &sight, tile);
                     let rays: Vec<Ray> =
                         (0..64_u8).filter_map(|i| sight.ray((i % 8).into(), (8 + i / 8).into())).collect();
-                    Batch::new(form).nearest(&Garbage(seed), &Skin, &rays, lod_edge_log2, &mut vec![]);
-                    Batch::new(form).any(&Garbage(seed), &Skin, &rays, lod_edge_log2, &mut vec![]);
+                    Batch::new(form).nearest(&view, &Skin, &rays, lod_edge_log2, &mut vec![]);
+                    Batch::new(form).any(&view, &Skin, &rays, lod_edge_log2, &mut vec![]);
                 }
             }
         }

@@ -90,7 +90,7 @@ fn named_views_show_the_letter_the_right_way_round() {
     for (view, full, empty) in table {
         for projection in [Projection::Parallel, Projection::Perspective] {
             let (image, report) =
-                render(&scene.tree, scene.dims, &unit_affine(), &request(view, projection)).unwrap();
+                render(&scene.tree.view(), scene.dims, &unit_affine(), &request(view, projection)).unwrap();
             show(&image, &format!("letter-{}-{projection:?}", view.name()));
             assert!(report.hits > 2000 && report.rays == 160 * 160, "{report:?}");
             if projection == Projection::Parallel {
@@ -101,7 +101,8 @@ fn named_views_show_the_letter_the_right_way_round() {
     }
     for projection in [Projection::Parallel, Projection::Perspective] {
         let (image, _) =
-            render(&scene.tree, scene.dims, &unit_affine(), &request(NamedView::Iso, projection)).unwrap();
+            render(&scene.tree.view(), scene.dims, &unit_affine(), &request(NamedView::Iso, projection))
+                .unwrap();
         show(&image, &format!("letter-iso-{projection:?}"));
     }
 }
@@ -119,8 +120,8 @@ fn the_picture_does_not_depend_on_how_the_volume_was_stored() {
         });
         for view in NamedView::ALL {
             let request = request(view, Projection::Parallel);
-            let (a, _) = render(&want.tree, want.dims, &unit_affine(), &request).unwrap();
-            let (b, _) = render(&stored.tree, stored.dims, &affine, &request).unwrap();
+            let (a, _) = render(&want.tree.view(), want.dims, &unit_affine(), &request).unwrap();
+            let (b, _) = render(&stored.tree.view(), stored.dims, &affine, &request).unwrap();
             assert!(a == b, "{letters} {view:?}");
         }
     }
@@ -132,7 +133,7 @@ fn a_lit_ball_is_bright_where_it_faces_the_eye() {
     for view in NamedView::ALL {
         for projection in [Projection::Parallel, Projection::Perspective] {
             let (image, _) =
-                render(&ball.tree, ball.dims, &unit_affine(), &request(view, projection)).unwrap();
+                render(&ball.tree.view(), ball.dims, &unit_affine(), &request(view, projection)).unwrap();
             show(&image, &format!("ball-{}-{projection:?}", view.name()));
             let centre = red(&image, 80, 80);
             assert!(centre > 230, "{view:?} {projection:?}: {centre}");
@@ -162,7 +163,7 @@ fn normals_are_turned_into_the_world() {
     });
     let mut request = request(NamedView::Front, Projection::Parallel);
     request.normals = true;
-    let (image, _) = render(&slab.tree, slab.dims, &affine, &request).unwrap();
+    let (image, _) = render(&slab.tree.view(), slab.dims, &affine, &request).unwrap();
     let normals = image.normals.unwrap();
     let at = (80 * 160 + 80) * 3;
     let got: [f64; 3] = std::array::from_fn(|c| (f64::from(normals[at + c]) - 128.0) / 127.0);
@@ -188,12 +189,12 @@ fn pictures_have_the_same_bytes_at_any_number_of_threads() {
         (asked.width, asked.height) = (203, 117);
         (asked.smooth_edges, asked.depth, asked.normals) = (true, true, true);
         asked.threads = 1;
-        let (one, report) = render(&torus.tree, torus.dims, &unit_affine(), &asked).unwrap();
+        let (one, report) = render(&torus.tree.view(), torus.dims, &unit_affine(), &asked).unwrap();
         show(&one, &format!("torus-iso-{projection:?}"));
         assert!(report.rays > 203 * 117);
         for threads in [2, 3, 8] {
             asked.threads = threads;
-            let (many, again) = render(&torus.tree, torus.dims, &unit_affine(), &asked).unwrap();
+            let (many, again) = render(&torus.tree.view(), torus.dims, &unit_affine(), &asked).unwrap();
             assert!(one == many, "{threads} threads");
             assert_eq!((report.rays, report.hits, report.steps), (again.rays, again.hits, again.steps));
         }
@@ -214,7 +215,7 @@ fn pictures_have_the_same_bytes_on_every_machine() {
     for projection in [Projection::Parallel, Projection::Perspective] {
         let mut asked = request(NamedView::Iso, projection);
         (asked.smooth_edges, asked.depth, asked.normals) = (true, true, true);
-        let (image, _) = render(&torus.tree, torus.dims, &affine, &asked).unwrap();
+        let (image, _) = render(&torus.tree.view(), torus.dims, &affine, &asked).unwrap();
         show(&image, &format!("torus-sheared-{projection:?}"));
         let depth: Vec<u8> = image.depth.unwrap().iter().flat_map(|d| d.to_le_bytes()).collect();
         sums.extend([image.rgba, depth, image.normals.unwrap()].map(|bytes| crc32c::crc32c(&bytes)));
@@ -232,7 +233,7 @@ fn position_and_scale_of_the_world_do_not_matter() {
     let hits = |scale: f64, offset: f64| {
         let mut affine = Affine::from_spacing([scale; 3]);
         affine.rows.iter_mut().for_each(|row| row[3] = offset * scale);
-        render(&ball.tree, ball.dims, &affine, &request(NamedView::Iso, Projection::Perspective))
+        render(&ball.tree.view(), ball.dims, &affine, &request(NamedView::Iso, Projection::Perspective))
             .unwrap()
             .1
             .hits
@@ -254,7 +255,7 @@ fn depth_is_measured_along_the_camera() {
     asked.point = ViewPoint::Free { eye: [16.0, -30.0, 32.0], look_at: [16.0, 0.0, 32.0], up: None };
     asked.fov_deg = 80.0;
     asked.depth = true;
-    let (image, report) = render(&wall.tree, wall.dims, &affine, &asked).unwrap();
+    let (image, report) = render(&wall.tree.view(), wall.dims, &affine, &asked).unwrap();
     let depth = image.depth.unwrap();
     let (near, far) = (report.depth_near_mm, report.depth_far_mm);
     // The voxel's near face: index 40, so grid 40, so 39.5 * 0.25 mm.
@@ -274,7 +275,7 @@ fn a_camera_within_the_model_sees_what_is_before_it() {
             asked.point = ViewPoint::Free { eye, look_at, up: None };
             asked.fov_deg = 100.0;
             asked.depth = true;
-            let (_, report) = render(&ball.tree, ball.dims, &unit_affine(), &asked).unwrap();
+            let (_, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &asked).unwrap();
             assert_eq!(report.hits, report.rays, "the ball is closed: {eye:?} {look:?}");
         }
     }
@@ -282,7 +283,7 @@ fn a_camera_within_the_model_sees_what_is_before_it() {
     let mut asked = request(NamedView::Front, Projection::Perspective);
     asked.point = ViewPoint::Free { eye: [3.0; 3], look_at: [3.0, 4.0, 3.0], up: None };
     asked.depth = true;
-    let (image, report) = render(&full.tree, full.dims, &unit_affine(), &asked).unwrap();
+    let (image, report) = render(&full.tree.view(), full.dims, &unit_affine(), &asked).unwrap();
     assert_eq!(report.hits, report.rays);
     assert!(image.depth.unwrap().iter().all(|d| *d == 1), "the eye's own voxel is hit at depth 0");
 }
@@ -293,7 +294,7 @@ fn coarse_boxes_are_as_large_as_is_asked() {
     let of = |lod: bool, lod_bias: i8| {
         let exact = request(NamedView::Iso, Projection::Parallel);
         let asked = RenderRequest { width: 32, height: 32, lod, lod_bias, ..exact };
-        render(&ball.tree, ball.dims, &unit_affine(), &asked).unwrap()
+        render(&ball.tree.view(), ball.dims, &unit_affine(), &asked).unwrap()
     };
     assert_eq!([0, 1].map(|bias| of(true, bias).1.smallest_box), [4, 8]);
     // Below four voxels there are no mean normals: voxels are shown.
@@ -318,12 +319,12 @@ fn coherence_traces_fewer_rays_and_keeps_the_silhouette() {
             normals: true,
             ..request(NamedView::Iso, projection)
         };
-        let (whole, report) = render(&ball.tree, ball.dims, &unit_affine(), &every).unwrap();
+        let (whole, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &every).unwrap();
         assert_eq!(report.rays, 403 * 398);
         let mut last = report.rays;
         for coherence in [2, 8, 32] {
             let fewer = RenderRequest { coherence, ..every };
-            let (image, report) = render(&ball.tree, ball.dims, &unit_affine(), &fewer).unwrap();
+            let (image, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &fewer).unwrap();
             assert!(report.rays < last, "{} rays at {coherence}, {last} before", report.rays);
             last = report.rays;
             let (color, silhouette) = differing(&image, &whole, coherence);
@@ -332,7 +333,7 @@ fn coherence_traces_fewer_rays_and_keeps_the_silhouette() {
             let depths = || image.depth.as_ref().unwrap().iter().zip(whole.depth.as_ref().unwrap());
             assert!(depths().all(|(a, b)| (*a == 0) == (*b == 0)));
             let one = RenderRequest { threads: 1, ..fewer };
-            assert_eq!(render(&ball.tree, ball.dims, &unit_affine(), &one).unwrap().0, image);
+            assert_eq!(render(&ball.tree.view(), ball.dims, &unit_affine(), &one).unwrap().0, image);
         }
         assert!(last < report.rays / 2);
     }
@@ -344,8 +345,8 @@ fn discrete_rays_show_nearly_the_same_picture() {
     for projection in [Projection::Parallel, Projection::Perspective] {
         let exact = RenderRequest { depth: true, ..request(NamedView::Iso, projection) };
         let discrete = RenderRequest { traversal: Traversal::Discrete, ..exact };
-        let (a, _) = render(&ball.tree, ball.dims, &unit_affine(), &exact).unwrap();
-        let (b, report) = render(&ball.tree, ball.dims, &unit_affine(), &discrete).unwrap();
+        let (a, _) = render(&ball.tree.view(), ball.dims, &unit_affine(), &exact).unwrap();
+        let (b, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &discrete).unwrap();
         assert_eq!(report.traversal, "discrete");
         show(&b, "discrete");
         let (color, silhouette) = differing(&a, &b, 0);
@@ -361,18 +362,18 @@ fn discrete_rays_show_nearly_the_same_picture() {
             .count();
         assert_eq!(lost, 0, "what the line pierces is never missed");
         let one = RenderRequest { threads: 1, ..discrete };
-        assert_eq!(render(&ball.tree, ball.dims, &unit_affine(), &one).unwrap().0, b);
+        assert_eq!(render(&ball.tree.view(), ball.dims, &unit_affine(), &one).unwrap().0, b);
     }
 }
 
 #[test]
 fn thumbnails_use_the_coarser_levels_and_look_alike() {
     let ball = Scene::skin("ball", [128; 3], |c| in_ball(c, 128)).with_normals(|p| p.map(|v| v - 64.0));
-    let (coarse, report) = thumbnail(&ball.tree, ball.dims, &unit_affine(), 32, 1).unwrap();
+    let (coarse, report) = thumbnail(&ball.tree.view(), ball.dims, &unit_affine(), 32, 1).unwrap();
     assert_eq!(report.smallest_box, 4);
     assert_eq!((coarse.width, coarse.height), (32, 32));
     let exact = RenderRequest { width: 32, height: 32, smooth_edges: true, ..RenderRequest::default() };
-    let (fine, exact_report) = render(&ball.tree, ball.dims, &unit_affine(), &exact).unwrap();
+    let (fine, exact_report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &exact).unwrap();
     assert_eq!(exact_report.smallest_box, 1);
     assert!(report.steps < exact_report.steps);
     let both = coarse.rgba.as_chunks::<4>().0.iter().zip(fine.rgba.as_chunks::<4>().0);
@@ -386,8 +387,8 @@ fn thumbnails_use_the_coarser_levels_and_look_alike() {
     // Without mean normals the voxels' own are shown.
     let codes = vec![0x1234; ball.tree.voxels().len()];
     let bare = MemoryTree::new(ball.dims, ball.tree.voxels()).unwrap().with_normals(codes).unwrap();
-    assert_eq!(thumbnail(&bare, ball.dims, &unit_affine(), 32, 1).unwrap().1.smallest_box, 1);
-    let (large, _) = thumbnail(&ball.tree, ball.dims, &unit_affine(), 256, 2).unwrap();
+    assert_eq!(thumbnail(&bare.view(), ball.dims, &unit_affine(), 32, 1).unwrap().1.smallest_box, 1);
+    let (large, _) = thumbnail(&ball.tree.view(), ball.dims, &unit_affine(), 256, 2).unwrap();
     show(&large, "ball-thumbnail");
 }
 
@@ -434,14 +435,14 @@ fn a_real_head_shows_its_face_to_the_front() {
         for view in NamedView::ALL {
             let mut asked = request(view, Projection::Parallel);
             (asked.width, asked.height, asked.smooth_edges) = (320, 320, true);
-            let (image, report) = render(&head.tree, head.dims, &affine, &asked).unwrap();
+            let (image, report) = render(&head.tree.view(), head.dims, &affine, &asked).unwrap();
             show(&image, &format!("head-{name}-{}", view.name()));
             assert!(report.hits > 20_000, "{report:?}");
         }
-        let (image, report) = thumbnail(&head.tree, head.dims, &affine, 128, 2).unwrap();
+        let (image, report) = thumbnail(&head.tree.view(), head.dims, &affine, 128, 2).unwrap();
         show(&image, &format!("head-{name}-thumbnail"));
         println!("{name}: {report:?}");
-        let counts = selfcheck(&head.tree, 50_000, 3, 2).unwrap();
+        let counts = selfcheck(&head.tree.view(), 50_000, 3, 2).unwrap();
         assert_eq!(counts.total(), 0, "{counts:?}");
     }
 }
@@ -449,27 +450,27 @@ fn a_real_head_shows_its_face_to_the_front() {
 #[test]
 fn smallest_models_and_senseless_requests() {
     let one = Scene::set("1x1x1", [1; 3], |_| true);
-    let (image, report) = thumbnail(&one.tree, one.dims, &unit_affine(), 16, 1).unwrap();
+    let (image, report) = thumbnail(&one.tree.view(), one.dims, &unit_affine(), 16, 1).unwrap();
     assert!(report.hits > 100 && alpha(&image, 8, 8) == 255);
     let empty = Scene::set("empty", [8; 3], |_| false);
-    assert_eq!(thumbnail(&empty.tree, empty.dims, &unit_affine(), 16, 1).unwrap().1.hits, 0);
+    assert_eq!(thumbnail(&empty.tree.view(), empty.dims, &unit_affine(), 16, 1).unwrap().1.hits, 0);
     for (width, height) in [(0, 5), (5, 0), (u32::MAX, 1), (32_768, 32_768)] {
         let asked = RenderRequest { width, height, ..RenderRequest::default() };
-        let refused = render(&one.tree, one.dims, &unit_affine(), &asked);
+        let refused = render(&one.tree.view(), one.dims, &unit_affine(), &asked);
         assert!(matches!(refused, Err(RenderError::Size { .. })));
     }
     let flat = Affine::from_spacing([1.0, 0.0, 1.0]);
-    let refused = render(&one.tree, one.dims, &flat, &RenderRequest::default());
+    let refused = render(&one.tree.view(), one.dims, &flat, &RenderRequest::default());
     assert!(matches!(refused, Err(RenderError::SingularAffine)));
 }
 
 #[test]
 fn the_self_check_counts_every_ray_at_any_number_of_threads() {
     let torus = Scene::skin("torus", [32; 3], |c| in_torus(c, 32));
-    let one = selfcheck(&torus.tree, 100_000, 7, 1).unwrap();
+    let one = selfcheck(&torus.tree.view(), 100_000, 7, 1).unwrap();
     assert_eq!((one.total(), one.rays), (0, 100_000));
     assert!(one.hits > 10_000);
-    assert_eq!(selfcheck(&torus.tree, 100_000, 7, 3).unwrap(), one);
+    assert_eq!(selfcheck(&torus.tree.view(), 100_000, 7, 3).unwrap(), one);
     let deep = MemoryTree::new(Dims::new(2000, 1, 1).unwrap(), &[0]).unwrap();
-    assert!(selfcheck(&deep, 1, 1, 1).unwrap_err().to_string().contains("too large"));
+    assert!(selfcheck(&deep.view(), 1, 1, 1).unwrap_err().to_string().contains("too large"));
 }

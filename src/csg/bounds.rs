@@ -1,6 +1,6 @@
 //! Bounds of a tree: the box in mm that a grid is put around.
 
-use super::flat::{Flat, Kind, Part};
+use super::flat::{Flat, Kind, Met, Part};
 use super::tree::Shape;
 use crate::geom::Affine;
 use crate::mesh::Bounds;
@@ -24,30 +24,27 @@ fn either(a: &Bounds, b: &Bounds) -> Bounds {
     }
 }
 
-/// Bounds of a flat tree; those of leaves that are read from files are given, in their order.
-pub(super) fn of_tree(flat: &Flat<'_>, files: &[Bounds]) -> Bounds {
+/// Bounds of a leaf as it is met, or of all but it; those of a file are given.
+pub(super) fn of_leaf(met: &Met<'_, '_>, file: Option<Bounds>) -> Bounds {
+    match (met.shape, met.negated) {
+        (None, false) => Bounds::EMPTY,
+        (None, true) => ALL,
+        (Some(shape), true) => beside(shape, met.affine),
+        (Some(Shape::Mesh { .. } | Shape::Volume { .. }), false) => file.unwrap_or(ALL),
+        (Some(shape), false) => of_shape(shape, met.affine),
+    }
+}
+
+/// Bounds of a flat tree of bounds.
+pub(super) fn of_tree(flat: &Flat<Bounds>) -> Bounds {
     let (parts, starts) = flat.parts_by_join();
-    let mut files = files.iter();
-    let leaves: Vec<Bounds> = flat
-        .leaves
-        .iter()
-        .map(|leaf| match leaf.shape {
-            None => Bounds::EMPTY,
-            Some(Shape::Mesh { .. } | Shape::Volume { .. }) => files.next().copied().unwrap_or(ALL),
-            Some(shape) => of_shape(shape, &flat.affines[leaf.affine as usize].0),
-        })
-        .collect();
     // Joins stand before their parts.
     let mut joins = vec![Bounds::EMPTY; flat.joins.len()];
     for join in (0..flat.joins.len()).rev() {
         let own = &parts[starts[join] as usize..starts[join + 1] as usize];
         let of = |part: &Part| match part {
             Part::Join(below) => joins[*below as usize],
-            Part::Leaf { leaf, negated: false } => leaves[*leaf as usize],
-            Part::Leaf { leaf, negated: true } => {
-                let leaf = &flat.leaves[*leaf as usize];
-                leaf.shape.map_or(ALL, |shape| beside(shape, &flat.affines[leaf.affine as usize].0))
-            }
+            Part::Leaf { leaf, .. } => flat.leaves[*leaf as usize],
         };
         joins[join] = match flat.joins[join] {
             Kind::And => own.iter().map(of).fold(ALL, |a, b| both(&a, &b)),

@@ -26,12 +26,19 @@ const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 
 const HALF_A_VOXEL: f64 = 2048.0;
 /// Leaves that are tried together: one bit each, and one for the tree as it is.
 const AT_ONCE: usize = 63;
+/// With more leaves than this beside the voxels of a brick's slice, these are described by blocks of so many rows and
+/// columns, each with the leaves beside it.
+const FEW: usize = 2;
+const BLOCK: usize = 8;
 
 /// Buffers of the descriptions, and what they gave.
 pub(super) struct Description {
     codes: Vec<u8>,
-    /// What is left of the program around the voxels.
+    /// The codes by row and column.
+    by_place: Vec<u16>,
+    /// What is left of the program around the voxels of a slice, and of one of its blocks.
     near: Vec<Step>,
+    nearer: Vec<Step>,
     /// Leaves that are inside at the voxel, and at its neighbour, by their place among those of the program.
     here: Vec<bool>,
     leaves: Vec<u32>,
@@ -104,18 +111,20 @@ enum Surface {
 }
 
 impl Description {
-    /// Memory of one, for programs of so many steps.
-    pub(super) const fn bytes(steps: usize) -> u64 {
-        (SkinSlice::MOST * 6 + steps * 13) as u64
+    /// Memory of one, for so many leaves, and programs of boxes of so many steps.
+    pub(super) const fn bytes(leaves: usize, steps: usize) -> u64 {
+        (SkinSlice::MOST * 8 + leaves * 9 + steps * 8) as u64
     }
 
-    pub(super) fn new(steps: usize) -> Self {
+    pub(super) fn new(leaves: usize, steps: usize) -> Self {
         Self {
             codes: Vec::with_capacity(2 * SkinSlice::MOST),
+            by_place: vec![0; SkinSlice::MOST],
             near: Vec::with_capacity(steps),
-            here: Vec::with_capacity(steps),
-            leaves: Vec::with_capacity(steps),
-            turned: Vec::with_capacity(steps),
+            nearer: Vec::with_capacity(steps),
+            here: Vec::with_capacity(leaves),
+            leaves: Vec::with_capacity(leaves),
+            turned: Vec::with_capacity(leaves),
             walked: vec![0; SkinSlice::MOST],
         }
     }
@@ -131,49 +140,76 @@ impl Description {
         left: Left<'_>,
         walkers: &mut [Walker<'_>],
     ) -> Result<(), SourceError> {
+        // What matters around these voxels alone is often one leaf.
+        let (mut near, mut nearer) = (std::mem::take(&mut self.near), std::mem::take(&mut self.nearer));
+        let steps = match left {
+            Left::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut near),
+            Left::Uniform(_) => &[],
+        };
+        let mut insides = [0_u32; BRICK];
+        let mut any_walked = false;
+        if steps.len() < 2 * FEW {
+            any_walked = self.describe_block(skin, [0, 0], BRICK, solid, steps, walkers, &mut insides);
+        } else {
+            for block in 0..(BRICK / BLOCK).pow(2) {
+                let from = [block % (BRICK / BLOCK) * BLOCK, block / (BRICK / BLOCK) * BLOCK];
+                if skin.rows()[from[1]..][..BLOCK].iter().all(|row| row & columns(from[0], BLOCK) == 0) {
+                    continue;
+                }
+                let [x, y, z] = skin.corner();
+                let [from_x, from_y] = from.map(|at| u32::try_from(at).unwrap_or(0));
+                let corner = [x + from_x, y + from_y, z];
+                let steps = left_around(steps, corner, [BLOCK; 2], solid, &mut nearer);
+                any_walked |= self.describe_block(skin, from, BLOCK, solid, steps, walkers, &mut insides);
+            }
+        }
+        (self.near, self.nearer) = (near, nearer);
         self.codes.clear();
-        self.look(skin, solid, left);
-        let near = std::mem::take(&mut self.near);
-        let done = self.describe_near(skin, solid, &near, walkers);
-        self.near = near;
-        done
+        for (row, codes) in skin.rows().iter().zip(self.by_place.chunks_exact(BRICK)) {
+            let mut rest = *row;
+            while rest != 0 {
+                self.codes.extend(codes[rest.trailing_zeros() as usize].to_le_bytes());
+                rest &= rest - 1;
+            }
+        }
+        if any_walked { self.ask_walked(skin, solid, walkers, &insides) } else { Ok(()) }
     }
 
-    /// Finds what is left of the program around a brick's slice: often one leaf.
-    pub(super) fn look(&mut self, skin: &SkinSlice<'_>, solid: &CsgSolid<'_>, left: Left<'_>) {
-        self.near.clear();
-        if let Left::Steps(steps) = left {
-            let around = around(skin.corner(), solid.place.dims.to_array());
-            let cover = |leaf: u32| solid.leaves[leaf as usize].cover(&around);
-            if program::prune(steps, cover, &mut self.near) != Cover::Mixed {
-                self.near.clear();
-            }
+    /// What is left of the program around a brick's slice: often one leaf.
+    pub(super) fn look<'s>(
+        &'s mut self,
+        skin: &SkinSlice<'_>,
+        solid: &CsgSolid<'_>,
+        left: Left<'s>,
+    ) -> &'s [Step] {
+        match left {
+            Left::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut self.near),
+            Left::Uniform(_) => &[],
         }
     }
 
-    /// What [`Description::look`] has found.
-    pub(super) fn near(&self) -> &[Step] {
-        &self.near
-    }
-
-    fn describe_near(
+    /// Describes the skin voxels of a block of so many rows and columns; `true` if some are those of walked leaves.
+    #[expect(clippy::too_many_arguments, reason = "what one call knows")]
+    fn describe_block(
         &mut self,
         skin: &SkinSlice<'_>,
+        from: [usize; 2],
+        side: usize,
         solid: &CsgSolid<'_>,
         steps: &[Step],
-        walkers: &mut [Walker<'_>],
-    ) -> Result<(), SourceError> {
+        walkers: &[Walker<'_>],
+        insides: &mut [u32; BRICK],
+    ) -> bool {
         self.leaves.clear();
         self.leaves.extend(steps.iter().filter_map(|step| program::leaf_of(*step)).map(|(leaf, _)| leaf));
         let [x0, y0, z] = skin.corner().map(|c| i32::try_from(c).unwrap_or(i32::MAX));
         let mut any_walked = false;
-        let mut insides = [0_u32; BRICK];
-        for (y, row) in skin.rows().iter().enumerate() {
-            if *row == 0 {
+        for (y, insides) in insides.iter_mut().enumerate().skip(from[1]).take(side) {
+            let mut rest = skin.rows()[y] & columns(from[0], side);
+            if rest == 0 {
                 continue;
             }
             let exposed = skin.exposed(y);
-            let mut rest = *row;
             while rest != 0 {
                 let x = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
@@ -185,15 +221,15 @@ impl Description {
                     Some(Surface::Walked(at, inside)) => {
                         any_walked = true;
                         self.walked[BRICK * y + x] = at + 1;
-                        insides[y] |= u32::from(inside) << x;
+                        *insides |= u32::from(inside) << x;
                         from_faces(&exposed, x)
                     }
                     None => from_faces(&exposed, x),
                 };
-                self.codes.extend(normal::encode(direction).to_le_bytes());
+                self.by_place[BRICK * y + x] = normal::encode(direction);
             }
         }
-        if any_walked { self.ask_walked(skin, solid, walkers, &insides) } else { Ok(()) }
+        any_walked
     }
 
     /// The surfaces that make a voxel skin.
@@ -248,7 +284,7 @@ impl Description {
     ) {
         let contains = |leaf: u32, p: [i32; 3]| match &solid.leaves[leaf as usize] {
             Leaf::Walked(at) => walkers[*at as usize].contains(p),
-            leaf => leaf.contains(p),
+            _ => solid.contains(leaf, p),
         };
         if let [leaf] = self.leaves[..] {
             // It alone decides here: where the neighbour is outside, it has turned.
@@ -396,10 +432,30 @@ fn physical(gradient: [f64; 3], solid: &CsgSolid<'_>) -> [f32; 3] {
     if direction == [0.0; 3] { [0.0, 0.0, 1.0] } else { direction }
 }
 
-/// The box of a brick's slice with one voxel around it.
-fn around(corner: [u32; 3], dims: [u32; 3]) -> VoxelBox {
-    let side = |k: usize, length: u32| corner[k].saturating_sub(1)..(corner[k] + length + 1).min(dims[k]);
-    VoxelBox { x: side(0, 32), y: side(1, 32), z: side(2, 1) }
+/// So many columns of a row of a brick.
+fn columns(from: usize, count: usize) -> u32 {
+    u32::MAX >> (BRICK - count) << from
+}
+
+/// What is left of a program in so many columns and rows of a slice, with one voxel around them.
+fn left_around<'p>(
+    steps: &'p [Step],
+    corner: [u32; 3],
+    [columns, rows]: [usize; 2],
+    solid: &CsgSolid<'_>,
+    out: &'p mut Vec<Step>,
+) -> &'p [Step] {
+    let dims = solid.place.dims.to_array();
+    let side = |k: usize, length: usize| {
+        let length = u32::try_from(length).unwrap_or(u32::MAX);
+        corner[k].saturating_sub(1)..(corner[k] + length + 1).min(dims[k])
+    };
+    let around = VoxelBox { x: side(0, columns), y: side(1, rows), z: side(2, 1) };
+    match solid.prune(steps, &around, out) {
+        Some(Cover::Mixed) => out,
+        Some(_) => &[],
+        None => steps,
+    }
 }
 
 /// The mean direction of the faces of a voxel that look outside.

@@ -8,7 +8,8 @@
 //! what is still to be visited, so that the depth of a tree does not matter.
 
 use super::tree::{Node, NodeId, Operation, Shape, Tree, push};
-use crate::facts::CsgFault;
+use crate::builder::BuildError;
+use crate::facts::{CsgFault, SourceError};
 use crate::geom::Affine;
 
 /// Most leaves of a tree, those counted again that are used again.
@@ -34,19 +35,53 @@ pub(super) enum Part {
     Join(u32),
 }
 
-/// A leaf of the flat tree; without a shape it is empty.
-#[derive(Clone, Debug)]
-pub(super) struct FlatLeaf<'a> {
+/// A leaf where it is met; without a shape it is empty.
+pub(super) struct Met<'a, 'f> {
     pub(super) shape: Option<&'a Shape>,
-    pub(super) affine: u32,
+    pub(super) affine: &'f Affine,
     pub(super) line: u64,
+    /// Is all but it meant?
+    pub(super) negated: bool,
 }
 
-/// A tree of joins, each before its parts.
+/// Makes something of a leaf, and says what that holds beside itself.
+pub(super) type Make<'a, 'm, T> = dyn FnMut(Met<'a, '_>) -> Result<(T, u64), Stop> + 'm;
+
+/// Why a tree cannot be made flat.
+pub(super) enum Stop {
+    Fault(CsgFault),
+    /// It takes so much memory so far, and no more is there.
+    Memory {
+        bytes: u64,
+    },
+    /// What was to be made of a leaf failed.
+    Build(BuildError),
+}
+
+impl From<CsgFault> for Stop {
+    fn from(fault: CsgFault) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<BuildError> for Stop {
+    fn from(error: BuildError) -> Self {
+        Self::Build(error)
+    }
+}
+
+impl From<SourceError> for Stop {
+    fn from(error: SourceError) -> Self {
+        Self::Build(error.into())
+    }
+}
+
+/// A tree of joins, each before its parts, and what was made of every leaf where it was met.
 #[derive(Debug)]
-pub(super) struct Flat<'a> {
-    pub(super) leaves: Vec<FlatLeaf<'a>>,
-    pub(super) affines: Vec<(Affine, u64)>,
+pub(super) struct Flat<T> {
+    pub(super) leaves: Vec<T>,
+    /// What leaves hold beside themselves.
+    held: u64,
     pub(super) joins: Vec<Kind>,
     /// Join and part, in the order of the tree.
     pub(super) parts: Vec<(u32, Part)>,
@@ -64,37 +99,66 @@ fn number(count: usize) -> u32 {
     u32::try_from(count).unwrap_or(u32::MAX)
 }
 
-impl<'a> Flat<'a> {
-    /// The flat tree below a node. The first join is its root.
+/// The affine behind another one.
+fn placed(first: &Affine, own: &Affine, line: u64) -> Result<Affine, CsgFault> {
+    let placed = first.after(own);
+    let sound = placed.rows.iter().flatten().all(|c| c.is_finite());
+    if sound { Ok(placed) } else { Err(CsgFault::Singular { line }) }
+}
+
+impl<T> Flat<T> {
+    /// The flat tree below a node, in so much memory. The first join is its root. `make` makes something of every
+    /// leaf, and says what that holds beside itself.
     ///
     /// # Errors
-    /// Too many leaves, or affines that are not numbers.
-    pub(super) fn new(tree: &'a Tree, root: NodeId, first: Affine) -> Result<Self, CsgFault> {
-        let mut flat =
-            Self { leaves: Vec::new(), affines: vec![(first, 0)], joins: vec![Kind::Or], parts: Vec::new() };
+    /// Too many leaves, affines that are not numbers, too little memory, or what `make` says.
+    pub(super) fn new<'a>(
+        (tree, root): (&'a Tree, NodeId),
+        first: Affine,
+        most_bytes: u64,
+        make: &mut Make<'a, '_, T>,
+    ) -> Result<Self, Stop> {
+        let mut flat = Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new() };
+        // The deepest first: those behind the one that is at hand are no longer wanted.
+        let mut affines = vec![first];
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
         let too_many = CsgFault::TooMany { most: MOST_LEAVES as u64 };
         while let Some(Visit { node, affine, negated, above }) = open.pop() {
             if flat.leaves.len().max(flat.joins.len()) >= MOST_LEAVES || open.len() > 4 * MOST_JOINS {
-                return Err(too_many);
+                return Err(too_many.into());
             }
+            let open_bytes = open.capacity() * size_of::<Visit>() + affines.capacity() * size_of::<Affine>();
+            let bytes = flat.bytes() + open_bytes as u64;
+            if bytes > most_bytes {
+                return Err(Stop::Memory { bytes });
+            }
+            affines.truncate(affine as usize + 1);
+            let above_it = &affines[affine as usize];
+            let mut leaf = |flat: &mut Self, shape, line, negated| {
+                let (made, held) = make(Met { shape, affine: above_it, line, negated })?;
+                flat.held += held;
+                flat.leaf(made, negated, above);
+                Ok::<_, Stop>(())
+            };
             match &tree.nodes[node.0 as usize] {
-                Node::Leaf { shape, line } => flat.leaf(Some(shape), affine, *line, negated, above),
+                Node::Leaf { shape, line } => leaf(&mut flat, Some(&**shape), *line, negated)?,
                 Node::Placed { affine: own, node, line } => {
-                    let affine = flat.placed(affine, own, *line)?;
-                    open.push(Visit { node: *node, affine, negated, above });
+                    let own = placed(above_it, own, *line)?;
+                    open.push(Visit { node: *node, affine: number(affines.len()), negated, above });
+                    push(&mut affines, own);
                 }
                 Node::Moved { by, node, line } => {
                     let mut own = Affine::from_spacing([1.0; 3]);
                     (0..3).for_each(|k| own.rows[k][3] = by[k]);
-                    let affine = flat.placed(affine, &own, *line)?;
-                    open.push(Visit { node: *node, affine, negated, above });
+                    let own = placed(above_it, &own, *line)?;
+                    open.push(Visit { node: *node, affine: number(affines.len()), negated, above });
+                    push(&mut affines, own);
                 }
                 Node::Joined { operation, first, count } => {
                     let children = &tree.children[*first as usize..][..*count as usize];
                     let negated = negated != (*operation == Operation::Complement);
                     if children.is_empty() {
-                        flat.leaf(None, affine, 0, negated, above);
+                        leaf(&mut flat, None, 0, negated)?;
                         continue;
                     }
                     let all = matches!(operation, Operation::Intersection | Operation::Difference);
@@ -103,7 +167,7 @@ impl<'a> Flat<'a> {
                     let is_difference = *operation == Operation::Difference;
                     for (at, child) in children.iter().enumerate().rev() {
                         let negated = negated != (is_difference && at > 0);
-                        open.push(Visit { node: *child, affine, negated, above });
+                        push(&mut open, Visit { node: *child, affine, negated, above });
                     }
                 }
             }
@@ -111,19 +175,9 @@ impl<'a> Flat<'a> {
         Ok(flat)
     }
 
-    /// The number of an affine behind another one.
-    fn placed(&mut self, first: u32, own: &Affine, line: u64) -> Result<u32, CsgFault> {
-        let placed = self.affines[first as usize].0.after(own);
-        if !placed.rows.iter().flatten().all(|c| c.is_finite()) {
-            return Err(CsgFault::Singular { line });
-        }
-        push(&mut self.affines, (placed, line));
-        Ok(number(self.affines.len() - 1))
-    }
-
-    fn leaf(&mut self, shape: Option<&'a Shape>, affine: u32, line: u64, negated: bool, above: u32) {
+    fn leaf(&mut self, made: T, negated: bool, above: u32) {
         let leaf = number(self.leaves.len());
-        push(&mut self.leaves, FlatLeaf { shape, affine, line });
+        push(&mut self.leaves, made);
         push(&mut self.parts, (above, Part::Leaf { leaf, negated }));
     }
 
@@ -157,11 +211,12 @@ impl<'a> Flat<'a> {
         (parts, starts)
     }
 
-    /// Memory that it holds.
-    pub(super) fn bytes(&self) -> u64 {
-        (self.leaves.capacity() * size_of::<FlatLeaf<'_>>()
-            + self.affines.capacity() * size_of::<(Affine, u64)>()
+    /// Memory that it holds, and that making a program of it takes.
+    fn bytes(&self) -> u64 {
+        // Lists grow by an eighth.
+        let lists = self.leaves.len() * (size_of::<T>() + 2 * size_of::<u32>()) * 9 / 8
             + self.joins.capacity() * 24
-            + self.parts.capacity() * 2 * size_of::<(u32, Part)>()) as u64
+            + self.parts.capacity() * 2 * size_of::<(u32, Part)>();
+        self.held + lists as u64
     }
 }

@@ -58,13 +58,13 @@ use crate::builder::{
 };
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
 use crate::format::SurfaceKind;
-use crate::geom::Affine;
+use crate::geom::{Affine, Dims};
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::resident::give_back;
 use crate::stamp::stamp;
 use crate::volume::VolumeSource;
 use cells::CsgCells;
-use flat::Flat;
+use flat::{Flat, Make};
 use leaf::Leaf;
 use place::Place;
 use solid::CsgSolid;
@@ -194,8 +194,8 @@ pub fn build_csg(
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
     let front = Front { name: &name, csg, options, scratch: options.scratch_folder(output), progress };
-    let placed = front.placed(&tree, root, &volumes)?;
-    let (solid, facts) = front.solid(&tree, root, &volumes, &placed)?;
+    let placed = front.placed((&tree, root), &volumes)?;
+    let (solid, facts) = front.solid((&tree, root), &volumes, &placed)?;
     drop(tree);
     // What reading and placing took is not left beside what the build takes.
     give_back();
@@ -218,11 +218,22 @@ pub fn build_csg(
     Ok(CsgReport { build, facts })
 }
 
-/// The grid of a tree, whether it is that of a volume, and the volumes that are moved, by their leaves.
+/// The grid of a tree, whether it is that of a volume, the number of meshes, and the volumes that are moved, by the
+/// number of their leaves.
 struct Placed<'a> {
     place: Place,
     of_volume: bool,
+    meshes: usize,
     turned: Vec<(usize, Turned<'a>)>,
+}
+
+/// A volume that is moved: the number of its leaf, the value, and how it lies.
+struct Moved<'a> {
+    leaf: usize,
+    source: &'a dyn VolumeSource,
+    iso: f64,
+    affine: Affine,
+    line: u64,
 }
 
 /// From a tree to a solid.
@@ -239,68 +250,50 @@ impl<'a> Front<'a> {
         unusable(self.name, fault).into()
     }
 
-    fn flat<'t>(&self, tree: &'t Tree, root: NodeId) -> Result<Flat<'t>, BuildError> {
-        let unit = Affine::from_spacing([self.csg.unit_mm; 3]);
-        let flat = Flat::new(tree, root, unit).map_err(|fault| self.wrong(fault))?;
-        let left = Budget::of_job(self.options.memory).left_bytes();
-        if flat.bytes() > left {
-            return Err(too_small(self.name, self.options.memory, flat.bytes()));
-        }
-        Ok(flat)
-    }
-
     /// Places the tree, and lays the volumes that it moves.
     fn placed(
         &self,
-        tree: &Tree,
-        root: NodeId,
+        tree: (&Tree, NodeId),
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
     ) -> Result<Placed<'a>, BuildError> {
-        let flat = self.flat(tree, root)?;
-        let (place, of_volume) = self.place(&flat, volumes)?;
+        let unit = Affine::from_spacing([self.csg.unit_mm; 3]);
+        let (own, meshes, moved) = self.files(tree, unit, volumes)?;
+        let place = self.place(tree, unit, own, volumes)?;
         let mut turned = Vec::new();
-        for (at, leaf) in flat.leaves.iter().enumerate() {
-            let affine = &flat.affines[leaf.affine as usize].0;
-            if let Some(Shape::Volume { path, iso }) = leaf.shape
-                && !is_unmoved(affine)
-            {
-                let source = self.volume(path, volumes)?;
-                let budget = Budget::of_job(self.options.memory);
-                let laying = turned::LAYING_BYTES;
-                let _laying =
-                    budget.reserve(laying).map_err(|_| too_small(self.name, self.options.memory, laying))?;
-                let moved = Turned::new(source, affine, &place, *iso, &self.scratch, self.progress)?;
-                let fault = CsgFault::Singular { line: leaf.line };
-                turned.push((at, moved.ok_or_else(|| self.wrong(fault))?));
-            }
+        for Moved { leaf, source, iso, affine, line } in moved {
+            let laying = turned::LAYING_BYTES;
+            let budget = Budget::of_job(self.options.memory);
+            let _laying =
+                budget.reserve(laying).map_err(|_| too_small(self.name, self.options.memory, laying))?;
+            let laid = Turned::new(source, &affine, &place, iso, &self.scratch, self.progress)?;
+            turned.push((leaf, laid.ok_or_else(|| self.wrong(CsgFault::Singular { line }))?));
         }
-        Ok(Placed { place, of_volume, turned })
+        Ok(Placed { place, of_volume: own.is_some(), meshes, turned })
     }
 
     fn solid(
         &self,
-        tree: &Tree,
-        root: NodeId,
+        (tree, root): (&Tree, NodeId),
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
-        Placed { place, of_volume, turned }: &'a Placed<'a>,
+        Placed { place, of_volume, meshes, turned }: &'a Placed<'a>,
     ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
-        let flat = self.flat(tree, root)?;
-        let (place, of_volume) = (*place, *of_volume);
-        let mut leaves = Vec::with_capacity(flat.leaves.len());
+        let unit = Affine::from_spacing([self.csg.unit_mm; 3]);
+        let (place, of_volume, meshes) = (*place, *of_volume, *meshes);
+        let mut number = 0;
         let mut walked = Vec::new();
-        let meshes = flat.leaves.iter().filter(|leaf| matches!(leaf.shape, Some(Shape::Mesh { .. }))).count();
-        for (number, leaf) in flat.leaves.iter().enumerate() {
-            let to_lattice = place.to_lattice.after(&flat.affines[leaf.affine as usize].0);
-            leaves.push(match leaf.shape {
+        let flat = self.flat((tree, root), unit, &mut |met| {
+            let to_lattice = place.to_lattice.after(met.affine);
+            let own = turned.iter().find(|(at, _)| *at == number).map(|(_, turned)| turned);
+            number += 1;
+            let leaf = match met.shape {
                 None => Leaf::Nothing,
                 Some(Shape::Mesh { path }) => {
                     walked.push(self.mesh(path, &to_lattice, &place, meshes)?);
                     Leaf::Walked(u32::try_from(walked.len() - 1).unwrap_or(u32::MAX))
                 }
                 Some(Shape::Volume { path, iso }) => {
-                    let moved = turned.iter().find(|(at, _)| *at == number);
-                    let source = match moved {
-                        Some((_, turned)) => turned as &dyn VolumeSource,
+                    let source = match own {
+                        Some(turned) => turned as &dyn VolumeSource,
                         None => self.volume(path, volumes)?,
                     };
                     let (chosen, surface) = (Threshold::Iso(*iso), self.options.volume_surface());
@@ -308,24 +301,26 @@ impl<'a> Front<'a> {
                     walked.push(WalkedLeaf { solid, gives_outwards: true });
                     Leaf::Walked(u32::try_from(walked.len() - 1).unwrap_or(u32::MAX))
                 }
-                Some(shape) => {
-                    leaf::place(shape, &to_lattice, leaf.line).map_err(|fault| self.wrong(fault))?
-                }
-            });
-        }
+                Some(shape) => leaf::place(shape, &to_lattice, met.line)?,
+            };
+            let held = leaf.bytes();
+            Ok((leaf, held))
+        })?;
         let [x, y, z] = [0, 1, 2].map(|k| place.affine.rows[k][3]);
         let half = if of_volume { [0.0; 3] } else { place.spacing_mm.map(|s| s / 2.0) };
         let facts = CsgFacts {
-            leaves: leaves.len() as u64,
+            leaves: flat.leaves.len() as u64,
             files: walked.len() as u64,
             voxel_mm: place.spacing_mm,
             origin_mm: [x - half[0], y - half[1], z - half[2]],
-            cut: if of_volume { self.cut(tree, root, &place, volumes)? } else { [[false; 3]; 2] },
+            cut: if of_volume { self.cut((tree, root), &place, volumes)? } else { [[false; 3]; 2] },
         };
         let program = program::compile(&flat);
+        let leaves = flat.leaves;
+        let extents = leaves.iter().map(Leaf::extent).collect();
         let text = Some((self.name.to_path_buf(), stamp(self.name)));
         let name = self.name.display().to_string();
-        Ok((CsgSolid { name, place, leaves, program, walked, text }, facts))
+        Ok((CsgSolid { name, place, leaves, extents, program, walked, text }, facts))
     }
 
     fn volume(
@@ -350,35 +345,68 @@ impl<'a> Front<'a> {
         Ok(WalkedLeaf { solid: Box::new(solid), gives_outwards: false })
     }
 
-    /// The grid: that of the volumes that lie where their files say, or the one asked for; and whether it is the
-    /// former.
+    /// A flat tree of what is made of leaves.
+    fn flat<'t, T>(
+        &self,
+        tree: (&'t Tree, NodeId),
+        first: Affine,
+        make: &mut Make<'t, '_, T>,
+    ) -> Result<Flat<T>, BuildError> {
+        let left = Budget::of_job(self.options.memory).left_bytes();
+        Flat::new(tree, first, left, make).map_err(|stop| match stop {
+            flat::Stop::Fault(fault) => self.wrong(fault),
+            flat::Stop::Memory { bytes } => too_small(self.name, self.options.memory, bytes),
+            flat::Stop::Build(error) => error,
+        })
+    }
+
+    /// The grid of the volumes that lie where their files say, the number of meshes, and the volumes that are moved.
+    fn files(
+        &self,
+        tree: (&Tree, NodeId),
+        unit: Affine,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<(Option<VolumeGrid>, usize, Vec<Moved<'a>>), BuildError> {
+        let (mut own, mut meshes, mut moved, mut leaf) = (None, 0, Vec::new(), 0);
+        if tree.0.files().next().is_none() {
+            return Ok((own, meshes, moved));
+        }
+        self.flat(tree, unit, &mut |met| {
+            meshes += usize::from(matches!(met.shape, Some(Shape::Mesh { .. })));
+            if let Some(Shape::Volume { path, iso }) = met.shape {
+                // The millimetres of a file stay millimetres.
+                if self.csg.unit_mm != 1.0 {
+                    return Err(CsgFault::GridOfVolume.into());
+                }
+                let source = self.volume(path, volumes)?;
+                let info = source.info();
+                let grid = (info.dims, info.affine, info.spacing_mm);
+                if !is_unmoved(met.affine) {
+                    moved.push(Moved { leaf, source, iso: *iso, affine: *met.affine, line: met.line });
+                } else if own.is_some_and(|own| own != grid) {
+                    return Err(CsgFault::Volumes.into());
+                } else {
+                    own = Some(grid);
+                }
+            }
+            leaf += 1;
+            Ok(((), 0))
+        })?;
+        Ok((own, meshes, moved))
+    }
+
+    /// The grid: that of the volumes that lie where their files say, or the one asked for.
     fn place(
         &self,
-        flat: &Flat<'_>,
+        tree: (&Tree, NodeId),
+        unit: Affine,
+        own: Option<VolumeGrid>,
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
-    ) -> Result<(Place, bool), BuildError> {
-        let mut own = None;
-        for leaf in &flat.leaves {
-            let Some(Shape::Volume { path, .. }) = leaf.shape else { continue };
-            // The millimetres of a file stay millimetres.
-            if self.csg.unit_mm != 1.0 {
-                return Err(self.wrong(CsgFault::GridOfVolume));
-            }
-            if !is_unmoved(&flat.affines[leaf.affine as usize].0) {
-                continue;
-            }
-            let info = self.volume(path, volumes)?.info();
-            let grid = (info.dims, info.affine, info.spacing_mm);
-            if own.is_some_and(|own| own != grid) {
-                return Err(self.wrong(CsgFault::Volumes));
-            }
-            own = Some(grid);
-        }
+    ) -> Result<Place, BuildError> {
         match (own, self.csg.grid) {
             (Some(_), Some(_)) => Err(self.wrong(CsgFault::GridOfVolume)),
             (Some((dims, affine, spacing_mm)), None) => {
-                let place = Place::of_volume(dims, affine, spacing_mm);
-                Ok((place.map_err(|fault| self.wrong(fault))?, true))
+                Place::of_volume(dims, affine, spacing_mm).map_err(|fault| self.wrong(fault))
             }
             (None, None) => {
                 let path = self.name.to_path_buf();
@@ -387,13 +415,13 @@ impl<'a> Front<'a> {
             (None, Some(choice)) => {
                 let bounds = match choice {
                     GridChoice::Exact { .. } => Bounds::EMPTY,
-                    _ => self.bounds(flat, volumes)?,
+                    _ => self.bounds(tree, unit, volumes)?,
                 };
                 let refused = |fault| SourceError::Unusable {
                     path: self.name.to_path_buf(),
                     fault: Fault::MeshFile(fault),
                 };
-                Ok((Place::around(choice, &bounds).map_err(refused)?, false))
+                Ok(Place::around(choice, &bounds).map_err(refused)?)
             }
         }
     }
@@ -401,52 +429,53 @@ impl<'a> Front<'a> {
     /// On which sides the bounds of a tree reach out of its volumes' grid, by a voxel's middle at least.
     fn cut(
         &self,
-        tree: &Tree,
-        root: NodeId,
+        tree: (&Tree, NodeId),
         place: &Place,
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
     ) -> Result<[[bool; 3]; 2], BuildError> {
         let rows = place.to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
         let to_voxels = Affine { rows }.after(&Affine::from_spacing([self.csg.unit_mm; 3]));
-        let flat = Flat::new(tree, root, to_voxels).map_err(|fault| self.wrong(fault))?;
         let dims = place.dims.to_array().map(f64::from);
-        let found = bounds::of_tree(&flat, &self.files(&flat, volumes)?);
+        let found = bounds::of_tree(&self.flat_bounds(tree, to_voxels, volumes)?);
         Ok([found.low.map(|low| low < -0.5), [0, 1, 2].map(|k| found.high[k] > dims[k] + 0.5)])
     }
 
-    /// Bounds of the leaves that are files; a volume reaches half a voxel beyond its outermost samples.
-    fn files(
+    /// The bounds of all leaves; volumes reach half a voxel beyond their outermost samples.
+    fn flat_bounds(
         &self,
-        flat: &Flat<'_>,
+        tree: (&Tree, NodeId),
+        first: Affine,
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
-    ) -> Result<Vec<Bounds>, BuildError> {
-        let mut files = Vec::new();
-        for leaf in &flat.leaves {
-            let affine = &flat.affines[leaf.affine as usize].0;
-            match leaf.shape {
+    ) -> Result<Flat<Bounds>, BuildError> {
+        self.flat(tree, first, &mut |met| {
+            let file = match met.shape {
                 Some(Shape::Volume { path, .. }) => {
                     let info = self.volume(path, volumes)?.info();
-                    let (placed, sides) = (affine.after(&info.affine), info.dims.to_array().map(f64::from));
+                    let (placed, sides) =
+                        (met.affine.after(&info.affine), info.dims.to_array().map(f64::from));
                     let mut bounds = Bounds::EMPTY;
                     for corner in 0..8_u32 {
                         let at = |k: usize| if corner >> k & 1 == 1 { sides[k] - 0.5 } else { -0.5 };
                         bounds.add(placed.apply([at(0), at(1), at(2)]));
                     }
-                    files.push(bounds);
+                    Some(bounds)
                 }
-                Some(Shape::Mesh { path }) => files.push(mesh_bounds(path, affine, &self.scratch)?),
-                _ => {}
-            }
-        }
-        Ok(files)
+                Some(Shape::Mesh { path }) if !met.negated => {
+                    Some(mesh_bounds(path, met.affine, &self.scratch)?)
+                }
+                _ => None,
+            };
+            Ok((bounds::of_leaf(&met, file), 0))
+        })
     }
 
     fn bounds(
         &self,
-        flat: &Flat<'_>,
+        tree: (&Tree, NodeId),
+        unit: Affine,
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
     ) -> Result<Bounds, BuildError> {
-        let bounds = bounds::of_tree(flat, &self.files(flat, volumes)?);
+        let bounds = bounds::of_tree(&self.flat_bounds(tree, unit, volumes)?);
         let sides = || bounds.low.iter().zip(&bounds.high);
         if sides().any(|(low, high)| low >= high) {
             return Err(self.wrong(CsgFault::Nothing));
@@ -457,3 +486,6 @@ impl<'a> Front<'a> {
         Ok(bounds)
     }
 }
+
+/// Size, place and spacing of a volume.
+type VolumeGrid = (Dims, Affine, [f64; 3]);

@@ -37,7 +37,7 @@ fn turned(cover: Cover) -> Cover {
 }
 
 /// The program of a flat tree.
-pub(super) fn compile(flat: &Flat<'_>) -> Vec<Step> {
+pub(super) fn compile<T>(flat: &Flat<T>) -> Vec<Step> {
     let (mut parts, starts) = flat.parts_by_join();
     // Joins stand before their parts.
     let mut needs = vec![0_u8; flat.joins.len()];
@@ -71,8 +71,13 @@ pub(super) fn compile(flat: &Flat<'_>) -> Vec<Step> {
     steps
 }
 
-/// Writes what is left of a program where leaves have these covers; nothing, if all is in or out.
-pub(super) fn prune(program: &[Step], mut cover: impl FnMut(u32) -> Cover, out: &mut Vec<Step>) -> Cover {
+/// Writes what is left of a program where leaves have these covers; nothing, if all is in or out. `None` where the
+/// list has no room: the program itself says the same then.
+pub(super) fn prune(
+    program: &[Step],
+    mut cover: impl FnMut(u32) -> Cover,
+    out: &mut Vec<Step>,
+) -> Option<Cover> {
     out.clear();
     let mut stack = [(Cover::Outside, 0_usize); STACK];
     let mut top = 0;
@@ -83,6 +88,9 @@ pub(super) fn prune(program: &[Step], mut cover: impl FnMut(u32) -> Cover, out: 
             stack[top] = (told, out.len());
             top += 1;
             if told == Cover::Mixed {
+                if out.len() == out.capacity() {
+                    return None;
+                }
                 out.push(*step);
             }
             continue;
@@ -102,12 +110,15 @@ pub(super) fn prune(program: &[Step], mut cover: impl FnMut(u32) -> Cover, out: 
             out.truncate(second);
             a
         } else {
+            if out.len() == out.capacity() {
+                return None;
+            }
             out.push(*step);
             Cover::Mixed
         };
         stack[top - 1] = (joined, first);
     }
-    if top == 0 { Cover::Outside } else { stack[0].0 }
+    Some(if top == 0 { Cover::Outside } else { stack[0].0 })
 }
 
 /// The value of a program, of 64 voxels or cases at once.

@@ -5,13 +5,13 @@
 //!                                                                └─ bits of 34 rows a slice, normals of skin voxels
 //! ```
 //!
-//! What is left of a program in a box decides what the box costs. Programs of boxes wait in a store of fixed size;
-//! where it is full, the column's is used, which says the same.
+//! What is left of a program in a box decides what the box costs. Programs of boxes have so many steps at most, and
+//! wait in a store of fixed size; where there is no room, that of a larger box is used, which says the same.
 
 use std::path::PathBuf;
 
 use super::describe::Description;
-use super::leaf::{Leaf, Rows};
+use super::leaf::{Extent, Leaf, Rows};
 use super::place::Place;
 use super::program::{self, STACK, Step};
 use super::walked::{ROWS, WalkedLeaf, Walker};
@@ -27,8 +27,9 @@ use crate::stamp::stamp;
 /// Slices of a slab, and columns of a box.
 const SLAB: u32 = 32;
 const BOX: u32 = 64;
-/// Most steps of the programs of a slab's boxes that are kept.
+/// Most steps of the programs of a slab's boxes that are kept, and of the program of one box.
 const STORE: usize = 1 << 15;
+const MOST_STEPS: usize = 1 << 13;
 /// What the model says of its normals.
 const ESTIMATOR: &str = "analytic";
 
@@ -37,6 +38,7 @@ pub(super) struct CsgSolid<'a> {
     pub(super) name: String,
     pub(super) place: Place,
     pub(super) leaves: Vec<Leaf>,
+    pub(super) extents: Vec<Extent>,
     pub(super) program: Vec<Step>,
     pub(super) walked: Vec<WalkedLeaf<'a>>,
     /// The text, and what it was before it was read.
@@ -56,8 +58,44 @@ impl CsgSolid<'_> {
     /// Memory that is held beside that of workers.
     pub(super) fn bytes(&self) -> u64 {
         let own: u64 = self.leaves.iter().map(Leaf::bytes).sum();
-        own + (self.leaves.capacity() * size_of::<Leaf>() + self.program.capacity() * size_of::<Step>())
-            as u64
+        let lists = self.leaves.capacity() * size_of::<Leaf>()
+            + self.extents.capacity() * size_of::<Extent>()
+            + self.program.capacity() * size_of::<Step>();
+        own + lists as u64
+    }
+
+    /// Most steps of the program of a box.
+    fn most_steps(&self) -> usize {
+        self.program.len().min(MOST_STEPS)
+    }
+
+    /// Where the voxels of a box lie, of a leaf that is not walked.
+    #[inline]
+    fn cover(&self, leaf: u32, region: &VoxelBox) -> Cover {
+        if self.extents[leaf as usize].misses(region) {
+            return Cover::Outside;
+        }
+        self.leaves[leaf as usize].cover(region)
+    }
+
+    /// What is left of a program in a box; `None` where it has no room.
+    pub(super) fn prune(&self, steps: &[Step], region: &VoxelBox, out: &mut Vec<Step>) -> Option<Cover> {
+        program::prune(steps, |leaf| self.cover(leaf, region), out)
+    }
+
+    /// Is a voxel inside a leaf that is not walked?
+    #[inline]
+    pub(super) fn contains(&self, leaf: u32, voxel: [i32; 3]) -> bool {
+        self.extents[leaf as usize].holds(voxel) && self.leaves[leaf as usize].contains(voxel)
+    }
+
+    /// Bits of a leaf that is not walked, of 64 voxels of every row.
+    fn fill(&self, leaf: u32, at: Rows, out: &mut [u64], crossings: &mut Crossings) {
+        let rows = self.extents[leaf as usize].rows(at.y, out.len());
+        out[..rows.start].fill(0);
+        out[rows.end..].fill(0);
+        let at = Rows { y: at.y + i32::try_from(rows.start).unwrap_or(0), ..at };
+        self.leaves[leaf as usize].fill(at, &mut out[rows], crossings);
     }
 }
 
@@ -97,11 +135,14 @@ impl Solid for CsgSolid<'_> {
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
         let boxes = tile.columns.div_ceil(BOX) as usize;
-        let programs = 2 * self.store(tile) + (levels(tile) + 3) * self.program.len();
+        let programs = 2 * self.store(tile) + (levels(tile) + 3) * self.most_steps();
         let own = programs * size_of::<Step>() + 2 * boxes * size_of::<Kept>() + STACK * ROWS * 8;
         let walked: u64 =
             self.walked.iter().map(|leaf| leaf.solid.worker_bytes(tile) + Walker::bytes(tile)).sum();
-        own as u64 + Crossings::bytes(1, ROWS) + Description::bytes(self.program.len()) + walked
+        own as u64
+            + Crossings::bytes(1, ROWS)
+            + Description::bytes(self.leaves.len(), self.most_steps())
+            + walked
     }
 
     fn input_bytes(&self) -> u64 {
@@ -144,12 +185,13 @@ struct Level {
 pub(super) struct CsgWorker<'a> {
     solid: &'a CsgSolid<'a>,
     column: VoxelBox,
-    /// The program of the column.
+    /// The program of the column, unless it is that of the whole tree.
     whole: Vec<Step>,
-    /// Boxes within each other, the smallest last, and a list that is not in use.
+    is_whole: bool,
+    /// Boxes within each other, the smallest last, and lists that are not in use.
     levels: Vec<Level>,
     most_levels: usize,
-    spare: Vec<Step>,
+    unused: Vec<Vec<Step>>,
     slabs: [Slab; 2],
     stack: Vec<u64>,
     /// The program of a slice of a box.
@@ -200,16 +242,17 @@ impl<'a> CsgWorker<'a> {
         };
         Self {
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
-            whole: Vec::with_capacity(solid.program.len()),
+            whole: Vec::with_capacity(solid.most_steps()),
+            is_whole: false,
             most_levels: levels(tile),
             levels: Vec::with_capacity(levels(tile)),
-            spare: Vec::with_capacity(solid.program.len()),
+            unused: (0..=levels(tile)).map(|_| Vec::with_capacity(solid.most_steps())).collect(),
             slabs: [slab(), slab()],
             stack: vec![0; STACK * ROWS],
-            slice: Vec::with_capacity(solid.program.len()),
+            slice: Vec::with_capacity(solid.most_steps()),
             crossings: Crossings::new(1, ROWS),
             walkers: solid.walked.iter().map(|leaf| Walker::new(leaf, solid.place.dims, tile)).collect(),
-            description: Description::new(solid.program.len()),
+            description: Description::new(solid.leaves.len(), solid.most_steps()),
             solid,
         }
     }
@@ -223,9 +266,9 @@ impl<'a> CsgWorker<'a> {
     pub(super) fn near(&mut self, skin: &SkinSlice<'_>) -> (&CsgSolid<'a>, &[Step], &mut [Walker<'a>]) {
         let [x, _, z] = skin.corner();
         let at = self.box_of(x.into());
-        let Self { solid, slabs, whole, walkers, description, .. } = self;
-        description.look(skin, solid, left(slabs, whole, z, at));
-        (solid, description.near(), walkers)
+        let Self { solid, slabs, whole, is_whole, walkers, description, .. } = self;
+        let whole = if *is_whole { &solid.program } else { whole };
+        (solid, description.look(skin, solid, left(slabs, whole, z, at)), walkers)
     }
 }
 
@@ -239,7 +282,8 @@ impl CsgWorker<'_> {
 
     /// Has all walked leaves that the column meets ready for a slice.
     fn reach(&mut self, z: u32) -> Result<(), SourceError> {
-        for step in &self.whole {
+        let whole = if self.is_whole { &self.solid.program } else { &self.whole };
+        for step in whole {
             if let Some((leaf, _)) = program::leaf_of(*step)
                 && let Leaf::Walked(at) = self.solid.leaves[leaf as usize]
             {
@@ -276,19 +320,13 @@ impl SolidWorker for CsgWorker<'_> {
         for slab in &mut self.slabs {
             slab.number = u32::MAX;
         }
-        while let Some(level) = self.levels.pop() {
-            self.spare = level.steps;
-        }
+        self.levels.drain(..).for_each(|level| self.unused.push(level.steps));
         let [nx, ny, nz] = self.solid.place.dims.to_array();
         let around =
             VoxelBox { x: grown(&column.x, 1, nx), y: grown(&column.y, 1, ny), z: grown(&column.z, 2, nz) };
-        let leaves = &self.solid.leaves;
-        let told =
-            program::prune(&self.solid.program, |leaf| leaves[leaf as usize].cover(&around), &mut self.whole);
-        if told != Cover::Mixed {
-            // A program of one leaf that is everywhere in or out; it is told by boxes, and seldom needed.
-            self.whole.clone_from(&self.solid.program);
-        }
+        let told = self.solid.prune(&self.solid.program, &around, &mut self.whole);
+        // Where all is in or out no program is left: it is told by boxes, and seldom needed.
+        self.is_whole = told != Some(Cover::Mixed);
         self.walkers.iter_mut().try_for_each(|walker| walker.start(column))
     }
 
@@ -304,35 +342,37 @@ impl SolidWorker for CsgWorker<'_> {
         // Only what lies within the slab is told by this name.
         let is_slab = region.z.end <= (number + 1) * SLAB + 1;
         while let Some(level) = self.levels.pop_if(|level| !holds(&level.region, region)) {
-            self.spare = level.steps;
+            self.unused.push(level.steps);
         }
-        let mut steps = std::mem::take(&mut self.spare);
-        let above = self.levels.last().map_or(&self.whole, |level| &level.steps);
-        let leaves = &self.solid.leaves;
-        let walkers = &mut self.walkers;
+        let Some(mut steps) = self.unused.pop() else { return Cover::Mixed };
+        let whole = if self.is_whole { &self.solid.program } else { &self.whole };
+        let above = self.levels.last().map_or(whole, |level| &level.steps);
+        let Self { solid, walkers, .. } = self;
         let told = program::prune(
             above,
-            |leaf| match &leaves[leaf as usize] {
+            |leaf| match &solid.leaves[leaf as usize] {
                 Leaf::Walked(at) if is_slab => walkers[*at as usize].worker.cover(region),
-                leaf => leaf.cover(region),
+                _ => solid.cover(leaf, region),
             },
             &mut steps,
         );
-        if is_slab {
+        if let (true, Some(told)) = (is_slab, told) {
             self.keep(region, number, told, &steps);
         }
-        if told == Cover::Mixed && region.x.len() > BOX as usize + 2 && self.levels.len() < self.most_levels {
+        let is_narrow = region.x.len() <= BOX as usize + 2;
+        if told == Some(Cover::Mixed) && !is_narrow && self.levels.len() < self.most_levels {
             self.levels.push(Level { region: region.clone(), steps });
         } else {
-            self.spare = steps;
+            self.unused.push(steps);
         }
-        told
+        told.unwrap_or(Cover::Mixed)
     }
 
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
         let (x, y, z) = (rows.x(), rows.y(), rows.z());
         self.ready(z)?;
-        let Self { solid, column, slabs, whole, stack, slice, crossings, walkers, .. } = self;
+        let Self { solid, column, slabs, whole, is_whole, stack, slice, crossings, walkers, .. } = self;
+        let whole = if *is_whole { &solid.program } else { whole };
         let count = y.len();
         let width = rows.row_mut(y.start).len();
         let from = rows.origin();
@@ -355,23 +395,25 @@ impl SolidWorker for CsgWorker<'_> {
                     let column = |at: i64| u32::try_from(at).unwrap_or(0);
                     let region =
                         VoxelBox { x: column(columns.start)..column(columns.end), y: y.clone(), z: z..z + 1 };
-                    let told =
-                        program::prune(steps, |leaf| solid.leaves[leaf as usize].cover(&region), slice);
-                    if told != Cover::Mixed {
-                        let bits = if told == Cover::Inside { u64::MAX } else { 0 };
-                        y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
-                        continue;
-                    }
+                    let near: &[Step] = match solid.prune(steps, &region, slice) {
+                        Some(Cover::Mixed) => slice,
+                        None => steps,
+                        Some(told) => {
+                            let bits = if told == Cover::Inside { u64::MAX } else { 0 };
+                            y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
+                            continue;
+                        }
+                    };
                     let place =
                         Rows { x: i32::try_from(first).unwrap_or(0), y: as_i32(y.start), z: as_i32(z) };
-                    program::rows_of(slice, stack, count, |leaf, out| match &solid.leaves[leaf as usize] {
+                    program::rows_of(near, stack, count, |leaf, out| match &solid.leaves[leaf as usize] {
                         Leaf::Walked(at) => {
                             let walker = &walkers[*at as usize];
                             for (word, y) in out.iter_mut().zip(i64::from(y.start)..) {
                                 *word = walker.word(first, y, z);
                             }
                         }
-                        leaf => leaf.fill(place, out, crossings),
+                        _ => solid.fill(leaf, place, out, crossings),
                     });
                     for (y, bits) in y.clone().zip(stack.iter()) {
                         rows.row_mut(y)[word] = *bits;
@@ -386,7 +428,8 @@ impl SolidWorker for CsgWorker<'_> {
         let [x, _, z] = skin.corner();
         self.ready(z + 2)?;
         let at = self.box_of(x.into());
-        let Self { solid, slabs, whole, walkers, description, .. } = self;
+        let Self { solid, slabs, whole, is_whole, walkers, description, .. } = self;
+        let whole = if *is_whole { &solid.program } else { whole };
         description.describe(skin, solid, left(slabs, whole, z, at), walkers)
     }
 

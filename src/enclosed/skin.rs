@@ -1,7 +1,7 @@
 //! The skin of a model, slice by slice.
 
 use crate::geom::{BoxIndex, Octant, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 /// Slices that are taken from the octree at a time: a power of two.
 const SLAB: u32 = 32;
@@ -15,7 +15,7 @@ pub(crate) struct SkinVoxel {
 }
 
 /// First voxel along each axis, and the one after the last. Cost: the nodes of six sides, about.
-pub(crate) fn extent<V: NodeView>(view: &V) -> Option<[[u32; 3]; 2]> {
+pub(crate) fn extent(view: &ModelView<'_>) -> Option<[[u32; 3]; 2]> {
     let (mut first, mut end) = ([0; 3], [0; 3]);
     for (axis, (first, end)) in first.iter_mut().zip(&mut end).enumerate() {
         *first = reach(view, axis, false)?;
@@ -26,7 +26,7 @@ pub(crate) fn extent<V: NodeView>(view: &V) -> Option<[[u32; 3]; 2]> {
 
 /// The least or greatest coordinate of a voxel along an axis. Visits the nodes of the side that is looked for
 /// first, and others only where these end before.
-fn reach<V: NodeView>(view: &V, axis: usize, high: bool) -> Option<u32> {
+fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
     let mut best: Option<u32> = None;
     let mut waiting = vec![(BoxIndex::ROOT, 0_u32, view.depth())];
     let mut visits = 0_u64;
@@ -61,15 +61,15 @@ fn reach<V: NodeView>(view: &V, axis: usize, high: bool) -> Option<u32> {
 
 /// The skin of one slice after the other, each node visited about once. Memory: the skin of 32 slices, 16 bytes a
 /// voxel.
-pub(crate) struct SkinSlices<'a, V> {
-    view: &'a V,
+pub(crate) struct SkinSlices<'a> {
+    view: &'a ModelView<'a>,
     slices: [Vec<SkinVoxel>; SLAB as usize],
     slab: Option<u32>,
     seen: u64,
 }
 
-impl<'a, V: NodeView> SkinSlices<'a, V> {
-    pub(crate) fn new(view: &'a V) -> Self {
+impl<'a> SkinSlices<'a> {
+    pub(crate) fn new(view: &'a ModelView<'a>) -> Self {
         Self { view, slices: std::array::from_fn(|_| Vec::new()), slab: None, seen: 0 }
     }
 

@@ -5,7 +5,7 @@
 
 use super::{Enclosed, Outward, Rows, Side, SkinVoxel};
 use crate::geom::VoxelIndex;
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 /// A component is deep inside, or outside, if the normals around it agree to this much: the sum of their parts
 /// towards it against that of the sizes of these. Around a cavity in a wall one voxel thick they cancel.
@@ -171,7 +171,7 @@ impl Sweep {
     }
 
     /// Takes the next slice, its skin in rows. One without skin behind another costs nothing.
-    pub(crate) fn slice<V: NodeView>(&mut self, view: &V, skin: &[SkinVoxel]) {
+    pub(crate) fn slice(&mut self, view: &ModelView<'_>, skin: &[SkinVoxel]) {
         if skin.is_empty() && self.begun && self.is_void() {
             return;
         }

@@ -11,7 +11,7 @@ use super::dual::Mesher;
 use super::place::{Place, Spot, Spots, held_within, middle};
 use super::signs::{Boxes, Signs};
 use super::tint::{BlockTints, Light, Lights, Mixture};
-use crate::load::NodeView;
+use crate::load::ModelView;
 use crate::render::GridSpace;
 
 /// Numbers of inside samples in the blocks of one coarse slice, row by row, with an empty block around all.
@@ -102,7 +102,7 @@ impl Coarse {
     }
 
     /// Takes the colours of the slice of samples that comes next.
-    pub(super) fn tint<V: NodeView>(&mut self, view: &V, lights: &Lights, boxes: &Boxes, height: usize) {
+    pub(super) fn tint(&mut self, view: &ModelView<'_>, lights: &Lights, boxes: &Boxes, height: usize) {
         if let Some([_, now]) = &mut self.tints {
             now.add(view, lights, boxes, self.now.step, height);
         }

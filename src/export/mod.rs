@@ -39,7 +39,7 @@ use std::path::Path;
 use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::scratch;
@@ -158,8 +158,8 @@ const SLICES_KEPT: u32 = 64;
 const MOST_BLOCKS: u64 = 1 << 24;
 
 /// A model with its place.
-pub(crate) struct Exporter<'a, V> {
-    pub(crate) view: &'a V,
+pub(crate) struct Exporter<'a> {
+    pub(crate) view: &'a ModelView<'a>,
     /// Size in boxes of the finest level.
     pub(crate) dims: Dims,
     /// Index of a box to LPS mm.
@@ -181,7 +181,7 @@ enum Product<'a> {
     Mask(Mask),
 }
 
-impl<V: NodeView> Exporter<'_, V> {
+impl Exporter<'_> {
     /// Writes the model into an empty file; what has to wait goes to nameless files in `scratch`.
     pub(crate) fn write(
         &self,

@@ -5,7 +5,7 @@ use super::signs::Boxes;
 use super::tint::{Light, Lights, Mixture};
 use crate::format::cell::Plane;
 use crate::geom::VoxelIndex;
-use crate::load::{CellItems, CellShape, NodeView};
+use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::render::GridSpace;
 
 /// Vertices keep this far from the faces of their cubes, in edges: so each sample stays on its side of the surface,
@@ -45,8 +45,8 @@ pub(super) struct Place {
 }
 
 /// What a model says of the surface in a layer of cubes.
-pub(super) struct Layer<'a, V> {
-    pub(super) view: &'a V,
+pub(super) struct Layer<'a> {
+    pub(super) view: &'a ModelView<'a>,
     pub(super) space: &'a GridSpace,
     /// Of voxels, those of the slices below and above; of cells, the slice itself.
     pub(super) boxes: [&'a Boxes; 2],
@@ -54,7 +54,7 @@ pub(super) struct Layer<'a, V> {
     pub(super) lights: Option<&'a Lights>,
 }
 
-impl<V: NodeView> Spots for Layer<'_, V> {
+impl Spots for Layer<'_> {
     fn spot(&self, place: Place) -> Spot {
         let spot = match self.view.cells() {
             Some(items) => self.in_cell(items, place),
@@ -67,7 +67,7 @@ impl<V: NodeView> Spots for Layer<'_, V> {
     }
 }
 
-impl<V: NodeView> Layer<'_, V> {
+impl Layer<'_> {
     /// The sum of the normals of the patch's inside voxels, and the mean of their colours.
     fn of_voxels(&self, place: Place) -> ([f64; 3], Light) {
         let mut sum = [0.0; 3];

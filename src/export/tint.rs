@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::signs::Boxes;
 use crate::geom::VoxelIndex;
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 use crate::render::shade::linear;
 
 /// Linear red, green and blue, in 65535ths.
@@ -71,9 +71,9 @@ pub(super) struct BlockTints(HashMap<(u32, u32), Mixture>);
 
 impl BlockTints {
     /// Adds the skin of a fine slice to blocks of `step` samples along each axis.
-    pub(super) fn add<V: NodeView>(
+    pub(super) fn add(
         &mut self,
-        view: &V,
+        view: &ModelView<'_>,
         lights: &Lights,
         boxes: &Boxes,
         step: u32,

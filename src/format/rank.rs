@@ -51,6 +51,19 @@ impl RankBuilder {
     }
 }
 
+/// The whole directory of infobytes that are in memory.
+pub fn directory(infobytes: &[u8]) -> Vec<u8> {
+    let (mut supers, mut blocks) = (Vec::new(), Vec::new());
+    let mut builder = RankBuilder::default();
+    builder.feed(
+        infobytes,
+        |ones| supers.extend(ones.to_le_bytes()),
+        |ones| blocks.extend(ones.to_le_bytes()),
+    );
+    supers.extend(blocks);
+    supers
+}
+
 /// Set bits in `infobytes[..node]`, by the directory. Any bytes are safe: what lies outside counts 0.
 ///
 /// Always inlined, so that a caller compiled with population count has it here, too.
@@ -119,6 +132,7 @@ mod tests {
             let mut directory = supers;
             directory.extend(blocks);
             assert_eq!(directory.len() as u64, directory_bytes(bytes.len() as u64).1);
+            assert_eq!(directory, super::directory(&bytes));
             let mut ones = 0;
             for (i, b) in bytes.iter().enumerate() {
                 assert_eq!(rank(&bytes, &directory, i as u64), ones);

@@ -7,7 +7,7 @@ pub use crate::enclosed::Enclosed;
 use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 use crate::render::GridSpace;
 
 /// The error of an area is what normals this far off would make of it, all to the same side (3 degrees).
@@ -40,7 +40,7 @@ pub struct Measures {
 
 /// Measures a model; `None` for one without a voxel, without a volume, or damaged. `is_part`: does it keep only what
 /// can be seen from somewhere?
-pub fn measure<V: NodeView>(view: &V, dims: Dims, affine: &Affine, is_part: bool) -> Option<Measures> {
+pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
     let reach = |axis: usize, sign: f64| {
         let mut direction = [0.0; 3];
@@ -265,7 +265,7 @@ mod tests {
         let (r, c) = (30.0, 35.0);
         let (tree, voxels) = skin(72, |p| radius(p.map(f64::from), c) <= r, Some(&|p| p.map(|v| v - c)));
         let affine = Affine::from_spacing([0.5; 3]);
-        let found = measure(&tree, Dims::new(72, 72, 72).unwrap(), &affine, false).unwrap();
+        let found = measure(&tree.view(), Dims::new(72, 72, 72).unwrap(), &affine, false).unwrap();
         assert_eq!(found.enclosed.inside + tree.voxel_count(), voxels);
         assert_eq!((found.enclosed.cavities, found.enclosed.unknown), (0, 0));
         let (volume, error) = found.volume_mm3.unwrap();
@@ -296,7 +296,7 @@ mod tests {
         for outward in [&nearest as &dyn Fn([f64; 3]) -> [f64; 3], &between] {
             let (tree, _) = skin(48, inside, Some(outward));
             let dims = Dims::new(48, 48, 48).unwrap();
-            let found = measure(&tree, dims, &Affine::from_spacing([0.5; 3]), false).unwrap();
+            let found = measure(&tree.view(), dims, &Affine::from_spacing([0.5; 3]), false).unwrap();
             let (area, error) = found.area_mm2.unwrap();
             let lacks = 6.0 * 20.0 * 20.0 - area;
             assert!(lacks > 0.0 && lacks <= 1.02 * error && error < 2.0 * lacks, "{area} {error}");
@@ -313,14 +313,14 @@ mod tests {
         let shape = |p: [i32; 3]| wall(radius(p.map(f64::from), c));
         let dims = Dims::new(48, 48, 48).unwrap();
         let (tree, voxels) = skin(48, shape, Some(&outward));
-        let found = measure(&tree, dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
+        let found = measure(&tree.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!(found.enclosed.inside + tree.voxel_count(), voxels);
         let cavity =
             (0..48_i32.pow(3)).filter(|i| radius([i % 48, i / 48 % 48, i / 2304].map(f64::from), c) < 14.0);
         assert_eq!(found.enclosed.cavities, cavity.count() as u64);
         // Without normals nobody knows.
         let (bare, _) = skin(48, shape, None);
-        let unknown = measure(&bare, dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
+        let unknown = measure(&bare.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!((unknown.volume_mm3, unknown.area_mm2), (None, None));
         assert_eq!(unknown.enclosed.unknown, found.enclosed.inside + found.enclosed.cavities);
     }
@@ -336,7 +336,8 @@ mod tests {
         let shape = |p: [i32; 3]| (20.0..21.0).contains(&radius(p.map(f64::from), c));
         let (tree, _) = skin(48, shape, Some(&outward));
         let found =
-            measure(&tree, Dims::new(48, 48, 48).unwrap(), &Affine::from_spacing([1.0; 3]), false).unwrap();
+            measure(&tree.view(), Dims::new(48, 48, 48).unwrap(), &Affine::from_spacing([1.0; 3]), false)
+                .unwrap();
         assert!(found.volume_mm3.is_none() && found.area_mm2.is_some(), "{found:?}");
     }
 
@@ -352,7 +353,7 @@ mod tests {
             std::array::from_fn(|a| if a == axis { from[a].signum() } else { 0.0 })
         };
         let (tree, voxels) = skin(48, inside, Some(&outward));
-        let found = measure(&tree, Dims::new(48, 48, 48).unwrap(), &affine, false).unwrap();
+        let found = measure(&tree.view(), Dims::new(48, 48, 48).unwrap(), &affine, false).unwrap();
         let (volume, _) = found.volume_mm3.unwrap();
         assert!((volume - count(voxels) * 0.5).abs() < 1e-9 && voxels == 40 * 40 * 8, "{volume}");
         // Voxels on an edge count once: 1600 of the flat faces, 40 x 6 of the upright and 38 x 6 of the slanting ones.
@@ -367,7 +368,7 @@ mod tests {
     fn two_voxels_at_the_far_corners_of_the_largest_grid_are_soon_measured() {
         let dims = Dims::new(65536, 65536, 65536).unwrap();
         let far = MemoryTree::new(dims, &[0, morton::encode(65535, 65535, 65535)]).unwrap();
-        let found = measure(&far, dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
+        let found = measure(&far.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!(found.voxels, [[0; 3], [65536; 3]]);
         assert_eq!(found.enclosed, Enclosed::default());
     }
@@ -376,7 +377,7 @@ mod tests {
     fn an_empty_model_has_no_measures() {
         let dims = Dims::new(8, 8, 8).unwrap();
         let one = MemoryTree::new(dims, &[morton::encode(3, 4, 5)]).unwrap();
-        let found = measure(&one, dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
+        let found = measure(&one.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!(found.voxels, [[3, 4, 5], [4, 5, 6]]);
         assert_eq!(found.enclosed, Enclosed::default());
     }

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::relief::Relief;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 use crate::progress::{Progress, Silent};
 use crate::render::annotate::annotate;
 use crate::render::picture::{self, Canvas, Counts, Traversal, Watch};
@@ -162,8 +162,8 @@ impl RenderReport {
 /// # Errors
 /// [`RenderError::Camera`] and [`RenderError::Size`] for what makes no sense, [`RenderError::SingularAffine`] for a
 /// model without a volume.
-pub fn render_view<V: NodeView>(
-    view: &V,
+pub fn render_view(
+    view: &ModelView<'_>,
     dims: Dims,
     affine: &Affine,
     request: &RenderRequest,
@@ -175,8 +175,8 @@ pub fn render_view<V: NodeView>(
 ///
 /// # Errors
 /// As [`render_view`].
-pub fn render_view_watched<V: NodeView>(
-    view: &V,
+pub fn render_view_watched(
+    view: &ModelView<'_>,
     dims: Dims,
     affine: &Affine,
     request: &RenderRequest,
@@ -186,8 +186,8 @@ pub fn render_view_watched<V: NodeView>(
 }
 
 /// As [`render_view_watched`], with a look at the process's memory now and then.
-pub(super) fn render_view_relieved<V: NodeView>(
-    view: &V,
+pub(super) fn render_view_relieved(
+    view: &ModelView<'_>,
     dims: Dims,
     affine: &Affine,
     request: &RenderRequest,
@@ -211,8 +211,8 @@ pub(super) fn render_view_relieved<V: NodeView>(
 ///
 /// # Errors
 /// As [`render_view`], and what `take` says.
-pub(super) fn render_view_parts<V: NodeView>(
-    view: &V,
+pub(super) fn render_view_parts(
+    view: &ModelView<'_>,
     dims: Dims,
     affine: &Affine,
     request: &RenderRequest,
@@ -249,8 +249,8 @@ struct Prepared {
 }
 
 impl Prepared {
-    fn new<V: NodeView>(
-        view: &V,
+    fn new(
+        view: &ModelView<'_>,
         dims: Dims,
         affine: &Affine,
         request: &RenderRequest,
@@ -349,8 +349,8 @@ const FIRST_LOOK_LEVELS: u32 = 6;
 /// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point, or as much more
 /// as is asked for; 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals
 /// but no mean ones.
-fn level_of_detail<V: NodeView>(
-    view: &V,
+fn level_of_detail(
+    view: &ModelView<'_>,
     space: &GridSpace,
     camera: &Camera,
     request: &RenderRequest,
@@ -391,8 +391,8 @@ fn thumbnail_view(dims: Dims, affine: &Affine) -> NamedView {
 ///
 /// # Errors
 /// As [`render_view`].
-pub fn thumbnail<V: NodeView>(
-    view: &V,
+pub fn thumbnail(
+    view: &ModelView<'_>,
     dims: Dims,
     affine: &Affine,
     size: u32,
@@ -420,8 +420,8 @@ const SELFCHECK_TASK: u64 = 1 << 15;
 /// # Errors
 /// [`RenderError::TooDeep`] when the grid is too deep to be decoded, [`RenderError::Threads`] when the threads
 /// do not start.
-pub fn selfcheck<V: NodeView>(
-    view: &V,
+pub fn selfcheck(
+    view: &ModelView<'_>,
     rays: u64,
     seed: u64,
     threads: usize,

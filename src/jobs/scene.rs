@@ -235,7 +235,7 @@ fn parts<'a>(
     scene: &Scene,
     files: &'a Files,
     views: &'a [ModelView<'a>],
-) -> Result<Vec<Part<'a, ModelView<'a>>>, Error> {
+) -> Result<Vec<Part<'a>>, Error> {
     let mut parts = Vec::with_capacity(scene.models.len());
     for ((number, placed), file) in (1..).zip(&scene.models).zip(&files.of) {
         let (Some(model), Some(view)) = (files.models.get(*file), views.get(*file)) else { continue };
@@ -260,7 +260,7 @@ fn parts<'a>(
 fn look(
     path: &Path,
     scene: &Scene,
-    parts: &[Part<'_, ModelView<'_>>],
+    parts: &[Part<'_>],
     request: &SceneRequest,
     outputs: &Outputs<'_>,
 ) -> Result<Look, Error> {
@@ -308,7 +308,7 @@ fn look(
 }
 
 /// Depths of all models.
-fn depth_range(parts: &[Part<'_, ModelView<'_>>], camera: &Camera) -> (f64, f64) {
+fn depth_range(parts: &[Part<'_>], camera: &Camera) -> (f64, f64) {
     camera.depth_range_mm(|direction| {
         parts.iter().map(|part| part.support(direction)).fold(f64::NEG_INFINITY, f64::max)
     })

@@ -1,21 +1,24 @@
 //! An octree held in plain vectors: the slow, obvious oracle that faster views are tested against.
 
+use crate::format::rank;
 use crate::geom::{BoxIndex, Dims, NodeIndex, VoxelIndex, morton};
 
-use super::NodeView;
+use super::{ModelView, NodeView};
 
 /// Octree in memory, built level by level from its skin voxels.
 ///
 /// Memory: 9 bytes per node and 2 per normal. Built by plain scans over sorted lists, so that it can be
-/// read and believed; models that come from files are mapped instead.
+/// read and believed; models that come from files are mapped instead. The oracle walks it as it is; [`MemoryTree::view`]
+/// shows it to the kernels.
 #[derive(Clone, Debug)]
 pub struct MemoryTree {
     dims: Dims,
     voxels: Vec<u64>,
     infobytes: Vec<u8>,
     first_children: Vec<u64>,
-    normals: Vec<u16>,
-    node_normals: Vec<u16>,
+    directory: Vec<u8>,
+    normals: Vec<[u8; 2]>,
+    node_normals: Vec<[u8; 2]>,
 }
 
 impl MemoryTree {
@@ -52,7 +55,9 @@ impl MemoryTree {
                 next_child += u64::from(mask.count_ones());
             }
         }
-        Some(Self { dims, voxels, infobytes, first_children, normals: Vec::new(), node_normals: Vec::new() })
+        let (normals, node_normals) = (Vec::new(), Vec::new());
+        let directory = rank::directory(&infobytes);
+        Some(Self { dims, voxels, infobytes, first_children, directory, normals, node_normals })
     }
 
     /// The same tree with one normal code (SPEC 4.6) per voxel in Morton order; `None` when the number of
@@ -61,14 +66,22 @@ impl MemoryTree {
         if codes.len() != self.voxels.len() {
             return None;
         }
-        self.normals = codes;
+        self.normals = codes.into_iter().map(u16::to_le_bytes).collect();
         Some(self)
     }
 
     /// The same tree with one mean normal per node of depth 0 ..= L-2, in breadth-first order.
     pub fn with_node_normals(mut self, codes: Vec<u16>) -> Self {
-        self.node_normals = codes;
+        self.node_normals = codes.into_iter().map(u16::to_le_bytes).collect();
         self
+    }
+
+    /// The same tree as the kernels see models.
+    pub fn view(&self) -> ModelView<'_> {
+        let normals = (!self.normals.is_empty()).then_some(&*self.normals);
+        let node_normals = (!self.node_normals.is_empty()).then_some(&*self.node_normals);
+        ModelView::over(self.dims.depth(), self.voxel_count(), &self.infobytes, &self.directory)
+            .with_normals(normals, node_normals)
     }
 
     /// Size of the volume.
@@ -114,11 +127,11 @@ impl NodeView for MemoryTree {
     }
 
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
-        item(&self.normals, voxel.index())
+        item(&self.normals, voxel.index()).map(u16::from_le_bytes)
     }
 
     fn node_normal(&self, node: NodeIndex) -> Option<u16> {
-        item(&self.node_normals, node.index())
+        item(&self.node_normals, node.index()).map(u16::from_le_bytes)
     }
 }
 
@@ -159,6 +172,13 @@ mod tests {
         want.sort_unstable();
         want.dedup();
         assert_eq!(walk(&tree), want);
+        // The kernels' view finds the same children by the directory.
+        for node in (0..tree.node_count() + 40).map(NodeIndex::new) {
+            assert_eq!(tree.view().infobyte(node), tree.infobyte(node));
+            if node.get() < tree.node_count() {
+                assert_eq!(tree.view().first_child(node), tree.first_child(node));
+            }
+        }
         assert!(tree.infobytes().iter().all(|mask| *mask != 0));
     }
 

@@ -247,7 +247,7 @@ impl<'a> Items<'a> {
     }
 }
 
-/// A [`Model`]'s structure and normals as plain slices.
+/// A model's structure and channels as plain slices: what every kernel looks at.
 #[derive(Clone, Copy, Debug)]
 pub struct ModelView<'a> {
     depth: u32,
@@ -262,9 +262,73 @@ pub struct ModelView<'a> {
     colors: Option<&'a [[u8; 3]]>,
 }
 
+impl<'a> ModelView<'a> {
+    /// A structure with nothing stored beside it: depth, number of skin voxels, infobytes and rank directory (SPEC
+    /// 4.4, 4.5). Any bytes are safe, true or not.
+    pub fn over(depth: u32, voxels: u64, infobytes: &'a [u8], directory: &'a [u8]) -> Self {
+        Self {
+            depth,
+            boxes: (infobytes.len() as u64).saturating_add(voxels).min(u64::MAX - 1),
+            voxels,
+            nodes: infobytes,
+            rank: directory,
+            normals: None,
+            node_normals: None,
+            cells: None,
+            fine: None,
+            colors: None,
+        }
+    }
+
+    /// The same with normal codes (SPEC 4.6, little-endian) of voxels and of nodes.
+    #[must_use]
+    pub fn with_normals(self, normals: Option<&'a [[u8; 2]]>, node_normals: Option<&'a [[u8; 2]]>) -> Self {
+        Self { normals, node_normals, ..self }
+    }
+
+    /// Infobytes of the eight nodes from `node` on, the first in the lowest byte.
+    #[inline(always)]
+    pub fn infobytes(&self, node: NodeIndex) -> u64 {
+        let rest = node.index().and_then(|at| self.nodes.get(at..)).unwrap_or(&[]);
+        match rest.first_chunk() {
+            Some(bytes) => u64::from_le_bytes(*bytes),
+            None => rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
+        }
+    }
+
+    /// Memory that the answers about a node are read from, for processors that are told ahead of time.
+    #[inline(always)]
+    pub fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
+        let at = node.index().unwrap_or(usize::MAX);
+        [
+            self.nodes.get(at..).unwrap_or(&[]),
+            self.rank.get(rank::block_entry(self.nodes.len(), at)..).unwrap_or(&[]),
+        ]
+    }
+
+    /// Normal codes of a voxel, of the four before and of the four behind it in the order of the file; `None` if one of
+    /// them is missing.
+    #[inline]
+    pub fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
+        codes_near(self.normals, voxel.index())
+    }
+
+    /// The same of a node with an edge of 4 cells or more.
+    #[inline]
+    pub fn node_normals_near(&self, node: NodeIndex) -> Option<[u16; 9]> {
+        codes_near(self.node_normals, node.index())
+    }
+}
+
 #[inline]
 fn code(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<u16> {
     codes?.get(at?).map(|c| u16::from_le_bytes(*c))
+}
+
+#[inline]
+fn codes_near(codes: Option<&[[u8; 2]]>, at: Option<usize>) -> Option<[u16; 9]> {
+    let near = codes?.get(at?.checked_sub(4)?..)?.first_chunk::<9>()?;
+    Some(near.map(u16::from_le_bytes))
 }
 
 // Always inlined: a traversal compiled for more instructions would else call these without them.
@@ -287,39 +351,14 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline(always)]
-    fn infobytes(&self, node: NodeIndex) -> u64 {
-        let rest = node.index().and_then(|at| self.nodes.get(at..)).unwrap_or(&[]);
-        match rest.first_chunk() {
-            Some(bytes) => u64::from_le_bytes(*bytes),
-            None => rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
-        }
-    }
-
-    #[inline(always)]
     fn first_child(&self, node: NodeIndex) -> BoxIndex {
         // A directory of wrong bytes may say anything; held to the boxes there are, sums cannot overflow.
         BoxIndex::new(rank::rank(self.nodes, self.rank, node.get()).min(self.boxes) + 1)
     }
 
-    #[inline(always)]
-    fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
-        let at = node.index().unwrap_or(usize::MAX);
-        [
-            self.nodes.get(at..).unwrap_or(&[]),
-            self.rank.get(rank::block_entry(self.nodes.len(), at)..).unwrap_or(&[]),
-        ]
-    }
-
     #[inline]
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
         code(self.normals, voxel.index())
-    }
-
-    #[inline]
-    fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
-        let at = voxel.index()?.checked_sub(4)?;
-        let codes = self.normals?.get(at..)?.first_chunk::<9>()?;
-        Some(codes.map(u16::from_le_bytes))
     }
 
     #[inline]
@@ -362,11 +401,6 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     }
 
     #[inline]
-    fn infobytes(&self, node: NodeIndex) -> u64 {
-        self.view().infobytes(node)
-    }
-
-    #[inline]
     fn first_child(&self, node: NodeIndex) -> BoxIndex {
         self.view().first_child(node)
     }
@@ -374,11 +408,6 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
     #[inline]
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
         self.view().voxel_normal(voxel)
-    }
-
-    #[inline]
-    fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
-        self.view().voxel_normals_near(voxel)
     }
 
     #[inline]

@@ -1,4 +1,4 @@
-//! The node view: all that a traversal may know of an octree.
+//! The node view: all that the plain walk, the oracle of every traversal, may know of an octree.
 
 use super::CellItems;
 use crate::format::normal;
@@ -21,24 +21,8 @@ pub trait NodeView: Sync {
     /// Infobyte of a node.
     fn infobyte(&self, node: NodeIndex) -> u8;
 
-    /// Infobytes of the eight nodes from `node` on, the first in the lowest byte.
-    #[inline]
-    fn infobytes(&self, node: NodeIndex) -> u64 {
-        (0..8).fold(0, |word, i| {
-            let next = NodeIndex::new(node.get().wrapping_add(i));
-            word | u64::from(self.infobyte(next)) << (8 * i)
-        })
-    }
-
     /// The first child of a node.
     fn first_child(&self, node: NodeIndex) -> BoxIndex;
-
-    /// Memory that the answers about a node are read from, for processors that are told ahead of time; may be empty.
-    #[inline]
-    fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
-        let _ = node;
-        [&[]; 2]
-    }
 
     /// The child in `octant`, or `None` if that octant is air.
     #[inline]
@@ -49,17 +33,6 @@ pub trait NodeView: Sync {
 
     /// Normal code of a voxel (SPEC 4.6), if the model has normals.
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16>;
-
-    /// Normal codes of a voxel, of the four before and of the four behind it in the order of the file; `None` if one of
-    /// them is missing.
-    #[inline]
-    fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
-        let mut codes = [0; 9];
-        for (code, at) in codes.iter_mut().zip(voxel.get().checked_sub(4)?..) {
-            *code = self.voxel_normal(VoxelIndex::new(at))?;
-        }
-        Some(codes)
-    }
 
     /// Fine part of a voxel's normal (SPEC 4.6), if the model has normals of 24 bits.
     #[inline]

@@ -51,8 +51,8 @@ const LONG: i32 = 1 << 30;
 /// The record of a short triangle.
 #[inline]
 fn short(t: &Triangle) -> Option<Record> {
-    let ways: [i32; 6] = std::array::from_fn(|k| t[3 + k] - t[k % 3]);
-    let beyond = ways.iter().fold(0, |beyond, way| beyond | (way + (1 << 15)));
+    let ways: [i32; 6] = std::array::from_fn(|k| t[3 + k].wrapping_sub(t[k % 3]));
+    let beyond = ways.iter().fold(0, |beyond, way| beyond | way.wrapping_add(1 << 15));
     let both = |k: usize| ways[k] & 0xffff | ways[k + 3] << 16;
     (beyond >> 16 == 0).then(|| [t[0], t[1], t[2], both(0), both(1), both(2)])
 }
@@ -75,7 +75,8 @@ pub(super) fn ways(record: &Record, axis: usize) -> [i32; 2] {
 pub(super) fn unpacked(record: &Record) -> Triangle {
     let [x, y, z, ..] = *record;
     let ([a, d], [b, e], [c, f]) = (ways(record, 0), ways(record, 1), ways(record, 2));
-    [x, y, z, x + a, y + b, z + c, x + d, y + e, z + f]
+    let way = |from: i32, way: i32| from.wrapping_add(way);
+    [x, y, z, way(x, a), way(y, b), way(z, c), way(x, d), way(y, e), way(z, f)]
 }
 
 /// The records of a triangle.

@@ -104,8 +104,9 @@ impl Cells {
         for (axis, corner) in [x, y, z].into_iter().enumerate() {
             let [a, b] = ways(record, axis);
             let (low, high) = (a.min(b).min(0), a.max(b).max(0));
-            doubled[axis] = 2 * (record[axis] - corner) + low + high;
-            edges[axis] = high - low;
+            // Far below what would overflow: coordinates are below 2^29.
+            doubled[axis] = (2 * record[axis].wrapping_sub(corner)).wrapping_add(low).wrapping_add(high);
+            edges[axis] = high.wrapping_sub(low);
         }
         if edges.iter().any(|edge| *edge > LARGEST) {
             return false;
@@ -220,12 +221,7 @@ impl<'r, F: Fn(u32) -> &'r Record> Kernel for Seek<'_, F> {
                 let (from, to) = cells.rows_around(y, beyond);
                 for row in from..to {
                     for balls in cells.around(x, row, beyond) {
-                        let squared = squared(balls, middle);
-                        let mut reached = 0_u32;
-                        for (lane, (squared, radius)) in squared.iter().zip(&balls.radius).enumerate() {
-                            let most = radius + bound;
-                            reached |= u32::from(*squared <= most * most) << lane;
-                        }
+                        let mut reached = reached(balls, middle, bound);
                         while reached != 0 {
                             let lane = reached.trailing_zeros() as usize % LANES;
                             reached &= reached - 1;
@@ -328,9 +324,11 @@ impl Cells {
             for balls in self.around(x, row, beyond) {
                 let squared = squared(balls, p);
                 for lane in 0..LANES {
-                    let nearer = squared[lane] < least[lane];
-                    least[lane] = if nearer { squared[lane] } else { least[lane] };
-                    records[lane] = if nearer { balls.records[lane] } else { records[lane] };
+                    // All ones where the difference is below zero: chosen by masks the numbers stay in lanes, too.
+                    let nearer = (squared[lane] - least[lane]).to_bits().cast_signed() >> 31;
+                    let nearer = nearer.cast_unsigned();
+                    records[lane] = balls.records[lane] & nearer | records[lane] & !nearer;
+                    least[lane] = if squared[lane] < least[lane] { squared[lane] } else { least[lane] };
                 }
             }
         }
@@ -344,13 +342,28 @@ impl Cells {
     }
 }
 
+/// Which balls are as near as a bound, a bit each.
+#[inline(always)]
+fn reached(balls: &Balls, p: [f32; 2], bound: f32) -> u32 {
+    let squared = squared(balls, p);
+    let mut beyond = 0;
+    for (lane, (squared, radius)) in squared.iter().zip(&balls.radius).enumerate() {
+        let most = radius + bound;
+        // The sign of the difference: compilers know how to gather signs, but not how to gather comparisons.
+        beyond |= ((most * most - squared).to_bits() >> 31) << lane;
+    }
+    !beyond & 0xff
+}
+
 /// Squared distances of the middles of balls.
 #[inline(always)]
 fn squared(balls: &Balls, p: [f32; 2]) -> [f32; LANES] {
-    std::array::from_fn(|lane| {
+    let mut out = [0.0; LANES];
+    for (lane, out) in out.iter_mut().enumerate() {
         let (x, y, z) = (balls.at[0][lane] - p[0], balls.at[1][lane] - p[1], balls.at[2][lane]);
-        x * x + y * y + z * z
-    })
+        *out = x * x + y * y + z * z;
+    }
+    out
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ fn fold(a: u64, b: u64) -> u64 {
 
 /// A hash of a lattice point, in two independent halves.
 #[inline]
-fn vertex_hash(p: &[i32]) -> [u64; 2] {
+pub(super) fn vertex_hash(p: &[i32; 3]) -> [u64; 2] {
     let xy = u64::from(p[0].cast_unsigned()) << 32 | u64::from(p[1].cast_unsigned());
     let z = u64::from(p[2].cast_unsigned());
     let first = fold(xy ^ 0x9e37_79b9_7f4a_7c15, z.wrapping_add(0xd6e8_feb8_6659_fd93));
@@ -51,7 +51,13 @@ fn edge_hash(low: [u64; 2], high: [u64; 2]) -> u128 {
 impl Census {
     #[inline]
     pub(crate) fn add(&mut self, t: &Triangle) {
-        let hashes = [vertex_hash(&t[0..3]), vertex_hash(&t[3..6]), vertex_hash(&t[6..9])];
+        let [a, b, c, d, e, f, g, h, i] = *t;
+        self.add_hashed([[a, b, c], [d, e, f], [g, h, i]].map(|p| vertex_hash(&p)));
+    }
+
+    /// Adds the triangle whose vertices have these hashes.
+    #[inline]
+    pub(super) fn add_hashed(&mut self, hashes: [[u64; 2]; 3]) {
         for (a, b) in [(0, 1), (1, 2), (2, 0)] {
             let (from, to) = (hashes[a], hashes[b]);
             if from == to {

@@ -161,19 +161,10 @@ impl Grid {
         }
         Ok(out)
     }
-
-    /// A triangle on the lattice, turned so that its smallest vertex comes first: what is computed of it does not
-    /// depend on where the file begins it.
-    ///
-    /// # Errors
-    /// It lies beyond the lattice.
-    #[inline]
-    pub(super) fn triangle(&self, t: &[[f64; 3]; 3]) -> Result<Triangle, MeshFault> {
-        Ok(turned([self.point(t[0])?, self.point(t[1])?, self.point(t[2])?]))
-    }
 }
 
-/// The triangle of three points, its smallest vertex first.
+/// The triangle of three points, its smallest vertex first: what is computed of it does not depend on where the file
+/// begins it.
 #[inline]
 pub(crate) fn turned([a, b, c]: [[i32; 3]; 3]) -> Triangle {
     let [a, b, c] = if a <= b && a <= c {
@@ -186,16 +177,17 @@ pub(crate) fn turned([a, b, c]: [[i32; 3]; 3]) -> Triangle {
     [a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]]
 }
 
-/// First slice (row, column) whose centre is at or beyond a coordinate.
+/// First slice (row, column) whose centre is at or beyond a coordinate. (Coordinates are below 2^29: nothing is checked
+/// where it would only keep the compiler from working on several at once.)
 #[inline]
 pub(super) fn first_centre(at: i32) -> i32 {
-    (at - HALF + STEPS - 1) >> 12
+    at.wrapping_add(STEPS - HALF - 1) >> 12
 }
 
 /// Last slice (row, column) whose centre is at or before a coordinate.
 #[inline]
 pub(super) fn last_centre(at: i32) -> i32 {
-    (at - HALF) >> 12
+    at.wrapping_sub(HALF) >> 12
 }
 
 /// Lowest and highest coordinate along an axis.

@@ -21,11 +21,12 @@
 //! |---|---|
 //! | `read` | triangles from files |
 //! | `lattice` | the grid, and whole numbers for coordinates |
+//! | `corner` | vertices on the lattice, each once |
 //! | `census`, `boundary` | closed or not, told by sums; open edges and caps |
 //! | `bins` | triangles sorted by place, in a nameless file |
 //! | `raster` | rows that cross triangles, bits from crossings |
 //! | `resident`, `cells` | triangles at hand; small ones by cells of a voxel |
-//! | `nearest`, `bound` | the nearest of a voxel; what is too far to be it |
+//! | `nearest`, `bound`, `prism` | the nearest of a voxel; what is too far to be it |
 //! | `crossed` | cells instead of skin: planes from where edges meet triangles |
 //! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `solid` | all of it as a solid of the builder |
@@ -41,10 +42,12 @@ mod bound;
 mod boundary;
 mod cells;
 mod census;
+mod corner;
 mod crossed;
 mod lattice;
 mod nearest;
 mod paint;
+mod prism;
 mod raster;
 mod read;
 mod resident;
@@ -71,6 +74,7 @@ use crate::geom::{Affine, Dims};
 use crate::stamp::stamp;
 use bins::{BINNING_BYTES, Binner, Bins};
 use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
+use corner::Corner;
 use crossed::MeshCells;
 pub(crate) use crossed::cross_edges;
 use paint::{COLLECTING_BYTES, Collector, Painter, Wanted};
@@ -249,6 +253,33 @@ struct Counted {
     census: Census,
 }
 
+/// Triangles on their way from a reader, and why one was not taken.
+#[derive(Default)]
+struct Handed {
+    counted: Counted,
+    stopped: Option<SourceError>,
+}
+
+impl Handed {
+    /// Counts a triangle and hands it on.
+    #[inline(always)]
+    fn take(
+        &mut self,
+        t: &Triangle,
+        corners: &[Corner; 3],
+        each: impl FnOnce(&Triangle) -> Result<(), SourceError>,
+    ) -> Result<(), MeshFault> {
+        let [a, b, c] = corners;
+        self.counted.triangles += 1;
+        self.counted.flat += u64::from(a.at == b.at || b.at == c.at || a.at == c.at);
+        self.counted.census.add_hashed([a.hash, b.hash, c.hash]);
+        each(t).map_err(|failed| {
+            self.stopped = Some(failed);
+            MeshFault::CutShort
+        })
+    }
+}
+
 impl Front<'_> {
     /// Are cells built in place of skin voxels?
     fn is_of_cells(&self) -> bool {
@@ -284,11 +315,11 @@ impl Front<'_> {
         let mut binner = Binner::new(self.boxes(&grid), &self.scratch)?;
         let wanted = self.wanted(&files);
         let collecting = self.reserve(&budget, if wanted.anything() { COLLECTING_BYTES } else { 0 })?;
-        let mut collector =
-            if wanted.anything() { Some(Collector::new(wanted, grid.dims, &self.scratch)?) } else { None };
-        let mut known = 0;
-        let counted = self.count(&files, &grid, &mut |t, look, file| {
-            if let Some(collector) = &mut collector {
+        let mut collector = None;
+        let counted = if wanted.anything() {
+            let collector = collector.insert(Collector::new(wanted, grid.dims, &self.scratch)?);
+            let mut known = 0;
+            self.count_looks(&files, &grid, &mut |t, look, file| {
                 if known == file {
                     known += 1;
                     let first_part = files[..file].iter().map(MeshFile::parts).sum();
@@ -297,9 +328,11 @@ impl Front<'_> {
                         .map_err(|fault| self.of_paint(fault, file))?;
                 }
                 collector.add(t, look)?;
-            }
-            binner.add(t)
-        })?;
+                binner.add(t)
+            })?
+        } else {
+            self.count(&files, &grid, &mut |t| binner.add(t))?
+        };
         let paint = collector.map(Collector::finish).transpose()?;
         drop(collecting);
         if counted.triangles == 0 {
@@ -469,41 +502,65 @@ impl Front<'_> {
         &self,
         files: &[MeshFile],
         grid: &Grid,
+        each: &mut dyn FnMut(&Triangle) -> Result<(), SourceError>,
+    ) -> Result<Counted, SourceError> {
+        let place = |p| self.point(grid, p);
+        self.go_through(files, &mut |file, _, handed| {
+            file.for_each_corner(&self.scratch, &place, &mut |corners| {
+                let t = turned(corners.map(|corner| corner.at));
+                handed.take(&t, corners, |t| each(t))
+            })
+        })
+    }
+
+    /// The same with what triangles carry, and the number of the file.
+    fn count_looks(
+        &self,
+        files: &[MeshFile],
+        grid: &Grid,
         each: &mut dyn FnMut(&Triangle, &Look, usize) -> Result<(), SourceError>,
     ) -> Result<Counted, SourceError> {
-        self.progress.stage("triangles", files.len() as u64);
-        let mut counted = Counted::default();
-        let mut stopped = None;
-        for (number, file) in files.iter().enumerate() {
-            let read = file.for_each_look(&self.scratch, &mut |t, look| {
-                let corners = t;
-                let t = match &self.placed {
-                    Some(placed) => grid.triangle(&t.map(|p| placed.apply(p)))?,
-                    None => grid.triangle(t)?,
-                };
+        let place = |p| self.point(grid, p);
+        self.go_through(files, &mut |file, number, handed| {
+            file.for_each_look(&self.scratch, &mut |t, look| {
+                let corners = t.map(|p| Corner::new(p, &place));
+                Corner::check(&corners, 0)?;
+                let at = corners.map(|corner| corner.at);
+                let t = turned(at);
                 let turned;
                 let mut look = look;
                 if *look != Look::NONE {
                     // What corners carry turns with them.
-                    let begins = |p: &[f64; 3]| grid.point(*p).is_ok_and(|corner| t.starts_with(&corner));
-                    turned = look.turned(corners.iter().position(begins).unwrap_or(0));
+                    turned = look.turned(at.iter().position(|corner| t.starts_with(corner)).unwrap_or(0));
                     look = &turned;
                 }
-                counted.triangles += 1;
-                counted.flat += u64::from(t[0..3] == t[3..6] || t[3..6] == t[6..9] || t[0..3] == t[6..9]);
-                counted.census.add(&t);
-                each(&t, look, number).map_err(|failed| {
-                    stopped = Some(failed);
-                    MeshFault::CutShort
-                })
-            });
-            if let Some(failed) = stopped.take() {
-                return Err(failed);
-            }
-            read?;
+                handed.take(&t, &corners, |t| each(t, look, number))
+            })
+        })
+    }
+
+    #[inline]
+    fn point(&self, grid: &Grid, p: [f64; 3]) -> Result<[i32; 3], MeshFault> {
+        match &self.placed {
+            Some(placed) => grid.point(placed.apply(p)),
+            None => grid.point(p),
+        }
+    }
+
+    /// Reads all files, one after the other.
+    fn go_through(
+        &self,
+        files: &[MeshFile],
+        read: &mut dyn FnMut(&MeshFile, usize, &mut Handed) -> Result<(), SourceError>,
+    ) -> Result<Counted, SourceError> {
+        self.progress.stage("triangles", files.len() as u64);
+        let mut handed = Handed::default();
+        for (number, file) in files.iter().enumerate() {
+            let done = read(file, number, &mut handed);
+            handed.stopped.take().map_or(done, Err)?;
             self.progress.advance(1);
         }
-        Ok(counted)
+        Ok(handed.counted)
     }
 
     /// The open edges, and how they are counted: with their direction, unless that disagrees with its neighbours;
@@ -515,7 +572,7 @@ impl Front<'_> {
     ) -> Result<Option<(Vec<OpenEdge>, Sums)>, SourceError> {
         let find = |sums| {
             let mut table = Table::new(sums);
-            self.count(files, grid, &mut |t, _, _| {
+            self.count(files, grid, &mut |t| {
                 table.add(t);
                 Ok(())
             })?;

@@ -10,19 +10,21 @@ use crate::format::normal;
 
 /// Added to a squared distance in lattice steps and taken away again, it rounds to 2^-28 voxel^2.
 const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
+/// More than bounds of squared distances err, in lattice steps squared: 32 steps, at one of them.
+const SPARE: f64 = 1024.0;
 /// Below this part of its terms a sum of products in f64 has an uncertain sign.
 const UNSURE: f64 = 1e-12;
 
 /// A triangle made ready for many voxels.
 pub(crate) struct Facet {
-    a: [f64; 3],
-    ab: [f64; 3],
-    ac: [f64; 3],
-    normal: [f64; 3],
-    normal_squared: f64,
-    abab: f64,
+    pub(super) a: [f64; 3],
+    pub(super) ab: [f64; 3],
+    pub(super) ac: [f64; 3],
+    pub(super) normal: [f64; 3],
+    pub(super) normal_squared: f64,
+    pub(super) abab: f64,
     abac: f64,
-    acac: f64,
+    pub(super) acac: f64,
     /// The box around it.
     pub(super) low: [f64; 3],
     pub(super) high: [f64; 3],
@@ -30,7 +32,7 @@ pub(crate) struct Facet {
 }
 
 #[inline(always)]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -66,6 +68,12 @@ impl Nearest {
     #[expect(clippy::cast_possible_truncation, reason = "a bound with room for it")]
     pub(super) fn bound(&self) -> f32 {
         (self.squared as f32 + 1.0).sqrt() + 0.5
+    }
+
+    /// No triangle of which [`super::prism::Row::at_least`] says more would be taken.
+    #[inline(always)]
+    pub(super) fn reach(&self) -> f64 {
+        self.squared + SPARE
     }
 
     /// Takes a triangle if it comes before the best so far: nearer, or as near and facing the voxel more, or with

@@ -80,6 +80,8 @@ pub(crate) struct Crossings {
     /// Columns with a count.
     touched: Vec<u64>,
     bits: Vec<u64>,
+    /// Which rows have counts, and had some before.
+    used: Vec<(bool, bool)>,
 }
 
 /// Which sums of crossings are inside.
@@ -92,7 +94,7 @@ pub(crate) enum Rule {
 impl Crossings {
     /// Memory for rows of so many words.
     pub(crate) fn bytes(words: usize, rows: usize) -> u64 {
-        (words * rows * (64 * size_of::<i32>() + 16)) as u64
+        (words * rows * (64 * size_of::<i32>() + 16) + 2 * rows) as u64
     }
 
     pub(crate) fn new(words: usize, rows: usize) -> Self {
@@ -102,6 +104,7 @@ impl Crossings {
             counts: vec![0; 64 * words * rows],
             touched: vec![0; words * rows],
             bits: vec![0; words * rows],
+            used: vec![(false, false); rows],
         }
     }
 
@@ -116,6 +119,7 @@ impl Crossings {
         // A sum beyond 2^31 would take as many triangles in one place.
         self.counts[at] = self.counts[at].wrapping_add(sign);
         self.touched[at / 64] |= 1 << (at % 64);
+        self.used[row].0 = true;
     }
 
     /// Turns the counts into bits, and clears them for the next slice.
@@ -125,7 +129,17 @@ impl Crossings {
             Rule::Odd => sum & 1 != 0,
         };
         let rows = self.touched.chunks_exact_mut(self.words).zip(self.bits.chunks_exact_mut(self.words));
-        for ((touched, bits), counts) in rows.zip(self.counts.chunks_exact_mut(64 * self.words)) {
+        let rows = rows.zip(self.counts.chunks_exact_mut(64 * self.words)).zip(&mut self.used);
+        for (((touched, bits), counts), used) in rows {
+            // Rows that nothing crosses now and crossed before are as they are.
+            let (now, before) = (used.0, used.1);
+            *used = (false, now);
+            if !now {
+                if before {
+                    bits.fill(0);
+                }
+                continue;
+            }
             let mut sum = 0_i32;
             for (at, (touched, bits)) in touched.iter_mut().zip(bits).enumerate() {
                 let mut word = if inside(sum) { u64::MAX } else { 0 };

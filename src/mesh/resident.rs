@@ -299,17 +299,16 @@ impl Resident {
     #[inline(always)]
     pub(super) fn near(&self, slice: i32, brick: usize, reach: i32, each: &mut impl FnMut(u32, &Held<'_>)) {
         let z = slice - self.base;
-        // One of two slices begins one before its end, one between two centres behind it.
-        for numbers in [self.run(brick, z - reach - 1, z + reach), self.tall(brick)] {
+        let wide = self.tall(self.bricks);
+        let wide = wide.start..wide.start + self.wide as u32;
+        // One of two slices begins one before its end, one between two centres behind it. What is done with each
+        // stands once, so that it becomes part of this loop and of its instructions.
+        for numbers in [self.run(brick, z - reach - 1, z + reach), self.tall(brick), wide] {
             for (number, item) in numbers.clone().zip(self.items(numbers)) {
                 if Place::of(item).is_near(z, reach) {
                     each(number, &self.held(item));
                 }
             }
-        }
-        let wide = self.tall(self.bricks);
-        for (number, item) in wide.clone().zip(&self.items(wide)[..self.wide]) {
-            each(number, &self.held(item));
         }
     }
 }
@@ -320,7 +319,8 @@ pub(super) fn slices(t: &Held<'_>) -> (i32, i32) {
     match t {
         Held::Short(record) => {
             let [a, b] = ways(record, 2);
-            (first_centre(record[2] + a.min(b).min(0)), last_centre(record[2] + a.max(b).max(0)))
+            let from = |way: i32| record[2].wrapping_add(way);
+            (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
         }
         Held::Long(t) => centres(t, 2),
     }
@@ -332,7 +332,8 @@ pub(super) fn bricks_of(t: &Held<'_>, x0: i32) -> (i32, i32) {
     let (left, right) = match t {
         Held::Short(record) => {
             let [a, b] = ways(record, 0);
-            (first_centre(record[0] + a.min(b).min(0)), last_centre(record[0] + a.max(b).max(0)))
+            let from = |way: i32| record[0].wrapping_add(way);
+            (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
         }
         Held::Long(t) => centres(t, 0),
     };

@@ -25,6 +25,7 @@ use super::crossed::cross_edges;
 use super::lattice::{Grid, HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::nearest::{Facet, Nearest};
 use super::paint::{Paint, Painter};
+use super::prism::Prism;
 use super::raster::{Crossings, Rule, cross_slice};
 use super::resident::{Resident, bricks_of, slices};
 use crate::builder::{
@@ -448,7 +449,7 @@ impl Offered<'_> {
 }
 
 /// Offers a triangle to those of the wanted voxels of a brick's slice that it may be near to.
-#[inline(never)]
+#[inline(always)]
 fn offer_triangle(
     t: &Triangle,
     [x0, y0, z]: [i32; 3],
@@ -477,11 +478,20 @@ fn offer_triangle(
     }
     let Some(facet) = Facet::new(t) else { return };
     let centre = |c: i32| f64::from(c * STEPS + HALF);
-    let pz = centre(z);
+    let (px, pz) = (centre(x0), centre(z));
+    let prism = Prism::around(&facet);
     for y in rows {
+        let found = wanted[y] & columns;
+        if found == 0 {
+            continue;
+        }
         let py = centre(y0 + y as i32);
-        each_bit(wanted[y] & columns, |x| {
-            nearest[BRICK * y + x].offer(&facet, [centre(x0 + x as i32), py, pz]);
+        let row = prism.row([px, py, pz]);
+        each_bit(found, |x| {
+            let best = &mut nearest[BRICK * y + x];
+            if row.at_least(x as f64) <= best.reach() {
+                best.offer(&facet, [px + f64::from(STEPS) * x as f64, py, pz]);
+            }
         });
     }
 }
@@ -515,9 +525,9 @@ impl SolidWorker for MeshWorker<'_> {
         let first = ((rows.origin() - left) / 64) as usize;
         for y in rows.y() {
             let own = self.crossings.row((y + 1 - self.column.y.start) as usize);
-            for (word, own) in rows.row_mut(y).iter_mut().zip(&own[first..]) {
-                *word = *own;
-            }
+            let words = rows.row_mut(y);
+            let most = words.len().min(own.len().saturating_sub(first));
+            words[..most].copy_from_slice(&own[first..first + most]);
         }
         Ok(())
     }

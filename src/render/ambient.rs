@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::load::NodeView;
+use crate::load::ModelView;
 
 use super::around::Surroundings;
 use super::batch::Batch;
@@ -105,10 +105,10 @@ impl Sky {
 
     /// Part of a pixel's directions above a place that the model leaves open: 0 to 255.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    pub(super) fn openness<V: NodeView, S: Surface<V>>(
+    pub(super) fn openness<S: Surface>(
         &self,
         lot: &mut Lot,
-        (view, surface): (&V, &S),
+        (view, surface): (&ModelView<'_>, &S),
         place: &Place<'_>,
         pixel: [usize; 2],
         between: &dyn Fn(),
@@ -140,7 +140,7 @@ impl Place<'_> {
     }
 }
 
-impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
+impl<S: Surface> Painter<'_, S> {
     /// Finds how open the surroundings of every pixel of some rows are, if that is asked for; the time it took.
     pub(super) fn look_around(&mut self, from: usize, rows: usize) -> Duration {
         let start = Instant::now();
@@ -258,7 +258,7 @@ mod tests {
             codes.sort_unstable();
             let tree = MemoryTree::new(dims, &codes).unwrap();
             let space = space(32);
-            let support = |direction| space.support(&tree, direction);
+            let support = |direction| space.support(&tree.view(), direction);
             let top = ViewPoint::Named(NamedView::Top);
             let camera = Camera::new(top, Projection::Parallel, 35.0, 1.0, support).unwrap();
             let canvas = Canvas {
@@ -276,7 +276,7 @@ mod tests {
                 coherence: 0,
                 most_band_pixels: None,
             };
-            let (image, _) = paint(&tree, &space, &camera, canvas).unwrap();
+            let (image, _) = paint(&tree.view(), &space, &camera, canvas).unwrap();
             image.rgba
         };
         assert_eq!(picture(0, 16, 1), picture(0, 0, 2));
@@ -320,7 +320,7 @@ mod tests {
             let outward = [x * (1.0 - z * z).sqrt(), y * (1.0 - z * z).sqrt(), z];
             let from = outward.map(|c| middle - 0.5 + 40.0 * c);
             let ray = space.ray(from, outward.map(|c| -c)).unwrap().unwrap();
-            let hit = single::trace(Form::best(), &tree, &Skin, &ray, 0).hit.unwrap();
+            let hit = single::trace(Form::best(), &tree.view(), &Skin, &ray, 0).hit.unwrap();
             let point = std::array::from_fn(|a| from[a] - hit.t * outward[a]);
             let place = Place { space: &space, hit: &hit, point, normal: outward };
             let [right, ahead] = beside(outward);
@@ -328,7 +328,7 @@ mod tests {
                 let world = std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + outward[a] * d[2]);
                 let Some(ray) = place.ray(world) else { continue };
                 rays += 1;
-                if let Some(other) = single::trace(Form::best(), &tree, &Skin, &ray, 0).hit {
+                if let Some(other) = single::trace(Form::best(), &tree.view(), &Skin, &ray, 0).hit {
                     met += 1;
                     let apart = (0..3).map(|a| other.cell[a].abs_diff(hit.cell[a])).max().unwrap();
                     assert!(apart > REACH, "{hit:?} {other:?}");

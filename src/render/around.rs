@@ -5,7 +5,7 @@
 //! Memory: 26 KiB. Cost: some 10 ns where the block is at hand, 40 where the bricks are.
 
 use crate::geom::{BoxIndex, NodeIndex, Octant};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::lanes;
 use super::occupancy::place;
@@ -82,9 +82,9 @@ impl Surroundings {
     /// The boxes within [`REACH`] of `cell`, in a grid of 2^levels boxes a side, as bits `x + 5 y + 25 z`; and the
     /// number of the one in the middle, if it is there.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few bits")]
-    pub(super) fn window<V: NodeView>(
+    pub(super) fn window(
         &mut self,
-        view: &V,
+        view: &ModelView<'_>,
         levels: u32,
         cell: [i64; 3],
     ) -> (u128, Option<u64>) {
@@ -114,7 +114,7 @@ impl Surroundings {
     /// The eight bricks from these coordinates on.
     #[inline]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few bits")]
-    fn block<V: NodeView>(&mut self, view: &V, at: [i64; 3]) -> &Block {
+    fn block(&mut self, view: &ModelView<'_>, at: [i64; 3]) -> &Block {
         // One below the grid is a place, too.
         let [x, y, z] =
             [(at[0] + 1) as u64 & 0xffff, (at[1] + 1) as u64 & 0xffff, (at[2] + 1) as u64 & 0xffff];
@@ -127,7 +127,7 @@ impl Surroundings {
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bits of a layer")]
-    fn gather<V: NodeView>(&mut self, view: &V, key: u64, [x, y, z]: [i64; 3]) -> Block {
+    fn gather(&mut self, view: &ModelView<'_>, key: u64, [x, y, z]: [i64; 3]) -> Block {
         let mut block = Block { key, ..Block::NONE };
         for (number, boxes) in (0_i64..).zip(&mut block.boxes) {
             let [i, j, k] = [number & 1, number >> 1 & 1, number >> 2];
@@ -143,7 +143,7 @@ impl Surroundings {
 
     /// The brick at these coordinates; one without boxes outside the grid.
     #[inline]
-    fn brick<V: NodeView>(&mut self, view: &V, at: [i64; 3]) -> Brick {
+    fn brick(&mut self, view: &ModelView<'_>, at: [i64; 3]) -> Brick {
         let side = 1_i64 << self.levels.saturating_sub(2);
         if at.iter().any(|c| !(0..side).contains(c)) {
             return Brick::NONE;
@@ -166,7 +166,7 @@ impl Surroundings {
     }
 
     /// Walks down to a brick.
-    fn fetch<V: NodeView>(&mut self, view: &V, at: [u32; 3]) -> Brick {
+    fn fetch(&mut self, view: &ModelView<'_>, at: [u32; 3]) -> Brick {
         let Some(steps) = self.levels.checked_sub(2) else {
             // The children of the root, as the lowest octant of a brick.
             let infobyte = view.infobyte(NodeIndex::ROOT);
@@ -233,7 +233,7 @@ mod tests {
             let mut around = Surroundings::new();
             for _ in 0..600 {
                 let cell = [0; 3].map(|_: u32| i64::from(random.below(1_u32 << levels)));
-                let (found, number) = around.window(&tree, levels, cell);
+                let (found, number) = around.window(&tree.view(), levels, cell);
                 for bit in 0..125_u32 {
                     let offset = [bit % 5, bit / 5 % 5, bit / 25];
                     let at: [i64; 3] = std::array::from_fn(|a| cell[a] - REACH + i64::from(offset[a]));

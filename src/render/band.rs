@@ -7,10 +7,9 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::load::NodeView;
-
 use super::around::Surroundings;
 use super::colors::{color_of, has_colors};
+use super::facing::tile::{Doubts, Judge, Judged, Settle, Stored};
 use super::image::Image;
 use super::picture::{Painter, depth_code, normal_code};
 use super::shade::{Lit, Shader, TileLight};
@@ -32,21 +31,68 @@ fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
         .map(move |x| seen.get(first + x / TILE * TILE_PIXELS + x % TILE).copied().unwrap_or(Seen::NOTHING))
 }
 
+/// The pixels of a tile that `wanted` names.
+fn each(wanted: u64, seen: &[Seen]) -> impl Iterator<Item = (usize, Seen)> {
+    let mut left = wanted;
+    std::iter::from_fn(move || {
+        let at = left.trailing_zeros() as usize;
+        let pixel = *seen.get(at)?;
+        left &= left - 1;
+        Some((at, pixel))
+    })
+}
+
 /// Base-2 logarithm of the normals that a worker keeps, and an odd number that scatters their keys.
 const KEPT_BITS: u32 = 9;
 const MIXER: u64 = 0x9e37_79b9_7f4a_7c15;
 
+/// A normal that is known, or will be once the doubts of the tile are settled.
+#[derive(Clone, Copy)]
+enum Normal {
+    /// In the frame of the boxes.
+    Known([f64; 3]),
+    /// The number of the doubt.
+    Awaited(u8),
+}
+
 /// What a worker keeps from one pixel to the next.
 struct Kept {
     around: Surroundings,
-    /// Round, box and face, and the normal that is shown there, in the frame of the boxes.
-    normals: Vec<(u32, u64, [f64; 3])>,
+    stored: Stored,
+    doubts: Doubts,
+    /// Round, box and face, and the normal that is shown there.
+    normals: Vec<(u32, u64, Normal)>,
     round: u32,
 }
 
 impl Kept {
     fn new() -> Self {
-        Self { around: Surroundings::new(), normals: vec![(0, 0, [0.0; 3]); 1 << KEPT_BITS], round: 0 }
+        let nothing = (0, 0, Normal::Awaited(0));
+        Self {
+            around: Surroundings::new(),
+            stored: Stored::NOTHING,
+            doubts: Doubts::NOTHING,
+            normals: vec![nothing; 1 << KEPT_BITS],
+            round: 0,
+        }
+    }
+
+    fn slot(seen: Seen) -> usize {
+        (seen.key().wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize
+    }
+
+    /// The normal of the face of a box, if it was found.
+    #[inline]
+    fn recall(&self, seen: Seen) -> Option<Normal> {
+        let (round, key, normal) = self.normals.get(Self::slot(seen))?;
+        ((*round, *key) == (self.round, seen.key())).then_some(*normal)
+    }
+
+    #[inline]
+    fn keep(&mut self, seen: Seen, normal: Normal) {
+        if let Some(place) = self.normals.get_mut(Self::slot(seen)) {
+            *place = (self.round, seen.key(), normal);
+        }
     }
 
     /// Begins a row of tiles without normals, so that the picture does not depend on who paints which.
@@ -55,7 +101,7 @@ impl Kept {
     }
 }
 
-impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
+impl<S: Surface> Painter<'_, S> {
     /// Linear RGB of a pixel that saw a surface with this normal.
     #[inline]
     pub(super) fn light(&self, seen: Seen, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
@@ -131,28 +177,7 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         let width = self.canvas.width as usize;
         let has_colors = has_colors(self.view);
         self.each_tile::<4>(seen, out, place, |kept, corner, seen, out| {
-            let mut lit = Lit::NOTHING;
-            // Towards the eye: no normal in the frame of the boxes is that.
-            let mut to_eye = 0_u64;
-            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
-                let (x, y) = (corner[0] + at % TILE, corner[1] + at / TILE);
-                // Tiles at the border reach over it; what is there may be of an earlier band.
-                if x >= width {
-                    continue;
-                }
-                let line = || self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-                match self.normal_of(kept, *pixel, line) {
-                    Some(normal) => {
-                        for (out, part) in lit.normals.iter_mut().zip(normal) {
-                            out[at % TILE_PIXELS] = part;
-                        }
-                    }
-                    None => to_eye |= 1 << (at % TILE_PIXELS),
-                }
-                if let Some(open) = self.open.at(width, [x, y]) {
-                    lit.open[at % TILE_PIXELS] = f64::from(open) / 255.0;
-                }
-            }
+            let (lit, to_eye) = self.lit(kept, corner, seen);
             let mut codes = [[0; TILE_PIXELS]; 3];
             self.form.run(TileLight { sight: &self.sight, corner, lit: &lit, out: &mut codes });
             for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
@@ -182,6 +207,74 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         });
     }
 
+    /// What the hits of a tile are lit by; and the pixels whose normals look towards the eye, since no normal in the
+    /// frame of the boxes does that.
+    fn lit(&self, kept: &mut Kept, corner: [usize; 2], seen: &[Seen]) -> (Lit, u64) {
+        let width = self.canvas.width as usize;
+        let mut lit = Lit::NOTHING;
+        let (mut noted, mut alone, mut to_eye) = (0_u64, 0_u64, 0_u64);
+        let edge_mm = self.normals.judged_together();
+        // Tiles at the border reach over it; what is there may be of an earlier band.
+        let is_seen = |at: usize, pixel: &Seen| pixel.is_hit() && corner[0] + at % TILE < width;
+        for (at, pixel) in seen.iter().enumerate().filter(|(at, pixel)| is_seen(*at, pixel)) {
+            if edge_mm.is_some() && self.normals.note(&mut kept.stored, at, *pixel) {
+                noted |= 1 << (at % TILE_PIXELS);
+            } else {
+                alone |= 1 << (at % TILE_PIXELS);
+            }
+            if let Some(open) = self.open.at(width, [corner[0] + at % TILE, corner[1] + at / TILE]) {
+                lit.open[at % TILE_PIXELS] = f64::from(open) / 255.0;
+            }
+        }
+        let mut judged = Judged::NOTHING;
+        if let (Some(edge_mm), 1..) = (edge_mm, noted) {
+            self.form.run(Judge { stored: &kept.stored, edge_mm, out: &mut judged });
+            lit.normals = judged.normals;
+        }
+        let sees = |at: usize| {
+            self.sight.line((corner[0] + at % TILE) as f64 + 0.5, (corner[1] + at / TILE) as f64 + 0.5)
+        };
+        let mut put = |at: usize, normal: [f64; 3]| {
+            for (out, part) in lit.normals.iter_mut().zip(normal) {
+                out[at % TILE_PIXELS] = part;
+            }
+        };
+        for (at, pixel) in each(alone, seen) {
+            match self.normal_of(kept, pixel, || sees(at)) {
+                Some(normal) => put(at, normal),
+                None => to_eye |= 1 << at,
+            }
+        }
+        kept.doubts.clear();
+        let mut awaited = [0_u8; TILE_PIXELS];
+        let mut unsettled = 0_u64;
+        for (at, pixel) in each(noted & judged.doubts, seen) {
+            let normal = kept.recall(pixel).or_else(|| {
+                let scatter = self.normals.scatter(&mut kept.around, pixel, || sees(at))?;
+                let awaited = Normal::Awaited(kept.doubts.add(&judged, &kept.stored, at, scatter));
+                kept.keep(pixel, awaited);
+                Some(awaited)
+            });
+            match normal {
+                Some(Normal::Known(normal)) => put(at, normal),
+                Some(Normal::Awaited(number)) => {
+                    awaited[at % TILE_PIXELS] = number;
+                    unsettled |= 1 << at;
+                }
+                None => {}
+            }
+        }
+        if let (Some(edge_mm), 1..) = (edge_mm, unsettled) {
+            self.form.run(Settle { doubts: &mut kept.doubts, edge_mm });
+            for (at, pixel) in each(unsettled, seen) {
+                let normal = kept.doubts.normal(awaited[at % TILE_PIXELS]);
+                put(at, normal);
+                kept.keep(pixel, Normal::Known(normal));
+            }
+        }
+        (lit, to_eye)
+    }
+
     /// Normals of the hits of a traced band.
     fn fill_normals(&self, seen: &[Seen], out: &mut [u8], place: [usize; 3]) {
         let width = self.canvas.width as usize;
@@ -207,15 +300,11 @@ impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
         if !seen.is_of_face() || self.canvas.blended {
             return self.normals.in_boxes(&mut kept.around, seen, line);
         }
-        let key = seen.key();
-        let slot = (key.wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize;
-        match kept.normals.get(slot) {
-            Some((round, known, normal)) if (*round, *known) == (kept.round, key) => Some(*normal),
+        match kept.recall(seen) {
+            Some(Normal::Known(normal)) => Some(normal),
             _ => {
                 let normal = self.normals.in_boxes(&mut kept.around, seen, line)?;
-                if let Some(place) = kept.normals.get_mut(slot) {
-                    *place = (kept.round, key, normal);
-                }
+                kept.keep(seen, Normal::Known(normal));
                 Some(normal)
             }
         }

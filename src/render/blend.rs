@@ -6,7 +6,7 @@
 //! where the eight do, some microseconds a pixel; that is why it is a choice.
 
 use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::space::dot;
 
@@ -14,7 +14,7 @@ use super::space::dot;
 const LEAST_COSINE: f64 = 0.5;
 
 /// The voxel or cell at a place of the grid, if the model has it.
-pub(crate) fn find<V: NodeView>(view: &V, at: [u32; 3]) -> Option<VoxelIndex> {
+pub(crate) fn find(view: &ModelView<'_>, at: [u32; 3]) -> Option<VoxelIndex> {
     let mut node = NodeIndex::ROOT;
     for level in (0..view.depth()).rev() {
         let [x, y, z] = at.map(|c| c >> level & 1);
@@ -30,7 +30,7 @@ pub(crate) fn find<V: NodeView>(view: &V, at: [u32; 3]) -> Option<VoxelIndex> {
 
 /// The voxels or cells at the eight corners of a box of places: bit `a` of a corner's number says `high` along axis `a`.
 /// Corners that lie in one node go down together. `low` and `high` are the same or next to each other.
-fn find_corners<V: NodeView>(view: &V, [low, high]: [[u32; 3]; 2]) -> [Option<VoxelIndex>; 8] {
+fn find_corners(view: &ModelView<'_>, [low, high]: [[u32; 3]; 2]) -> [Option<VoxelIndex>; 8] {
     let mut boxes = [Some(BoxIndex::ROOT); 8];
     // Axes along which corners lie in boxes of their own.
     let mut apart = 0;
@@ -67,7 +67,7 @@ fn unit(stored: [i32; 3]) -> [f64; 3] {
 }
 
 /// The blended normal at a point of the grid, in the frame of stored normals; `own` is the hit's, of any length.
-pub(crate) fn blended<V: NodeView>(view: &V, at: [f64; 3], own: [f64; 3]) -> [f64; 3] {
+pub(crate) fn blended(view: &ModelView<'_>, at: [f64; 3], own: [f64; 3]) -> [f64; 3] {
     let length = dot(own, own).sqrt();
     let own = own.map(|c| c / length);
     let side = f64::from(1_u32 << view.depth().min(31));
@@ -122,9 +122,9 @@ mod tests {
             for _ in 0..500 {
                 let low = [0; 3].map(|_: u32| random.below(last + 1));
                 let high = low.map(|c| (c + random.below(2_u32)).min(last));
-                for (corner, found) in find_corners(&tree, [low, high]).into_iter().enumerate() {
+                for (corner, found) in find_corners(&tree.view(), [low, high]).into_iter().enumerate() {
                     let at = std::array::from_fn(|a| if corner >> a & 1 == 1 { high[a] } else { low[a] });
-                    assert_eq!(found, find(&tree, at), "{side}: {at:?}");
+                    assert_eq!(found, find(&tree.view(), at), "{side}: {at:?}");
                 }
             }
         }

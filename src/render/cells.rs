@@ -14,7 +14,7 @@
 //! form and machine finds the same. On a face whose corners are all inside it is at least 1, so rounding opens no gap.
 
 use crate::format::cell::{CORNERS, Plane};
-use crate::load::{CellItems, CellShape, NodeView};
+use crate::load::{CellItems, CellShape, ModelView, NodeView};
 
 use super::lanes::each3;
 use super::ray::{FRACTION_BITS, Ray};
@@ -67,11 +67,11 @@ impl<'a> Cells<'a> {
     }
 }
 
-impl<V: NodeView> Surface<V> for Cells<'_> {
+impl Surface for Cells<'_> {
     const SOLID: bool = false;
 
     #[inline(always)]
-    fn foretell(&self, view: &V, approach: &Approach) -> Looked {
+    fn foretell(&self, view: &ModelView<'_>, approach: &Approach) -> Looked {
         let Some(plane) = self.items.plane(approach.box_number.wrapping_sub(view.node_count())) else {
             return Looked::Unsure;
         };
@@ -97,7 +97,7 @@ impl<V: NodeView> Surface<V> for Cells<'_> {
     }
 
     #[inline]
-    fn look(&self, view: &V, glance: &Glance) -> Looked {
+    fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Looked {
         let cell = glance.approach.box_number.wrapping_sub(view.node_count());
         let Some(plane) = self.items.plane(cell) else {
             return look_at_corners(self.items.corners(cell), glance);
@@ -117,7 +117,7 @@ impl<V: NodeView> Surface<V> for Cells<'_> {
     }
 
     #[inline]
-    fn meet(&self, view: &V, ray: &Ray, passage: &Passage) -> Option<Hit> {
+    fn meet(&self, view: &ModelView<'_>, ray: &Ray, passage: &Passage) -> Option<Hit> {
         if passage.edge_log2 > 0 {
             return Some(passage.entry_hit(ray));
         }

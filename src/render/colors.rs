@@ -3,18 +3,18 @@
 use super::shade::Shader;
 use super::shown::Seen;
 use crate::geom::{BoxIndex, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 /// Most voxels whose colours are averaged.
 const MOST: u64 = 64;
 
 /// Do the voxels of a model have colours?
-pub(super) fn has_colors<V: NodeView>(view: &V) -> bool {
+pub(super) fn has_colors(view: &ModelView<'_>) -> bool {
     view.voxel_color(VoxelIndex::new(0)).is_some()
 }
 
 /// Linear RGB of what was hit, if the model has colours.
-pub(super) fn color_of<V: NodeView>(view: &V, shader: &Shader, seen: Seen) -> Option<[f64; 3]> {
+pub(super) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: Seen) -> Option<[f64; 3]> {
     if !has_colors(view) {
         return None;
     }
@@ -37,7 +37,7 @@ pub(super) fn color_of<V: NodeView>(view: &V, shader: &Shader, seen: Seen) -> Op
 }
 
 /// The first or last voxel of a box.
-fn end<V: NodeView>(view: &V, mut at: BoxIndex, last: bool) -> Option<u64> {
+fn end(view: &ModelView<'_>, mut at: BoxIndex, last: bool) -> Option<u64> {
     let nodes = view.node_count();
     for _ in 0..=view.depth() {
         if at.get() >= nodes {

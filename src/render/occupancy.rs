@@ -6,7 +6,7 @@
 //! the first plus the set bits below `v`.
 
 use crate::geom::NodeIndex;
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::lanes::{Lanes, each3};
 
@@ -26,7 +26,7 @@ pub(super) struct Brick {
 impl Brick {
     /// The grandchildren of `node`.
     #[inline(always)]
-    pub(super) fn of<L: Lanes, V: NodeView>(lanes: L, view: &V, node: u64, mirror: u32) -> Self {
+    pub(super) fn of<L: Lanes>(lanes: L, view: &ModelView<'_>, node: u64, mirror: u32) -> Self {
         let node = NodeIndex::new(node);
         let parent = view.first_child(node).node();
         let stored = lanes.spread_children(view.infobyte(node), view.infobytes(parent));
@@ -36,14 +36,14 @@ impl Brick {
 
     /// The children of the root as the lowest octant of a node above it, for grids of an odd depth.
     #[inline(always)]
-    pub(super) fn above_root<V: NodeView>(view: &V, mirror: u32) -> Self {
+    pub(super) fn above_root(view: &ModelView<'_>, mirror: u32) -> Self {
         let stored = u64::from(view.infobyte(NodeIndex::ROOT));
         Self { boxes: mirrored(stored, mirror), stored, flip: mirror, parent: NodeIndex::ROOT }
     }
 
     /// Number of the first box.
     #[inline(always)]
-    pub(super) fn first<V: NodeView>(&self, view: &V) -> u64 {
+    pub(super) fn first(&self, view: &ModelView<'_>) -> u64 {
         view.first_child(self.parent).get()
     }
 
@@ -124,13 +124,13 @@ mod tests {
         let codes: Vec<u64> = (0..90_u64).map(|i| i * i * 7 % 512).collect();
         let tree = MemoryTree::new(dims, &codes).unwrap();
         for mirror in 0..8 {
-            let top = Brick::above_root(&tree, mirror);
+            let top = Brick::above_root(&tree.view(), mirror);
             for octant in 0..8_u32 {
                 let node = tree.child(NodeIndex::ROOT, Octant::low_bits(octant));
                 assert_eq!(top.boxes >> (octant ^ mirror) & 1 == 1, node.is_some());
                 let Some(node) = node else { continue };
-                assert_eq!(top.first(&tree) + top.before(octant ^ mirror), node.get());
-                let brick = Brick::of(Portable, &tree, node.get(), mirror);
+                assert_eq!(top.first(&tree.view()) + top.before(octant ^ mirror), node.get());
+                let brick = Brick::of(Portable, &tree.view(), node.get(), mirror);
                 for v in 0..64_u32 {
                     let number = tree
                         .child(node.node(), Octant::low_bits(v >> 3))
@@ -138,7 +138,7 @@ mod tests {
                     let seen = v ^ (mirror | mirror << 3);
                     assert_eq!(brick.boxes >> seen & 1 == 1, number.is_some());
                     if let Some(number) = number {
-                        assert_eq!(brick.first(&tree) + brick.before(seen), number.get());
+                        assert_eq!(brick.first(&tree.view()) + brick.before(seen), number.get());
                     }
                 }
             }

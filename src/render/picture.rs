@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::around::Surroundings;
 use super::cells::Cells;
@@ -181,10 +181,10 @@ pub(crate) fn normal_code(component: f64) -> u8 {
 }
 
 /// Everything that a pixel's worker reads.
-pub(super) struct Painter<'a, V, S> {
-    pub(super) view: &'a V,
+pub(super) struct Painter<'a, S> {
+    pub(super) view: &'a ModelView<'a>,
     pub(super) surface: S,
-    pub(super) normals: Normals<'a, V>,
+    pub(super) normals: Normals<'a>,
     pub(super) sight: Sight<'a>,
     /// The rays of the discrete mode, if that is asked for.
     pub(super) discrete: Option<DiscreteRays<'a>>,
@@ -259,8 +259,8 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
 /// # Errors
 /// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start,
 /// [`RenderError::DiscreteCells`] for discrete rays in a model of cells.
-pub fn paint<V: NodeView>(
-    view: &V,
+pub fn paint(
+    view: &ModelView<'_>,
     space: &GridSpace,
     camera: &Camera,
     canvas: Canvas,
@@ -272,8 +272,8 @@ pub fn paint<V: NodeView>(
 ///
 /// # Errors
 /// As [`paint`].
-pub(crate) fn paint_watched<V: NodeView>(
-    view: &V,
+pub(crate) fn paint_watched(
+    view: &ModelView<'_>,
     space: &GridSpace,
     camera: &Camera,
     canvas: Canvas,
@@ -292,8 +292,8 @@ pub(crate) fn paint_watched<V: NodeView>(
 ///
 /// # Errors
 /// As [`paint`]; and what `take` says, which ends it.
-pub(crate) fn paint_parts<V: NodeView>(
-    view: &V,
+pub(crate) fn paint_parts(
+    view: &ModelView<'_>,
     space: &GridSpace,
     camera: &Camera,
     canvas: Canvas,
@@ -322,7 +322,7 @@ fn blank(canvas: &Canvas, rows: u32) -> Image {
 trait Job {
     type Output: Send;
 
-    fn run<V: NodeView, S: Surface<V>>(self, painter: Painter<'_, V, S>) -> Self::Output;
+    fn run<S: Surface>(self, painter: Painter<'_, S>) -> Self::Output;
 }
 
 /// Paints the whole picture.
@@ -333,7 +333,7 @@ struct Whole<'a> {
 impl Job for Whole<'_> {
     type Output = Counts;
 
-    fn run<V: NodeView, S: Surface<V>>(self, mut painter: Painter<'_, V, S>) -> Counts {
+    fn run<S: Surface>(self, mut painter: Painter<'_, S>) -> Counts {
         painter.paint(self.image, 0)
     }
 }
@@ -346,7 +346,7 @@ struct Parts<'a> {
 impl Job for Parts<'_> {
     type Output = Result<Counts, RenderError>;
 
-    fn run<V: NodeView, S: Surface<V>>(self, mut painter: Painter<'_, V, S>) -> Self::Output {
+    fn run<S: Surface>(self, mut painter: Painter<'_, S>) -> Self::Output {
         let Self { take } = self;
         let canvas = painter.canvas;
         let rows = if canvas.smooth_edges { canvas.height } else { painter.band_rows() };
@@ -368,8 +368,8 @@ impl Job for Parts<'_> {
 }
 
 /// Makes a painter, and has it work in a pool of its own.
-fn with_painter<V: NodeView, J: Job + Send>(
-    view: &V,
+fn with_painter<J: Job + Send>(
+    view: &ModelView<'_>,
     space: &GridSpace,
     camera: &Camera,
     canvas: Canvas,
@@ -402,7 +402,7 @@ fn with_painter<V: NodeView, J: Job + Send>(
     })
 }
 
-impl<V: NodeView, S: Surface<V>> Painter<'_, V, S> {
+impl<S: Surface> Painter<'_, S> {
     /// Rows that are traced between two passes of shading.
     fn band_rows(&self) -> u32 {
         let row = (self.canvas.width as usize).div_ceil(TILE) * TILE_PIXELS;

@@ -34,11 +34,11 @@ impl MirroredRay {
         let (mut origin, mut direction) = (ray.origin(), ray.direction());
         let mut mirror = 0;
         for a in 0..3 {
-            if direction[a] < 0 {
-                origin[a] = far.wrapping_sub(origin[a]);
-                direction[a] = direction[a].wrapping_neg();
-                mirror |= 1 << a;
-            }
+            // Nobody can foretell the signs of rays without neighbours: -1 or 0 instead of a branch.
+            let back = direction[a] >> 63;
+            origin[a] = (origin[a] ^ back).wrapping_sub(back).wrapping_add(far & back);
+            direction[a] = (direction[a] ^ back).wrapping_sub(back);
+            mirror |= u32::from(back != 0) << a;
         }
         Self { depth: ray.depth(), origin, direction, mirror }
     }

@@ -1,7 +1,7 @@
 //! The traversal against the reference on many random rays, for tests and for users who want to see it.
 
 use crate::geom::{Affine, BoxIndex, Dims, Octant};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::batch::Batch;
 use super::cells::Cells;
@@ -75,7 +75,7 @@ impl Mismatches {
     }
 
     /// Compares one ray and counts it.
-    pub fn compare<V: NodeView>(&mut self, view: &V, volume: &BitVolume, ray: &Ray) {
+    pub fn compare(&mut self, view: &ModelView<'_>, volume: &BitVolume, ray: &Ray) {
         self.rays += 1;
         let trace = first_hit(view, ray, 0);
         let want = reference::walk(volume, ray, false, |_| {});
@@ -112,7 +112,7 @@ impl Mismatches {
 
 impl Mismatches {
     /// Compares a batch of rays, in every form, with the same rays alone.
-    pub fn compare_batch<V: NodeView>(&mut self, view: &V, rays: &[Ray], lod_edge_log2: u32) {
+    pub fn compare_batch(&mut self, view: &ModelView<'_>, rays: &[Ray], lod_edge_log2: u32) {
         let sealed = rays.iter().map(|ray| first_hit_sealed(view, ray, lod_edge_log2).hit).collect();
         self.compare_batch_of(view, &Skin, rays, lod_edge_log2, sealed);
         if let Some(cells) = view.cells().map(Cells::new) {
@@ -121,9 +121,9 @@ impl Mismatches {
         }
     }
 
-    fn compare_batch_of<V: NodeView, S: Surface<V>>(
+    fn compare_batch_of<S: Surface>(
         &mut self,
-        view: &V,
+        view: &ModelView<'_>,
         surface: &S,
         rays: &[Ray],
         lod_edge_log2: u32,
@@ -141,7 +141,7 @@ impl Mismatches {
     }
 
     /// Compares a tile of a picture, in every form, with the sealed traversal of its rays.
-    pub fn compare_tile<V: NodeView>(&mut self, view: &V, sight: &Sight<'_>, tile: Tile) {
+    pub fn compare_tile(&mut self, view: &ModelView<'_>, sight: &Sight<'_>, tile: Tile) {
         let want: [Option<_>; RAYS] = std::array::from_fn(|ray| {
             let (x, y) = (ray % TILE, ray / TILE);
             if x >= tile.limits.0 || y >= tile.limits.1 {
@@ -171,7 +171,7 @@ impl Mismatches {
 
 impl Mismatches {
     /// Compares a tile of cells, in every form, with its rays alone.
-    fn compare_cells<V: NodeView>(&mut self, view: &V, cells: &Cells<'_>, sight: &Sight<'_>, tile: Tile) {
+    fn compare_cells(&mut self, view: &ModelView<'_>, cells: &Cells<'_>, sight: &Sight<'_>, tile: Tile) {
         let want: [Option<_>; RAYS] = std::array::from_fn(|ray| {
             let (x, y) = (ray % TILE, ray / TILE);
             if x >= tile.limits.0 || y >= tile.limits.1 {
@@ -225,7 +225,7 @@ fn random_picture(random: &mut Random, depth: u32) -> Option<(GridSpace, Camera,
 
 /// Compares tiles of random pictures in every form with the sealed traversal: about `rays` rays, each 1 to
 /// 64 tiles of a picture; the same seed gives the same tiles. Levels of detail are among them.
-pub fn tile_mismatches<V: NodeView>(view: &V, rays: u64, seed: u64) -> Mismatches {
+pub fn tile_mismatches(view: &ModelView<'_>, rays: u64, seed: u64) -> Mismatches {
     let mut random = Random::new(seed ^ 0x7469_6c65);
     let mut counts = Mismatches::default();
     for _ in 0..rays.div_ceil(4 * RAYS as u64) {
@@ -246,7 +246,7 @@ pub fn tile_mismatches<V: NodeView>(view: &V, rays: u64, seed: u64) -> Mismatche
 }
 
 /// Number of the voxel box at a cell, by descending from the root.
-fn number_of<V: NodeView>(view: &V, cell: [u32; 3]) -> Option<BoxIndex> {
+fn number_of(view: &ModelView<'_>, cell: [u32; 3]) -> Option<BoxIndex> {
     (0..view.depth()).rev().try_fold(BoxIndex::ROOT, |number, level| {
         let bit = |a: usize| cell[a] >> level & 1;
         view.child(number.node(), Octant::low_bits(bit(0) | bit(1) << 1 | bit(2) << 2))
@@ -331,7 +331,7 @@ pub fn random_ray(random: &mut Random, depth: u32) -> Option<Ray> {
 /// gives the same rays.
 ///
 /// Cost: about a microsecond per ray and 100 cells of side.
-pub fn mismatches<V: NodeView>(view: &V, volume: &BitVolume, rays: u64, seed: u64) -> Mismatches {
+pub fn mismatches(view: &ModelView<'_>, volume: &BitVolume, rays: u64, seed: u64) -> Mismatches {
     let mut random = Random::new(seed);
     let mut counts = Mismatches::default();
     let mut lot = Vec::new();

@@ -2,12 +2,12 @@
 
 use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::around::Surroundings;
 use super::blend;
 use super::cells::Cells;
-use super::facing;
+use super::facing::{self, tile::Stored};
 use super::ray::Face;
 use super::space::{GridSpace, add_scaled, dot};
 use super::traverse::{Hit, Trace};
@@ -98,8 +98,8 @@ pub(super) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3
 
 /// Finds the normals of a model in its place.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Normals<'a, V> {
-    view: &'a V,
+pub(crate) struct Normals<'a> {
+    view: &'a ModelView<'a>,
     /// The cells, if the model has them: normals are of index space then.
     cells: Option<Cells<'a>>,
     space: &'a GridSpace,
@@ -109,9 +109,14 @@ pub(crate) struct Normals<'a, V> {
     lod_edge_log2: u32,
 }
 
-impl<'a, V: NodeView> Normals<'a, V> {
+impl<'a> Normals<'a> {
     /// Of a model; `blended` between the boxes around a hit, where hits may be boxes of `2^lod_edge_log2`.
-    pub(crate) fn new(view: &'a V, space: &'a GridSpace, blended: bool, lod_edge_log2: u32) -> Self {
+    pub(crate) fn new(
+        view: &'a ModelView<'a>,
+        space: &'a GridSpace,
+        blended: bool,
+        lod_edge_log2: u32,
+    ) -> Self {
         let fine = view.voxel_fine(VoxelIndex::new(0)).is_some();
         Self { view, cells: view.cells().map(Cells::new), space, blended, fine, lod_edge_log2 }
     }
@@ -244,22 +249,9 @@ impl<'a, V: NodeView> Normals<'a, V> {
             [f64::from(n[0]) * spacing[0], f64::from(n[1]) * spacing[1], f64::from(n[2]) * spacing[2]]
         };
         let in_voxels = scale(stored);
-        let edge_log2 = if seen.kind == SeenKind::Voxel { 0 } else { self.lod_edge_log2 };
-        let struck = || {
-            let (origin, sight) = line();
-            let world = add_scaled(origin, f64::from(seen.depth), sight);
-            let edge = f64::from(1_u32 << edge_log2.min(31));
-            let at = space.world_to_grid().apply(world);
-            let at = [at[0] / edge, at[1] / edge, at[2] / edge];
-            facing::Struck { number: seen.box_number, at, edge_log2, face }
-        };
-        let cubes = spacing[0] == spacing[1] && spacing[1] == spacing[2];
-        let near = if cubes && !self.fine && seen.kind == SeenKind::Voxel {
-            let voxel = BoxIndex::new(seen.box_number).voxel(self.view.node_count());
-            self.view.voxel_normals_near(voxel)
-        } else {
-            None
-        };
+        let struck = || self.struck(seen, face, line);
+        let cubes = self.has_cubes();
+        let near = if cubes && !self.fine { self.codes_near(seen) } else { None };
         let company = match &near {
             Some(codes) => facing::company_of(codes),
             None => facing::company(|distance| match self.stored(seen, distance) {
@@ -270,6 +262,63 @@ impl<'a, V: NodeView> Normals<'a, V> {
         };
         let shown = facing::shown(self.view, around, face, struck, in_voxels, company)?;
         Some([shown[0] / spacing[0], shown[1] / spacing[1], shown[2] / spacing[2]])
+    }
+
+    /// Where a box was hit.
+    #[inline]
+    fn struck(&self, seen: Seen, face: Face, line: impl Fn() -> Line) -> facing::Struck {
+        let edge_log2 = if seen.kind == SeenKind::Voxel { 0 } else { self.lod_edge_log2 };
+        let (origin, sight) = line();
+        let world = add_scaled(origin, f64::from(seen.depth), sight);
+        let edge = f64::from(1_u32 << edge_log2.min(31));
+        let at = self.space.world_to_grid().apply(world);
+        let at = [at[0] / edge, at[1] / edge, at[2] / edge];
+        facing::Struck { number: seen.box_number, at, edge_log2, face }
+    }
+
+    fn has_cubes(&self) -> bool {
+        let spacing = self.space.spacing_mm();
+        spacing[0] == spacing[1] && spacing[1] == spacing[2]
+    }
+
+    /// Codes of a box, of the four before and of the four behind it.
+    #[inline]
+    fn codes_near(&self, seen: Seen) -> Option<[u16; 9]> {
+        match seen.kind {
+            SeenKind::Voxel => {
+                let voxel = BoxIndex::new(seen.box_number).voxel(self.view.node_count());
+                self.view.voxel_normals_near(voxel)
+            }
+            SeenKind::Node => self.view.node_normals_near(NodeIndex::new(seen.box_number)),
+            SeenKind::Own => None,
+        }
+    }
+
+    /// Can the normals of a tile be judged all at once? Edge of a voxel in mm, if so.
+    pub(super) fn judged_together(&self) -> Option<f64> {
+        let plain = self.cells.is_none() && !self.fine && !self.blended && self.has_cubes();
+        plain.then(|| self.space.spacing_mm()[0])
+    }
+
+    /// Notes what a pixel hit, to be judged together with others; `false` where it must be looked at alone.
+    #[inline]
+    pub(super) fn note(&self, stored: &mut Stored, pixel: usize, seen: Seen) -> bool {
+        let found = seen.face().zip(self.codes_near(seen));
+        if let Some((face, codes)) = &found {
+            stored.set(pixel, codes, *face);
+        }
+        found.is_some()
+    }
+
+    /// The scatter of the boxes around a pixel that was noted, but is in doubt; `None` where its normal stays.
+    #[inline]
+    pub(super) fn scatter(
+        &self,
+        around: &mut Surroundings,
+        seen: Seen,
+        line: impl Fn() -> Line,
+    ) -> Option<[f64; 6]> {
+        facing::scatter_around(self.view, around, &self.struck(seen, seen.face()?, line))
     }
 }
 

@@ -8,7 +8,7 @@
 //! Cost: some 40 ns a node, most of it waiting for memory: the rank of a node, then its children's
 //! infobytes. Memory: under 1 KiB of stack.
 
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::form::{Form, LanesKernel};
 use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
@@ -64,9 +64,9 @@ pub(super) struct Open {
 /// The ray must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells
 /// count as surface. Any view is safe, whatever it answers. [`Trace::steps`] counts the nodes looked at.
 #[inline]
-pub fn trace<V: NodeView, S: Surface<V>>(
+pub fn trace<S: Surface>(
     form: Form,
-    view: &V,
+    view: &ModelView<'_>,
     surface: &S,
     ray: &Ray,
     lod_edge_log2: u32,
@@ -75,14 +75,14 @@ pub fn trace<V: NodeView, S: Surface<V>>(
 }
 
 /// One ray, for any lanes.
-struct Single<'a, V, S> {
-    view: &'a V,
+struct Single<'a, S> {
+    view: &'a ModelView<'a>,
     surface: &'a S,
     ray: &'a Ray,
     lod_edge_log2: u32,
 }
 
-impl<V: NodeView, S: Surface<V>> LanesKernel for Single<'_, V, S> {
+impl<S: Surface> LanesKernel for Single<'_, S> {
     type Output = Trace;
 
     #[inline(always)]
@@ -132,9 +132,9 @@ impl<L: Lanes> Line<L> {
 /// [`trace`] with lanes at hand.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "estimates within SLACK")]
-pub(crate) fn first_hit<L: Lanes, V: NodeView, S: Surface<V>>(
+pub(crate) fn first_hit<L: Lanes, S: Surface>(
     lanes: L,
-    view: &V,
+    view: &ModelView<'_>,
     surface: &S,
     ray: &Ray,
     lod_edge_log2: u32,

@@ -1,7 +1,7 @@
 //! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
 
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 
 use super::RenderError;
 use super::ray::{BadRay, Ray};
@@ -135,12 +135,12 @@ impl GridSpace {
     /// too small. Of an empty model: over the volume's box.
     ///
     /// Descends only where a box could still exceed the best so far: a few hundred nodes.
-    pub fn support<V: NodeView>(&self, view: &V, direction: [f64; 3]) -> f64 {
+    pub fn support(&self, view: &ModelView<'_>, direction: [f64; 3]) -> f64 {
         self.support_to(view, direction, 0)
     }
 
     /// As [`GridSpace::support`], of boxes of 2^`finest` voxels.
-    pub(crate) fn support_to<V: NodeView>(&self, view: &V, direction: [f64; 3], finest: u32) -> f64 {
+    pub(crate) fn support_to(&self, view: &ModelView<'_>, direction: [f64; 3], finest: u32) -> f64 {
         let depth = self.dims.depth();
         let finest = depth.saturating_sub(11).max(finest);
         let weight: [f64; 3] = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
@@ -236,7 +236,7 @@ mod tests {
                     want = want.max(dot(d, space.grid_to_world.apply(at)));
                 }
             }
-            assert!((space.support(&tree, d) - want).abs() < 1e-9, "{d:?}");
+            assert!((space.support(&tree.view(), d) - want).abs() < 1e-9, "{d:?}");
         }
     }
 

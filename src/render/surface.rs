@@ -5,7 +5,7 @@
 //! ([`Surface::SOLID`]). A surface within the boxes, such as a plane in a cell between samples, is asked at
 //! once, and a ray that misses it goes on to the next box.
 
-use crate::load::NodeView;
+use crate::load::ModelView;
 
 use super::ray::{Face, Ray};
 use super::traverse::Hit;
@@ -97,7 +97,7 @@ pub enum Looked {
 }
 
 /// What the boxes of an octree hold.
-pub trait Surface<V: NodeView>: Send + Sync {
+pub trait Surface: Send + Sync {
     /// Is every box that a ray enters a hit, at its point of entry?
     ///
     /// Then [`Surface::meet`] must be [`Passage::entry_hit`]; kernels need not call it.
@@ -107,31 +107,31 @@ pub trait Surface<V: NodeView>: Send + Sync {
     /// certain without knowing when it does; [`Looked::Past`] also where it does not pass through. Never
     /// [`Looked::Entry`].
     #[inline(always)]
-    fn foretell(&self, view: &V, approach: &Approach) -> Looked {
+    fn foretell(&self, view: &ModelView<'_>, approach: &Approach) -> Looked {
         let _ = (view, approach);
         Looked::Unsure
     }
 
     /// What [`Surface::meet`] would answer for a box of the finest level, if that is certain at a glance.
     #[inline(always)]
-    fn look(&self, view: &V, glance: &Glance) -> Looked {
+    fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Looked {
         let _ = (view, glance);
         Looked::Unsure
     }
 
     /// Where the ray, on its way through a box, meets the surface; `None` when it does not, and goes on.
-    fn meet(&self, view: &V, ray: &Ray, passage: &Passage) -> Option<Hit>;
+    fn meet(&self, view: &ModelView<'_>, ray: &Ray, passage: &Passage) -> Option<Hit>;
 }
 
 /// The skin: its boxes themselves.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Skin;
 
-impl<V: NodeView> Surface<V> for Skin {
+impl Surface for Skin {
     const SOLID: bool = true;
 
     #[inline]
-    fn meet(&self, _: &V, ray: &Ray, passage: &Passage) -> Option<Hit> {
+    fn meet(&self, _: &ModelView<'_>, ray: &Ray, passage: &Passage) -> Option<Hit> {
         Some(passage.entry_hit(ray))
     }
 }

@@ -12,7 +12,7 @@
 //! the start are left at once.
 
 use crate::geom::{Affine, Dims, VoxelIndex};
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 use crate::render::batch::Batch;
 use crate::render::cells::Cells;
 use crate::render::form::Form;
@@ -39,8 +39,8 @@ const ACROSS: f64 = 0.05;
 
 /// A model, its place in the scene, and what it is made of.
 #[derive(Debug)]
-pub struct Part<'a, V> {
-    view: &'a V,
+pub struct Part<'a> {
+    view: &'a ModelView<'a>,
     space: GridSpace,
     /// Models of one file have one number.
     file: usize,
@@ -49,7 +49,7 @@ pub struct Part<'a, V> {
     clip: Clip,
 }
 
-impl<'a, V: NodeView> Part<'a, V> {
+impl<'a> Part<'a> {
     /// A model with this affine, from its millimetres put into the scene by `placement`.
     ///
     /// Instances of a file share their `view`, and have the same number of a `file`.
@@ -57,7 +57,7 @@ impl<'a, V: NodeView> Part<'a, V> {
     /// # Errors
     /// [`RenderError::SingularAffine`] where that leaves it without a volume.
     pub fn new(
-        (view, file): (&'a V, usize),
+        (view, file): (&'a ModelView<'a>, usize),
         dims: Dims,
         affine: &Affine,
         placement: &Affine,
@@ -91,7 +91,7 @@ impl<'a, V: NodeView> Part<'a, V> {
         self.space.support(self.view, direction)
     }
 
-    pub(super) fn view(&self) -> &'a V {
+    pub(super) fn view(&self) -> &'a ModelView<'a> {
         self.view
     }
 
@@ -165,9 +165,9 @@ enum Begun {
 
 /// A part with what its lines need.
 #[derive(Debug)]
-pub(super) struct Body<'a, V> {
-    pub(super) part: &'a Part<'a, V>,
-    pub(super) normals: Normals<'a, V>,
+pub(super) struct Body<'a> {
+    pub(super) part: &'a Part<'a>,
+    pub(super) normals: Normals<'a>,
     pub(super) cells: Option<Cells<'a>>,
     form: Form,
     /// Boxes beside its start's own that a line leaves at once.
@@ -176,8 +176,8 @@ pub(super) struct Body<'a, V> {
     bounds: [[f64; 3]; 2],
 }
 
-impl<'a, V: NodeView> Body<'a, V> {
-    pub(super) fn of(part: &'a Part<'a, V>, form: Form) -> Self {
+impl<'a> Body<'a> {
+    pub(super) fn of(part: &'a Part<'a>, form: Form) -> Self {
         let knows_sides = part.view.cells().is_some() || part.view.voxel_normal(VoxelIndex::new(0)).is_some();
         Self {
             part,
@@ -374,7 +374,7 @@ impl<'a, V: NodeView> Body<'a, V> {
 }
 
 /// Corners of the grid between which the surface lies, and a box more.
-fn bounds<V: NodeView>(part: &Part<'_, V>) -> [[f64; 3]; 2] {
+fn bounds(part: &Part<'_>) -> [[f64; 3]; 2] {
     let mut found = [[0.0; 3]; 2];
     for (a, [x, y, z, constant]) in part.space.world_to_grid().rows.into_iter().enumerate() {
         found[0][a] = constant - part.support([-x, -y, -z]) - 1.0;

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use crate::load::NodeView;
 use crate::render::ambient::Sky;
 use crate::render::form::Form;
 use crate::render::image::Image;
@@ -62,8 +61,8 @@ pub struct Look {
 ///
 /// # Errors
 /// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start.
-pub fn paint<V: NodeView>(
-    parts: &[Part<'_, V>],
+pub fn paint(
+    parts: &[Part<'_>],
     look: &Look,
     rows_done: &(dyn Fn(u32) + Sync),
 ) -> Result<(Image, Rays, Duration), RenderError> {
@@ -93,8 +92,8 @@ pub fn paint<V: NodeView>(
     Ok((image, rays, start.elapsed()))
 }
 
-struct Painter<'a, V> {
-    stage: Stage<'a, V>,
+struct Painter<'a> {
+    stage: Stage<'a>,
     /// The lines of sight in each body's grid.
     sights: Vec<Sight<'a>>,
     files: usize,
@@ -104,7 +103,7 @@ struct Painter<'a, V> {
     shader: Shader,
 }
 
-impl<V: NodeView> Painter<'_, V> {
+impl Painter<'_> {
     fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Rays) {
         let (width, height) = (self.look.width as usize, self.look.height as usize);
         let mut image = Image {

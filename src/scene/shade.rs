@@ -3,7 +3,6 @@
 //! Where a body is clear, a line goes on in two; so lines wait in a list, each with its share of the picture's point,
 //! and are dropped where that share is too small to be seen, or where they have been thrown back or bent too often.
 
-use crate::load::NodeView;
 use crate::render::Camera;
 use crate::render::ambient::{Sky, beside};
 use crate::render::around::Surroundings;
@@ -55,8 +54,8 @@ impl Kept {
 }
 
 /// Bodies in their light.
-pub(super) struct Stage<'a, V> {
-    pub(super) world: World<'a, V>,
+pub(super) struct Stage<'a> {
+    pub(super) world: World<'a>,
     pub(super) lights: &'a [Light],
     pub(super) ambient: Ambient,
     pub(super) camera: &'a Camera,
@@ -96,7 +95,7 @@ impl Spot<'_> {
     }
 }
 
-impl<V: NodeView> Stage<'_, V> {
+impl Stage<'_> {
     /// Linear RGB of what a line from the eye sees, which has met `first`.
     pub(super) fn color(
         &self,

@@ -37,7 +37,7 @@ fn ball(radius: f64, spacing: f64, surface: SurfaceKind) -> Model {
     Model::open(&path).unwrap()
 }
 
-fn part<'a>(model: &Model, view: &'a ModelView<'a>, placement: &Affine) -> Part<'a, ModelView<'a>> {
+fn part<'a>(model: &Model, view: &'a ModelView<'a>, placement: &Affine) -> Part<'a> {
     let material = Material::default();
     Part::new((view, 0), model.dims(), &model.affine(), placement, material, Clip::default()).unwrap()
 }

@@ -1,6 +1,5 @@
 //! All bodies together: the nearest that a line meets, and how much light comes through.
 
-use crate::load::NodeView;
 use crate::render::batch::Batch;
 use crate::render::form::Form;
 use crate::render::ray::Ray;
@@ -29,12 +28,12 @@ pub(super) struct Lot {
 
 /// The bodies of a scene.
 #[derive(Debug)]
-pub(super) struct World<'a, V> {
-    pub(super) bodies: Vec<Body<'a, V>>,
+pub(super) struct World<'a> {
+    pub(super) bodies: Vec<Body<'a>>,
 }
 
-impl<'a, V: NodeView> World<'a, V> {
-    pub(super) fn of(parts: &'a [Part<'a, V>]) -> Self {
+impl<'a> World<'a> {
+    pub(super) fn of(parts: &'a [Part<'a>]) -> Self {
         let form = Form::best();
         Self { bodies: parts.iter().map(|part| Body::of(part, form)).collect() }
     }

@@ -484,6 +484,97 @@ fn ten_thousand_leaves_and_a_depth_of_ten_thousand() {
     assert!(built.len() > 2_000);
 }
 
+/// Boxes see only the leaves near them: with many small ones of every kind that is most of the work.
+#[test]
+fn many_small_leaves_are_built_as_they_are_defined() {
+    let dims = [48, 40, 44];
+    let mut random = Random(21);
+    let mut some = |count: u32, size: f64| -> Vec<Plain> {
+        let leaf = |at: u32| {
+            let shape = any_shape(&mut random, at % KINDS);
+            let place = [48.0, 40.0, 44.0].map(|n| n * random.unit());
+            let mut affine = any_affine(&mut random, place);
+            for row in &mut affine.rows {
+                row.iter_mut().take(3).for_each(|c| *c *= size);
+            }
+            Plain::Leaf(shape, affine)
+        };
+        (0..count).filter(|at| at % KINDS != 4).map(leaf).collect()
+    };
+    let united = Plain::Joined(Operation::Union, some(120, 0.25));
+    assert!(check(&united, dims, "a union") > 1000);
+    let mut parts = vec![Plain::Joined(Operation::Union, some(90, 0.4))];
+    parts.extend(some(90, 0.15));
+    assert!(check(&Plain::Joined(Operation::Difference, parts), dims, "a difference") > 1000);
+}
+
+/// What holds no middle of a voxel changes nothing, but is asked wherever it may matter: normals by blocks with many
+/// leaves are those of the few that count.
+#[test]
+fn dust_between_the_middles_changes_nothing() {
+    let mut random = Random(22);
+    let leaf = |tree: &mut Tree, shape, affine| {
+        let leaf = tree.leaf(shape);
+        tree.placed(affine, leaf)
+    };
+    let at = |place: [f64; 3]| {
+        let mut affine = Affine::from_spacing([1.0; 3]);
+        affine.rows.iter_mut().zip(place).for_each(|(row, c)| row[3] = c);
+        affine
+    };
+    let mut built = |dust: u32| {
+        let mut tree = Tree::new();
+        let ball = leaf(&mut tree, Shape::Ellipsoid { radii: [17.3; 3] }, at([30.1, 22.2, 25.3]));
+        let box_ = Shape::Cuboid { low: [-30.2, -9.1, -7.7], high: [30.2, 9.1, 7.7] };
+        let turned = Affine { rows: [[0.9, 0.3, 0.1, 35.0], [-0.3, 0.9, 0.2, 22.0], [0.0, -0.2, 0.9, 25.0]] };
+        let bar = leaf(&mut tree, box_, turned);
+        let ring = leaf(&mut tree, Shape::Torus { major: 16.2, minor: 4.3 }, at([33.3, 21.1, 25.2]));
+        let mut added = Vec::new();
+        let mut taken = Vec::new();
+        for k in 0..dust {
+            let corner = [70.0, 45.0, 50.0].map(|n| (n * random.unit()).floor());
+            let small =
+                Affine { rows: any_affine(&mut random, [0.0; 3]).rows.map(|row| row.map(|c| 0.1 * c)) };
+            let mut affine = small;
+            affine.rows.iter_mut().zip(corner).for_each(|(row, c)| row[3] = c + 0.1);
+            let shape =
+                [Shape::Ellipsoid { radii: [1.0, 1.5, 2.0] }, Shape::Torus { major: 1.0, minor: 0.4 }];
+            let one = leaf(&mut tree, shape[k as usize % 2].clone(), affine);
+            if k % 3 == 0 { taken.push(one) } else { added.push(one) }
+        }
+        let mut parts = vec![ball, bar];
+        parts.extend(added);
+        let mut whole = vec![tree.join(Operation::Union, &parts), ring];
+        whole.extend(taken);
+        let root = tree.join(Operation::Difference, &whole);
+        bytes((tree, root), GRID)
+    };
+    let plain = built(0);
+    assert!(built(3000) == plain && built(40) == plain);
+}
+
+#[test]
+fn ten_thousand_leaves_take_little_memory() {
+    let mut random = Random(23);
+    let mut tree = Tree::new();
+    let mut deep = None;
+    let mut all = Vec::new();
+    for k in 0..10_000_u32 {
+        let leaf = tree.leaf(Shape::Ellipsoid { radii: [1.5; 3] });
+        let mut affine = Affine::from_spacing([1.0; 3]);
+        affine.rows.iter_mut().zip([70.0, 45.0, 50.0]).for_each(|(row, n)| row[3] = n * random.unit());
+        let leaf = tree.placed(affine, leaf);
+        all.push(leaf);
+        let operation = if k % 2 == 0 { Operation::Union } else { Operation::Difference };
+        deep = Some(deep.map_or(leaf, |deep| tree.join(operation, &[deep, leaf])));
+    }
+    let flat = tree.join(Operation::Union, &all);
+    for root in [flat, deep.unwrap()] {
+        let small = bytes_with((tree.clone(), root), &exact(GRID), &options(3, 1));
+        assert!(small == bytes_with((tree.clone(), root), &exact(GRID), &options(64, 2)));
+    }
+}
+
 #[test]
 fn solids_without_bounds_need_the_grid_in_full() {
     let folder = tempfile::tempdir().unwrap();

@@ -302,7 +302,7 @@ fn hard_cases_hit_the_expected_voxel_under_all_symmetries() {
                     assert_eq!(got, slabs, "{label}");
                     let sealed = first_hit_sealed(&turned.tree, &ray, 0).hit;
                     for form in Form::available() {
-                        let hit = single::trace(form, &turned.tree, &Skin, &ray, 0).hit;
+                        let hit = single::trace(form, &turned.tree.view(), &Skin, &ray, 0).hit;
                         assert_eq!(hit, sealed, "{label}, {form:?}");
                     }
                     let sealed = sealed.map(|h| h.cell);
@@ -340,7 +340,7 @@ fn all_26_sign_and_tie_directions_are_exact() {
                 for back in [0.0, 20.0] {
                     let origin = std::array::from_fn(|a| f64::from(at[a]) * 2.0 - back * direction[a]);
                     if let Some(ray) = Ray::new(4, origin, direction, 0.0).unwrap() {
-                        counts.compare(&scene.tree, &scene.bits, &ray);
+                        counts.compare(&scene.tree.view(), &scene.bits, &ray);
                     }
                 }
             }

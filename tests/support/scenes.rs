@@ -8,7 +8,7 @@
 
 use infobyte::format::normal;
 use infobyte::geom::{Dims, morton};
-use infobyte::load::MemoryTree;
+use infobyte::load::{MemoryTree, ModelView};
 use infobyte::render::reference::BitVolume;
 use infobyte::render::selfcheck::Random;
 
@@ -149,5 +149,38 @@ impl Symmetry {
             let v = vector[self.from[i]];
             if self.mirror[i] { -v } else { v }
         })
+    }
+}
+
+/// Structure of a damaged file: infobytes and a rank directory that fit neither each other nor the grid.
+pub(crate) struct Garbage {
+    infobytes: Vec<u8>,
+    directory: Vec<u8>,
+}
+
+impl Garbage {
+    /// Bytes that a seed gives. Nearly all nodes of even seeds are full, and lead to empty ones in the end.
+    pub(crate) fn new(seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let infobytes: Vec<u8> = (0..9_000 + seed % 500)
+            .map(|_| {
+                let bits = random.bits();
+                let [a, b, ..] = bits.to_le_bytes();
+                if seed.is_multiple_of(2) { u8::from(!bits.is_multiple_of(16)) * 255 } else { a & b }
+            })
+            .collect();
+        // Every fourth sends all nodes far away; the others lead from node to node, in circles, too.
+        let most = if seed % 4 == 3 { u64::MAX } else { 9_000 };
+        let supers = infobytes.len().div_ceil(8192);
+        let mut directory: Vec<u8> = (0..supers).flat_map(|_| (random.bits() % most).to_le_bytes()).collect();
+        for _ in 0..infobytes.len().div_ceil(32) {
+            directory.extend(u16::try_from(random.bits() % 9_000).unwrap().to_le_bytes());
+        }
+        Self { infobytes, directory }
+    }
+
+    /// The bytes as the structure of a model of this depth.
+    pub(crate) fn view(&self, depth: u32) -> ModelView<'_> {
+        ModelView::over(depth, u64::MAX, &self.infobytes, &self.directory)
     }
 }

@@ -80,6 +80,10 @@ impl Body {
         &self.triangles
     }
 
+    pub(super) fn bounds(&self) -> [[i32; 3]; 2] {
+        [self.low, self.high]
+    }
+
     pub(super) fn held_bytes(&self) -> usize {
         self.triangles.capacity() * size_of::<Triangle>()
     }
@@ -101,7 +105,7 @@ impl Body {
     pub(super) fn fill(&self, at: Rows, out: &mut [u64], crossings: &mut Crossings) {
         let rows = i32::try_from(out.len()).unwrap_or(0);
         let first = i64::from(at.x);
-        for t in &self.triangles {
+        for t in self.triangles.iter().filter(|t| is_met(t, at.z)) {
             cross_slice(t, at.z, at.y, at.y + rows, &mut |row, column, sign| {
                 crossings.add((row - at.y) as usize, column - first, sign);
             });
@@ -114,7 +118,7 @@ impl Body {
 
     pub(super) fn contains(&self, [x, y, z]: [i32; 3]) -> bool {
         let mut sum = 0_i64;
-        for t in &self.triangles {
+        for t in self.triangles.iter().filter(|t| is_met(t, z)) {
             cross_slice(t, z, y, y + 1, &mut |_, column, sign| {
                 sum += if column <= i64::from(x) { i64::from(sign) } else { 0 };
             });
@@ -163,6 +167,13 @@ impl Body {
         let distance = away * f64::from(STEPS) * (found.normal[axis] / length).abs();
         Some(Face { outwards: found.normal, distance })
     }
+}
+
+/// Lie the middles of a slice between the ends of a triangle?
+#[inline]
+fn is_met(t: &Triangle, z: i32) -> bool {
+    let (low, high) = span(t, 2);
+    (i64::from(low)..=i64::from(high)).contains(&centre(z))
 }
 
 /// May a triangle meet a box? Always right where it says no.

@@ -40,19 +40,29 @@ pub(in crate::csg) enum Round {
 #[derive(Debug)]
 pub(in crate::csg) struct Curved {
     middle: [i64; 3],
-    /// Rows of the adjugate, and the determinant, which is above 0.
-    adjugate: [[i128; 3]; 3],
-    determinant: i128,
+    axes: [[i64; 3]; 3],
     round: Round,
     /// Lattice steps to u.
     inverse: [[f64; 3]; 3],
-    middle_f: [f64; 3],
     /// Where |g| is below this it says nothing.
     unsure: f64,
-    /// How much faster g may change than u.
-    steep: f64,
     /// Change of g along a row, from voxel to voxel, at most.
     along: f64,
+}
+
+/// Rows of the adjugate of axes, and the determinant, which is not below 0.
+fn adjugate(axes: &[[i64; 3]; 3]) -> ([[i128; 3]; 3], i128) {
+    let e = axes.map(|axis| axis.map(i128::from));
+    let cross = |a: [i128; 3], b: [i128; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let adjugate = [cross(e[1], e[2]), cross(e[2], e[0]), cross(e[0], e[1])];
+    let determinant: i128 = (0..3).map(|k| adjugate[0][k] * e[0][k]).sum();
+    if determinant < 0 {
+        (adjugate.map(|row| row.map(|c| -c)), -determinant)
+    } else {
+        (adjugate, determinant)
+    }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "bounded by `unsure`")]
@@ -62,44 +72,49 @@ fn float(of: i128) -> f64 {
 
 impl Curved {
     /// The leaf of a frame; `None` if its axes lie in a plane, so that it has no inside.
-    #[expect(clippy::cast_precision_loss, reason = "below 2^30")]
     pub(in crate::csg) fn new(middle: [i64; 3], axes: [[i64; 3]; 3], round: Round) -> Option<Self> {
-        let e = axes.map(|axis| axis.map(i128::from));
-        let cross = |a: [i128; 3], b: [i128; 3]| {
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        };
-        let mut adjugate = [cross(e[1], e[2]), cross(e[2], e[0]), cross(e[0], e[1])];
-        let mut determinant: i128 = (0..3).map(|k| adjugate[0][k] * e[0][k]).sum();
+        let (adjugate, determinant) = adjugate(&axes);
         if determinant == 0 {
             return None;
         }
-        if determinant < 0 {
-            determinant = -determinant;
-            adjugate = adjugate.map(|row| row.map(|c| -c));
-        }
         let inverse = adjugate.map(|row| row.map(|c| float(c) / float(determinant)));
-        let steep = if matches!(round, Round::Cylinder(_)) { 2.0 } else { 1.0 };
+        let steep = steep(round);
         // Rounding of the inverse, the products and the sums, each at most 2^-52 of its terms; u of a torus is
         // rounded for the decision as well.
         let terms: f64 = inverse.iter().flatten().map(|c| c.abs()).sum::<f64>() * REACH;
         let unsure = steep * terms * 16.0 * f64::EPSILON + 1e-7;
         let along = inverse.iter().map(|row| row[0] * row[0]).sum::<f64>().sqrt() * f64::from(STEPS) * steep;
-        Some(Self {
-            middle,
-            adjugate,
-            determinant,
-            round,
-            inverse,
-            middle_f: middle.map(|c| c as f64),
-            unsure,
-            steep,
-            along,
-        })
+        Some(Self { middle, axes, round, inverse, unsure, along })
+    }
+
+    /// A box around it.
+    pub(super) fn bounds(&self) -> [[i64; 3]; 2] {
+        let [a, b, c] = self.axes.map(|axis| axis.map(i64::abs));
+        let low_high: [(i64, i64); 3] = std::array::from_fn(|k| match self.round {
+            Round::Ellipsoid => (a[k] + b[k] + c[k], a[k] + b[k] + c[k]),
+            Round::Cylinder(_) => {
+                let along = self.axes[2][k];
+                (a[k] + b[k] + (-along).max(0), a[k] + b[k] + along.max(0))
+            }
+            Round::Torus(tube) => {
+                // The ring and the tube, rounded up; a tube has 16 major radii at most.
+                let tube = i128::from(tube);
+                let reach = i128::from(a[k] + b[k]) * (FIXED + tube) + i128::from(c[k]) * tube;
+                let reach = i64::try_from(reach / FIXED + 1).unwrap_or(i64::MAX / 4);
+                (reach, reach)
+            }
+        });
+        [
+            std::array::from_fn(|k| self.middle[k] - low_high[k].0),
+            std::array::from_fn(|k| self.middle[k] + low_high[k].1),
+        ]
     }
 
     #[inline]
+    #[expect(clippy::cast_precision_loss, reason = "below 2^30")]
     fn local(&self, p: [f64; 3]) -> [f64; 3] {
-        let d = [p[0] - self.middle_f[0], p[1] - self.middle_f[1], p[2] - self.middle_f[2]];
+        let [x, y, z] = self.middle.map(|c| c as f64);
+        let d = [p[0] - x, p[1] - y, p[2] - z];
         self.inverse.map(|row| dot(row, d))
     }
 
@@ -119,7 +134,7 @@ impl Curved {
         let middle = region.map(|(low, high)| (low + high) as f64 / 2.0);
         let half = region.map(|(low, high)| (high - low) as f64 / 2.0);
         let reach = self.inverse.map(|row| dot(row.map(f64::abs), half));
-        let within = dot(reach, reach).sqrt() * self.steep * (1.0 + 1e-9) + self.unsure;
+        let within = dot(reach, reach).sqrt() * steep(self.round) * (1.0 + 1e-9) + self.unsure;
         match self.distance(self.local(middle)) {
             g if g > within => Cover::Outside,
             g if g < -within => Cover::Inside,
@@ -166,8 +181,8 @@ impl Curved {
     /// By the definition.
     fn decide(&self, p: [i64; 3]) -> bool {
         let d: [i128; 3] = std::array::from_fn(|k| i128::from(p[k] - self.middle[k]));
-        let q = self.adjugate.map(|row| row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
-        let whole = self.determinant;
+        let (adjugate, whole) = adjugate(&self.axes);
+        let q = adjugate.map(|row| row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
         match self.round {
             Round::Ellipsoid => sum(sum(square(q[0]), square(q[1])), square(q[2])) <= square(whole),
             Round::Cylinder(radii) => {
@@ -229,6 +244,12 @@ impl Curved {
         let slope = dot(outwards, outwards).sqrt().max(f64::MIN_POSITIVE);
         Face { outwards, distance: (value / slope).abs() }
     }
+}
+
+/// How much faster g may change than u.
+#[inline]
+fn steep(round: Round) -> f64 {
+    if matches!(round, Round::Cylinder(_)) { 2.0 } else { 1.0 }
 }
 
 #[inline]

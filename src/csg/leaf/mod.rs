@@ -5,6 +5,7 @@
 //! | `plain` | sphere, box along the axes, half-space | whole numbers, a row at a time |
 //! | `curved` | ellipsoid, cylinder, cone, torus under any affine | intervals; where they leave doubt, whole numbers |
 //! | `body` | triangles | crossings of rows, as of meshes |
+//! | `extent` | boxes of voxels around leaves, beyond which they are not asked | |
 //!
 //! A leaf is placed once: corners, middles and axes are rounded to the lattice of 2^-12 voxel (radii along with the
 //! axes). From then on a voxel is inside if its middle is, decided in whole numbers for that placed solid; only a
@@ -13,6 +14,7 @@
 mod body;
 mod cross;
 mod curved;
+mod extent;
 mod make;
 mod plain;
 
@@ -21,6 +23,7 @@ use crate::builder::{Cover, VoxelBox};
 use crate::mesh::Crossings;
 pub(super) use body::Body;
 pub(super) use curved::{Curved, Round};
+pub(super) use extent::Extent;
 pub(super) use make::place;
 pub(super) use plain::{Ball, Block, Half};
 

@@ -148,7 +148,8 @@ impl Parser<'_> {
     }
 
     fn begin(&mut self, block: Block, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
-        self.open.push(Open { block, first: self.waiting.len(), extruded, line, left_out, single: false });
+        let first = self.waiting.len();
+        push(&mut self.open, Open { block, first, extruded, line, left_out, single: false });
     }
 
     /// Closes the block that was opened last, and those whose only child it is.

@@ -3,11 +3,14 @@
 #![expect(clippy::cast_possible_truncation, reason = "places of the grid fit 16 bits, steps 32")]
 
 use super::CodingError;
-use super::group::{Group, Walk, coordinates};
+use super::group::{Group, Place, Walk, coordinates};
+use super::lanes::Octet;
 use super::tables::SymbolCoder;
 
 /// Voxels along a side of a block, as a power of two: half a subtree's, so that the grid stays in a cache.
 const BLOCK_BITS: u32 = 5;
+/// Of the place of a node above voxels, what tells the block.
+const BLOCK: Place = 0b10000_10000_10000;
 /// Places along a side of the grid: a block and a border of two.
 const ROW: usize = (1 << BLOCK_BITS) + 4;
 const SLICE: usize = ROW * ROW;
@@ -19,26 +22,9 @@ pub(super) const SELF: usize = 2 * SLICE;
 const WINDOW: usize = SELF + 1 + SLICE + ROW;
 
 /// A place of the grid: what a coder knows of a voxel, zeros where it knows nothing.
-pub(super) type Cell = [i16; 8];
+pub(super) type Known = Octet;
 /// The places around a voxel, which is at [`SELF`].
 pub(super) type Window = [Known; WINDOW];
-
-/// A [`Cell`] at an address that suits vector units.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(align(16))]
-pub(super) struct Known(pub(super) Cell);
-
-impl Known {
-    /// Numbers that fit 16 bits.
-    #[inline(always)]
-    pub(super) fn of(lanes: [i32; 8]) -> Self {
-        let mut cell = Cell::default();
-        for (short, lane) in cell.iter_mut().zip(lanes) {
-            *short = lane as i16;
-        }
-        Self(cell)
-    }
-}
 
 /// A neighbour that Morton order can have before a voxel: its place in the window and the step to it. (Three faces,
 /// three edges and a corner always come after it.)
@@ -89,6 +75,7 @@ pub(super) trait VoxelCoder {
 #[derive(Debug)]
 pub(super) struct Blocks {
     grid: Vec<Known>,
+    /// The first places of nodes that have voxels in the grid.
     written: Vec<u16>,
     walk: Walk,
 }
@@ -117,16 +104,16 @@ impl Blocks {
         for _ in 0..group.subtrees {
             let (places, masks) = self.walk.next_subtree(&group.levels)?;
             voxels.begin_subtree();
-            let mut block = [0; 3];
+            let mut block = 0;
             for (place, mask) in places.iter().zip(masks) {
                 let [x, y, z] = coordinates(*place);
-                let of = [x >> (BLOCK_BITS - 1), y >> (BLOCK_BITS - 1), z >> (BLOCK_BITS - 1)];
-                if of != block {
-                    block = of;
+                if place & BLOCK != block {
+                    block = place & BLOCK;
                     clear(&mut self.grid, &mut self.written);
                 }
                 let within = |c: usize| 2 * c % (1 << BLOCK_BITS);
                 let first = FIRST + within(z) * SLICE + within(y) * ROW + within(x);
+                self.written.push(first as u16);
                 let mut octants = *mask;
                 while octants != 0 {
                     let octant = octants.trailing_zeros() as usize;
@@ -136,7 +123,6 @@ impl Blocks {
                     else {
                         return Err(CodingError::SubtreeTooDeep);
                     };
-                    self.written.push((at % PLACES) as u16);
                     let result = voxels.code_voxel(coder, window, number);
                     if result.is_err() {
                         clear(&mut self.grid, &mut self.written);
@@ -154,9 +140,12 @@ impl Blocks {
 }
 
 fn clear(grid: &mut [Known], written: &mut Vec<u16>) {
-    for at in written.drain(..) {
-        if let Some(slot) = grid.get_mut(usize::from(at)) {
-            *slot = Known::default();
+    for first in written.drain(..) {
+        for row in [0, ROW, SLICE, SLICE + ROW] {
+            let at = usize::from(first) + row;
+            if let Some(pair) = grid.get_mut(at..at + 2) {
+                pair.fill(Known::default());
+            }
         }
     }
 }

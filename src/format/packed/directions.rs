@@ -2,9 +2,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "components were held to a byte")]
 
 use super::CodingError;
-use super::blocks::{
-    Blocks, CORNERS, Cell, EDGES, FACES, Known as Place, Neighbour, SELF, VoxelCoder, Window,
-};
+use super::blocks::{Blocks, CORNERS, EDGES, FACES, Known as Place, Neighbour, SELF, VoxelCoder, Window};
 use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
 use super::group::{Group, GroupCoder};
 use super::tables::{SymbolCoder, Tables};
@@ -144,10 +142,10 @@ fn sixteenths(sum: i32, part: u32) -> i32 {
 
 /// What the neighbours say of both coordinates.
 struct Around {
-    sum: Cell,
+    sum: Place,
     /// Of the weights in the sum.
     share: i32,
-    ahead: Cell,
+    ahead: Place,
     /// In 1/16.
     guess: [i32; 2],
     off: usize,
@@ -157,10 +155,10 @@ struct Around {
 impl Around {
     #[inline(always)]
     fn known(&self, i: usize, due: i32, coarse: bool) -> Known {
-        let two = i32::from(self.ahead[COUNT]);
-        let ahead = i32::from(self.ahead[i]).wrapping_mul(16).wrapping_mul(SHARES[two as usize % 64]) >> 16;
+        let two = i32::from(self.ahead.0[COUNT]);
+        let ahead = i32::from(self.ahead.0[i]).wrapping_mul(16).wrapping_mul(SHARES[two as usize % 64]) >> 16;
         let turn = if two == 0 { 0 } else { ahead.wrapping_sub(self.guess[i]) };
-        let error = i32::from(self.sum[ERRORS[i]]).wrapping_mul(self.share) >> 16;
+        let error = i32::from(self.sum.0[ERRORS[i]]).wrapping_mul(self.share) >> 16;
         Known { due, coarse, guess: self.guess[i], turn, error, off: self.off, first: self.first }
     }
 }
@@ -223,26 +221,24 @@ fn code_one<C: SymbolCoder>(
     code: u16,
 ) -> Result<u16, CodingError> {
     let Learnt { components: [u, v], twins } = known;
-    let mut sum = Cell::default();
-    for (near, weight) in
-        [(sum_of(window, &FACES), 8), (sum_of(window, &EDGES), 3), (sum_of(window, &CORNERS), 1)]
-    {
-        for i in 0..8 {
-            sum[i] = sum[i].wrapping_add(near[i].wrapping_mul(weight));
-        }
-    }
+    // The face towards lower x comes last: its voxel is the one that was just coded.
+    let [others @ .., beside] = &FACES;
+    let edges = sum_of(window, &EDGES).times(3);
+    let known_before = edges.plus(sum_of(window, &CORNERS)).plus(sum_of(window, others).times(8));
+    let sum = known_before.plus(window[beside.at].times(8));
     // Carried on from two voxels in a row.
-    let mut ahead = Cell::default();
+    let mut ahead = Place::default();
     for face in &FACES {
-        let (near, far) = (window[face.at].0, window[2 * face.at - SELF].0);
-        let both = (near[COUNT] & far[COUNT]).wrapping_neg();
-        for i in 0..8 {
-            ahead[i] = ahead[i].wrapping_add(near[i].wrapping_add(near[i]).wrapping_sub(far[i]) & both);
-        }
+        let (near, far) = (window[face.at], window[2 * face.at - SELF]);
+        // 1 in all lanes where both are there.
+        let both = near.both(far).all_of_lane_3();
+        let both = Place::default().minus(both);
+        ahead = ahead.plus(near.plus(near).minus(far).both(both));
     }
-    let weight = i32::from(sum[COUNT]);
+    let sums = sum.0;
+    let weight = i32::from(sums[COUNT]);
     let share = SHARES[weight as usize % 64];
-    let mut s = [i32::from(sum[0]), i32::from(sum[1]), i32::from(sum[2])];
+    let mut s = [i32::from(sums[0]), i32::from(sums[1]), i32::from(sums[2])];
     if weight == 0 {
         s = last;
     }
@@ -254,7 +250,7 @@ fn code_one<C: SymbolCoder>(
     let part = (1 << 20) / l1 as u32;
     // In 1/16: sign and magnitude.
     let guess = [sixteenths(s[0], part), sixteenths(s[1], part)];
-    let off = (4 * i32::from(sum[OFF])).wrapping_mul(share) >> 16;
+    let off = (4 * i32::from(sums[OFF])).wrapping_mul(share) >> 16;
     let off = if weight == 0 { 15 } else { OFF_CLASSES.of(off) };
     let around = Around { sum, share, ahead, guess, off, first: off * 4 + COUNT_CLASSES.of(weight) };
     let due = if C::READS { [0; 2] } else { chart(mirrored(decode_l1(code), mirror)) };
@@ -296,14 +292,8 @@ fn nearest_coarse(expected: i32) -> i32 {
 
 /// The sum of what is known of some neighbours.
 #[inline(always)]
-fn sum_of(window: &Window, neighbours: &[Neighbour]) -> Cell {
-    let mut sum = Cell::default();
-    for near in neighbours {
-        for (lane, more) in sum.iter_mut().zip(&window[near.at].0) {
-            *lane = lane.wrapping_add(*more);
-        }
-    }
-    sum
+fn sum_of(window: &Window, neighbours: &[Neighbour]) -> Place {
+    neighbours.iter().fold(Place::default(), |sum, near| sum.plus(window[near.at]))
 }
 
 #[cfg(test)]
@@ -311,6 +301,7 @@ mod tests {
     use super::super::group::tests::slab;
     use super::super::tables::{Decoder, Encoder};
     use super::*;
+    use crate::cpu::Portable;
 
     #[test]
     fn every_legal_code_comes_back_after_any_prediction() {
@@ -324,7 +315,7 @@ mod tests {
         DirectionCoder::default().code(&mut encoder, &mut group).unwrap();
         let payload = encoder.finish();
         let normals = std::mem::take(&mut group.normals);
-        let mut decoder = Decoder::new(&payload).unwrap();
+        let mut decoder = Decoder::new(Portable, &payload).unwrap();
         DirectionCoder::default().code(&mut decoder, &mut group).unwrap();
         decoder.finish().unwrap();
         assert!(group.normals == normals);
@@ -341,7 +332,7 @@ mod tests {
             DirectionCoder::default().code(&mut encoder, &mut group).unwrap();
             let payload = encoder.finish();
             group.normals.clear();
-            let mut decoder = Decoder::new(&payload).unwrap();
+            let mut decoder = Decoder::new(Portable, &payload).unwrap();
             DirectionCoder::default().code(&mut decoder, &mut group).unwrap();
             decoder.finish().unwrap();
             assert!(group.normals == codes);

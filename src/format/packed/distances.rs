@@ -207,6 +207,7 @@ mod tests {
     use super::super::group::tests::slab;
     use super::super::tables::{Decoder, Encoder};
     use super::*;
+    use crate::cpu::Portable;
     use crate::format::normal;
 
     #[test]
@@ -222,7 +223,7 @@ mod tests {
             let payload = encoder.finish();
             assert!(payload.len() * 8 < most_bits * group.voxels, "{}", payload.len());
             group.offsets.clear();
-            let mut decoder = Decoder::new(&payload).unwrap();
+            let mut decoder = Decoder::new(Portable, &payload).unwrap();
             DistanceCoder::default().code(&mut decoder, &mut group).unwrap();
             decoder.finish().unwrap();
             assert!(group.offsets == offsets);

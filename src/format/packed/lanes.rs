@@ -1,154 +1,309 @@
-//! Sixteen lanes of 16 bits: what the tables of symbols ask of a machine. The instructions are those that every x86-64
-//! has; elsewhere, and in the test, the same in portable code.
+//! Lanes of 16 bits: what the tables of symbols and the grids of voxels ask of a machine. The instructions are those that
+//! every x86-64 has, and those of AVX2 where the caller has them; elsewhere, and in the test, the same in portable code.
 #![allow(unsafe_code)]
 
 /// Lanes of a row.
 pub(super) const LANES: usize = 16;
 
-/// Sixteen lanes in two halves.
+/// Sixteen lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(32))]
-pub(super) struct Row(pub(super) [[u16; 8]; 2]);
+pub(super) struct Row(pub(super) [u16; LANES]);
 
 impl Row {
     /// One lane, its number held to the row.
     #[inline(always)]
     pub(super) fn lane(&self, lane: usize) -> u16 {
-        self.0.as_flattened()[lane % LANES]
-    }
-
-    /// A row of lanes.
-    pub(super) const fn of(lanes: [u16; LANES]) -> Self {
-        let mut row = Self([[0; 8]; 2]);
-        let mut i = 0;
-        while i < LANES {
-            row.0[i / 8][i % 8] = lanes[i];
-            i += 1;
-        }
-        row
+        self.0[lane % LANES]
     }
 }
 
+/// Eight lanes that wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(align(16))]
+pub(super) struct Octet(pub(super) [i16; 8]);
+
 #[cfg(target_arch = "x86_64")]
-pub(super) use x86::{above, mean_of_four, sink};
+pub(super) use x86::{last_within, mean_of_four, sink};
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(super) use portable::{above, mean_of_four, sink};
+pub(super) use portable::{last_within, mean_of_four, sink};
 
 /// Written out with the instructions, for compilers take these loops apart into single lanes.
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::{
-        __m128i, _mm_avg_epu16, _mm_cmpgt_epi16, _mm_cvtsi32_si128, _mm_movemask_epi8, _mm_packs_epi16,
-        _mm_set1_epi16, _mm_srl_epi16, _mm_srli_epi16, _mm_sub_epi16, _mm_xor_si128,
+        __m128i, __m256i, _mm_add_epi16, _mm_and_si128, _mm_avg_epu16, _mm_cmpgt_epi16, _mm_cvtsi32_si128,
+        _mm_movemask_epi8, _mm_mullo_epi16, _mm_packs_epi16, _mm_set_epi64x, _mm_set1_epi16,
+        _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_srl_epi16, _mm_sub_epi16, _mm_xor_si128,
+        _mm256_avg_epu16, _mm256_cmpgt_epi16, _mm256_movemask_epi8, _mm256_set1_epi16, _mm256_srl_epi16,
+        _mm256_sub_epi16, _mm256_xor_si256,
     };
 
-    use super::Row;
+    use super::{LANES, Octet, Row};
+    use crate::cpu::Isa;
 
     #[inline(always)]
-    fn vector(half: [u16; 8]) -> __m128i {
-        bytemuck::cast(half)
+    fn halves(row: &Row) -> [__m128i; 2] {
+        bytemuck::cast(row.0)
+    }
+
+    #[inline(always)]
+    fn whole(row: &Row) -> __m256i {
+        bytemuck::cast(row.0)
     }
 
     /// `sink` of the portable form.
     #[inline(always)]
-    pub(in super::super) fn sink(row: &mut Row, turn: &Row, end: &Row, shift: u8) {
-        for half in 0..2 {
-            let (lanes, turn, end) = (vector(row.0[half]), vector(turn.0[half]), vector(end.0[half]));
-            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+    pub(in super::super) fn sink(isa: impl Isa, row: &mut Row, turn: &Row, end: &Row, shift: u8) {
+        let shift = i32::from(shift & 15);
+        if isa.avx2().is_some() {
+            let (lanes, turn, end) = (whole(row), whole(turn), whole(end));
+            // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
             let moved = unsafe {
-                let seen = _mm_xor_si128(lanes, turn);
-                let way = _mm_srl_epi16(_mm_sub_epi16(seen, end), _mm_cvtsi32_si128(i32::from(shift & 15)));
+                let seen = _mm256_xor_si256(lanes, turn);
+                let way = _mm256_srl_epi16(_mm256_sub_epi16(seen, end), _mm_cvtsi32_si128(shift));
+                _mm256_xor_si256(_mm256_sub_epi16(seen, way), turn)
+            };
+            row.0 = bytemuck::cast(moved);
+            return;
+        }
+        let (mut lanes, turn, end) = (halves(row), halves(turn), halves(end));
+        for ((lanes, turn), end) in lanes.iter_mut().zip(turn).zip(end) {
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            *lanes = unsafe {
+                let seen = _mm_xor_si128(*lanes, turn);
+                let way = _mm_srl_epi16(_mm_sub_epi16(seen, end), _mm_cvtsi32_si128(shift));
                 _mm_xor_si128(_mm_sub_epi16(seen, way), turn)
             };
-            row.0[half] = bytemuck::cast(moved);
         }
+        row.0 = bytemuck::cast(lanes);
     }
 
     /// `mean_of_four` of the portable form.
     #[inline(always)]
-    pub(in super::super) fn mean_of_four(a: &Row, b: &Row, c: &Row, d: &Row) -> Row {
-        let mut means = [[0; 8]; 2];
-        for (half, mean) in means.iter_mut().enumerate() {
-            let (a, b) = (vector(a.0[half]), vector(b.0[half]));
-            let (c, d) = (vector(c.0[half]), vector(d.0[half]));
-            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
-            let all = unsafe { _mm_srli_epi16::<1>(_mm_avg_epu16(_mm_avg_epu16(a, b), _mm_avg_epu16(c, d))) };
-            *mean = bytemuck::cast(all);
+    pub(in super::super) fn mean_of_four(isa: impl Isa, a: [&Row; 2], b: [&Row; 2]) -> Row {
+        if isa.avx2().is_some() {
+            let ([a, b], [c, d]) = (a.map(whole), b.map(whole));
+            // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
+            return Row(bytemuck::cast(unsafe {
+                _mm256_avg_epu16(_mm256_avg_epu16(a, b), _mm256_avg_epu16(c, d))
+            }));
         }
-        Row(means)
+        let ([a, b], [c, d]) = (a.map(halves), b.map(halves));
+        let mean = |i: usize| {
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            unsafe { _mm_avg_epu16(_mm_avg_epu16(a[i], b[i]), _mm_avg_epu16(c[i], d[i])) }
+        };
+        Row(bytemuck::cast([mean(0), mean(1)]))
     }
 
-    /// `above` of the portable form.
+    /// `last_within` of the portable form.
     #[inline(always)]
-    pub(in super::super) fn above(row: &Row, value: u16) -> u32 {
-        let (low, high) = (vector(row.0[0]), vector(row.0[1]));
-        // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
-        let bits = unsafe {
-            let value = _mm_set1_epi16(value.cast_signed());
-            _mm_movemask_epi8(_mm_packs_epi16(_mm_cmpgt_epi16(low, value), _mm_cmpgt_epi16(high, value)))
+    pub(in super::super) fn last_within(isa: impl Isa, row: &Row, most: u16) -> usize {
+        // Machines compare lanes with signs.
+        let (sign, most) = (i16::MIN, (most ^ 0x8000).cast_signed());
+        let lanes = if isa.avx2().is_some() {
+            // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
+            let bits = unsafe {
+                let lanes = _mm256_xor_si256(whole(row), _mm256_set1_epi16(sign));
+                _mm256_movemask_epi8(_mm256_cmpgt_epi16(lanes, _mm256_set1_epi16(most)))
+            };
+            bits.trailing_zeros() / 2
+        } else {
+            let [low, high] = halves(row);
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            let bits = unsafe {
+                let (sign, most) = (_mm_set1_epi16(sign), _mm_set1_epi16(most));
+                let low = _mm_cmpgt_epi16(_mm_xor_si128(low, sign), most);
+                let high = _mm_cmpgt_epi16(_mm_xor_si128(high, sign), most);
+                _mm_movemask_epi8(_mm_packs_epi16(low, high))
+            };
+            (bits | 1 << LANES).trailing_zeros()
         };
-        bits.cast_unsigned()
+        lanes.wrapping_sub(1) as usize % LANES
+    }
+
+    #[inline(always)]
+    fn vector(lanes: Octet) -> __m128i {
+        bytemuck::cast(lanes.0)
+    }
+
+    #[inline(always)]
+    fn octet(lanes: __m128i) -> Octet {
+        Octet(bytemuck::cast(lanes))
+    }
+
+    impl Octet {
+        /// The low halves of numbers.
+        #[inline(always)]
+        pub(in super::super) fn of(lanes: [i32; 8]) -> Self {
+            // Eight narrow stores would make the next load of the whole wait.
+            let four = |i: usize| {
+                let lane = |i: usize| u64::from(lanes[i].cast_unsigned() & 0xffff);
+                (lane(i) | lane(i + 1) << 16 | lane(i + 2) << 32 | lane(i + 3) << 48).cast_signed()
+            };
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            octet(unsafe { _mm_set_epi64x(four(4), four(0)) })
+        }
+
+        /// Lane by lane.
+        #[inline(always)]
+        pub(in super::super) fn plus(self, other: Self) -> Self {
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            octet(unsafe { _mm_add_epi16(vector(self), vector(other)) })
+        }
+
+        /// Lane by lane.
+        #[inline(always)]
+        pub(in super::super) fn minus(self, other: Self) -> Self {
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            octet(unsafe { _mm_sub_epi16(vector(self), vector(other)) })
+        }
+
+        /// All lanes by one number.
+        #[inline(always)]
+        pub(in super::super) fn times(self, factor: i16) -> Self {
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            octet(unsafe { _mm_mullo_epi16(vector(self), _mm_set1_epi16(factor)) })
+        }
+
+        /// The bits of both.
+        #[inline(always)]
+        pub(in super::super) fn both(self, other: Self) -> Self {
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            octet(unsafe { _mm_and_si128(vector(self), vector(other)) })
+        }
+
+        /// Lane 3 in all lanes.
+        #[inline(always)]
+        pub(in super::super) fn all_of_lane_3(self) -> Self {
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            octet(unsafe {
+                _mm_shuffle_epi32::<0b01_01_01_01>(_mm_shufflelo_epi16::<0b11_11_11_11>(vector(self)))
+            })
+        }
     }
 }
 
 #[cfg(any(test, not(target_arch = "x86_64")))]
 mod portable {
-    use super::Row;
+    use super::{LANES, Row};
+    use crate::cpu::Isa;
 
     /// Moves lanes by 2^-shift of the way to `end`, the lanes and their ends seen through `turn`.
     #[inline(always)]
-    pub(in super::super) fn sink(row: &mut Row, turn: &Row, end: &Row, shift: u8) {
-        let others = turn.0.as_flattened().iter().zip(end.0.as_flattened());
-        for (lane, (turn, end)) in row.0.as_flattened_mut().iter_mut().zip(others) {
+    pub(in super::super) fn sink(_: impl Isa, row: &mut Row, turn: &Row, end: &Row, shift: u8) {
+        for ((lane, turn), end) in row.0.iter_mut().zip(turn.0).zip(end.0) {
             let seen = *lane ^ turn;
-            *lane = seen.wrapping_sub(seen.wrapping_sub(*end) >> (shift & 15)) ^ turn;
+            *lane = seen.wrapping_sub(seen.wrapping_sub(end) >> (shift & 15)) ^ turn;
         }
     }
 
-    /// Half the mean of the means of two rows each, each mean rounded up, its half down.
+    /// The mean of the means of two rows each, each mean rounded up.
     #[inline(always)]
-    pub(in super::super) fn mean_of_four(a: &Row, b: &Row, c: &Row, d: &Row) -> Row {
+    pub(in super::super) fn mean_of_four(_: impl Isa, a: [&Row; 2], b: [&Row; 2]) -> Row {
         let mean = |a: u16, b: u16| (a >> 1) + (b >> 1) + ((a | b) & 1);
-        Row([0, 1].map(|half| {
-            std::array::from_fn(|i| {
-                mean(mean(a.0[half][i], b.0[half][i]), mean(c.0[half][i], d.0[half][i])) >> 1
-            })
-        }))
+        let both = |[a, b]: [&Row; 2], i: usize| mean(a.0[i], b.0[i]);
+        Row(std::array::from_fn(|i| mean(both(a, i), both(b, i))))
     }
 
-    /// Lanes above a value, lane i as bit i; lanes and value are below 32768.
+    /// The lane before the first that is above a number; lanes rise from 0.
     #[inline(always)]
-    pub(in super::super) fn above(row: &Row, value: u16) -> u32 {
-        let lanes = row.0.as_flattened().iter().enumerate();
-        lanes.fold(0, |bits, (i, lane)| bits | u32::from(*lane > value) << i)
+    pub(in super::super) fn last_within(_: impl Isa, row: &Row, most: u16) -> usize {
+        row.0.iter().position(|lane| *lane > most).unwrap_or(LANES).wrapping_sub(1) % LANES
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+impl Octet {
+    /// The low halves of numbers.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "the low halves are wanted")]
+    pub(super) fn of(lanes: [i32; 8]) -> Self {
+        Self(lanes.map(|lane| lane as i16))
+    }
+
+    /// Lane by lane.
+    #[inline(always)]
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i].wrapping_add(other.0[i])))
+    }
+
+    /// Lane by lane.
+    #[inline(always)]
+    pub(super) fn minus(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i].wrapping_sub(other.0[i])))
+    }
+
+    /// All lanes by one number.
+    #[inline(always)]
+    pub(super) fn times(self, factor: i16) -> Self {
+        Self(self.0.map(|lane| lane.wrapping_mul(factor)))
+    }
+
+    /// The bits of both.
+    #[inline(always)]
+    pub(super) fn both(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] & other.0[i]))
+    }
+
+    /// Lane 3 in all lanes.
+    #[inline(always)]
+    pub(super) fn all_of_lane_3(self) -> Self {
+        Self([self.0[3]; 8])
     }
 }
 
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
     use super::*;
+    use crate::cpu::{Isa, Kernel, Portable, dispatch};
+
+    struct Compare;
+
+    impl Kernel for Compare {
+        type Output = ();
+
+        fn run(self, isa: impl Isa) {
+            let mut state = 1_u32;
+            let mut number = || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (state >> 16) as u16
+            };
+            for _ in 0..2000 {
+                let [a, b, c, d]: [Row; 4] = std::array::from_fn(|_| Row(std::array::from_fn(|_| number())));
+                for shift in 1..=15 {
+                    let (mut fast, mut plain) = (a, a);
+                    x86::sink(isa, &mut fast, &b, &c, shift);
+                    portable::sink(isa, &mut plain, &b, &c, shift);
+                    assert_eq!(fast, plain);
+                }
+                let mut mean = x86::mean_of_four(isa, [&a, &b], [&c, &d]);
+                assert_eq!(mean, portable::mean_of_four(isa, [&a, &b], [&c, &d]));
+                mean.0.sort_unstable();
+                mean.0[0] = 0;
+                for most in [mean.0[number() as usize % LANES], number(), 0, u16::MAX] {
+                    assert_eq!(x86::last_within(isa, &mean, most), portable::last_within(isa, &mean, most));
+                }
+            }
+        }
+    }
 
     #[test]
-    fn both_forms_give_the_same_lanes() {
-        let mut state = 1_u32;
-        let mut number = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 16) as u16
-        };
-        let mut row = || Row::of(std::array::from_fn(|_| number()));
-        for i in 0..2000 {
-            let [a, b, c, d] = [row(), row(), row(), row()];
-            for shift in 1..=15 {
-                let (mut fast, mut plain) = (a, a);
-                x86::sink(&mut fast, &b, &c, shift);
-                portable::sink(&mut plain, &b, &c, shift);
-                assert_eq!(fast, plain);
-            }
-            let mean = x86::mean_of_four(&a, &b, &c, &d);
-            assert_eq!(mean, portable::mean_of_four(&a, &b, &c, &d));
-            let value = mean.lane(i);
-            assert_eq!(x86::above(&mean, value), portable::above(&mean, value));
-        }
+    fn all_forms_give_the_same_lanes() {
+        Compare.run(Portable);
+        dispatch(Compare);
+    }
+
+    #[test]
+    fn octets_are_sums_and_products_of_their_lanes() {
+        let (a, b) = (Octet::of([1, -2, 3, -4, 70_000, 6, 7, -32_768]), Octet([9, 8, -7, 6, 5, -4, 3, -2]));
+        assert_eq!(a.0, [1, -2, 3, -4, 4464, 6, 7, -32_768]);
+        assert_eq!(a.plus(b).0, [10, 6, -4, 2, 4469, 2, 10, 32_766]);
+        assert_eq!(a.minus(b).0, [-8, -10, 10, -10, 4459, 10, 4, -32_766]);
+        assert_eq!(b.times(-3).0, [-27, -24, 21, -18, -15, 12, -9, 6]);
+        assert_eq!(a.both(b).0, [1, 8, 1, 4, 0, 4, 3, -32_768]);
+        assert_eq!(a.all_of_lane_3().0, [-4; 8]);
     }
 }

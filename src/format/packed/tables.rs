@@ -6,7 +6,8 @@
 #![expect(clippy::cast_possible_truncation, reason = "lanes, widths and words have 16 bits")]
 
 use super::CodingError;
-use super::lanes::{LANES, Row, above, mean_of_four, sink};
+use super::lanes::{LANES, Row, last_within, mean_of_four, sink};
+use crate::cpu::{Isa, Portable};
 
 /// Symbols of a table: a lane tells how often symbols below it come, of 65536; lane 0 is 0.
 const SYMBOLS: usize = LANES;
@@ -36,13 +37,13 @@ const EVEN: Row = {
         row[i] = i as u16 * 4096;
         i += 1;
     }
-    Row::of(row)
+    Row(row)
 };
 
 /// What a symbol does to the lanes: those above it rise towards 65536, those up to it sink towards 0. Seen from their
 /// ends, through the first row, all sink to the second.
 static WAYS: [[Row; 2]; SYMBOLS] = {
-    let mut ways = [[Row::of([0; SYMBOLS]); 2]; SYMBOLS];
+    let mut ways = [[Row([0; SYMBOLS]); 2]; SYMBOLS];
     let mut symbol = 0;
     while symbol < SYMBOLS {
         let (mut turn, mut end) = ([0; SYMBOLS], [0; SYMBOLS]);
@@ -52,7 +53,7 @@ static WAYS: [[Row; 2]; SYMBOLS] = {
             end[i] = if i > symbol { (SYMBOLS - i) as u16 * LEAST - 1 } else { i as u16 * LEAST };
             i += 1;
         }
-        ways[symbol] = [Row::of(turn), Row::of(end)];
+        ways[symbol] = [Row(turn), Row(end)];
         symbol += 1;
     }
     ways
@@ -80,31 +81,46 @@ impl<const COUNT: usize, const FAST: u8, const SLOW: u8> Tables<COUNT, FAST, SLO
         self.seen.fill(0);
     }
 
+    /// A young context moves in large steps: 1/2, 1/2, 1/4, 1/4, 1/8 ... of the way. For each count of what was seen the
+    /// next one, and both shifts.
+    const STEPS: [[u8; 4]; 16] = {
+        assert!(FAST <= SLOW && 2 * SLOW < 16);
+        let mut steps = [[0; 4]; 16];
+        let mut seen = 0;
+        while seen < 16 {
+            let next = if seen < 2 * SLOW { seen + 1 } else { 2 * SLOW };
+            let shift = next.div_ceil(2);
+            steps[seen as usize] = [next, if shift < FAST { shift } else { FAST }, shift, 0];
+            seen += 1;
+        }
+        steps
+    };
+
     #[inline(always)]
-    fn learn(&mut self, context: usize, symbol: usize) {
+    fn learn(&mut self, isa: impl Isa, context: usize, symbol: usize) {
         let context = context % COUNT;
         let (table, seen) = (&mut self.tables[context], &mut self.seen[context]);
         let [turn, end] = &WAYS[symbol % SYMBOLS];
-        // A young context moves in large steps: 1/2, 1/2, 1/4, 1/4, 1/8 ... of the way.
-        *seen = if *seen < 2 * SLOW { *seen + 1 } else { 2 * SLOW };
-        let shift = seen.div_ceil(2);
-        sink(&mut table.fast, turn, end, if shift < FAST { shift } else { FAST });
-        sink(&mut table.slow, turn, end, shift);
+        let [next, fast, slow, _] = const { &Self::STEPS }[usize::from(*seen) % 16];
+        *seen = next;
+        sink(isa, &mut table.fast, turn, end, fast);
+        sink(isa, &mut table.slow, turn, end, slow);
     }
 }
 
-/// Where each symbol begins, of 32768.
+/// Where each symbol begins, of 65536.
 #[inline(always)]
-fn begins(a: &Table, b: &Table) -> Row {
-    mean_of_four(&a.fast, &a.slow, &b.fast, &b.slow)
+fn begins(isa: impl Isa, a: &Table, b: &Table) -> Row {
+    mean_of_four(isa, [&a.fast, &a.slow], [&b.fast, &b.slow])
 }
 
-/// Begin and width of a symbol.
+/// Begin and width of a symbol, of 32768.
 #[inline(always)]
 fn share(row: &Row, symbol: usize) -> [u16; 2] {
-    let begin = row.lane(symbol);
-    let end = if symbol + 1 == SYMBOLS { 1 << PROBABILITY_BITS } else { row.lane(symbol + 1) };
-    [begin, end.wrapping_sub(begin)]
+    let begin = row.lane(symbol) >> 1;
+    // The last symbol ends at 32768, which is lane 0 as far as 15 bits show; no symbol has all of them.
+    let end = row.lane(symbol + 1) >> 1;
+    [begin, end.wrapping_sub(begin) % (1 << PROBABILITY_BITS)]
 }
 
 /// Either direction of coding: an encoder writes the symbols that it is given, a decoder ignores them and returns
@@ -186,11 +202,11 @@ impl SymbolCoder for Encoder {
         second: (&mut Tables<B, FAST, SLOW>, usize),
         symbol: usize,
     ) -> usize {
-        let row = begins(&first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
+        let row = begins(Portable, &first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
         let symbol = symbol % SYMBOLS;
         self.log.push(share(&row, symbol));
-        first.0.learn(first.1, symbol);
-        second.0.learn(second.1, symbol);
+        first.0.learn(Portable, first.1, symbol);
+        second.0.learn(Portable, second.1, symbol);
         symbol
     }
 
@@ -215,9 +231,10 @@ impl SymbolCoder for Encoder {
     }
 }
 
-/// Reads symbols.
+/// Reads symbols with the instructions of `I`.
 #[derive(Debug)]
-pub struct Decoder<'a> {
+pub(crate) struct Decoder<'a, I> {
+    isa: I,
     /// The state of the next symbol and of the one after it.
     states: [u32; 2],
     words: &'a [[u8; 2]],
@@ -226,17 +243,17 @@ pub struct Decoder<'a> {
     items: u32,
 }
 
-impl<'a> Decoder<'a> {
+impl<'a, I: Isa> Decoder<'a, I> {
     /// Starts on a payload.
     ///
     /// # Errors
     /// It does not hold whole words.
-    pub fn new(payload: &'a [u8]) -> Result<Self, CodingError> {
+    pub(crate) fn new(isa: I, payload: &'a [u8]) -> Result<Self, CodingError> {
         let (words, rest) = payload.as_chunks::<2>();
         if words.is_empty() || !rest.is_empty() {
             return Err(CodingError::GroupCut);
         }
-        let mut new = Self { states: [STATE; 2], words, at: 0, items: 0 };
+        let mut new = Self { isa, states: [STATE; 2], words, at: 0, items: 0 };
         new.begin_block();
         Ok(new)
     }
@@ -272,7 +289,7 @@ impl<'a> Decoder<'a> {
     ///
     /// # Errors
     /// It was not, or ended early.
-    pub fn finish(mut self) -> Result<(), CodingError> {
+    pub(crate) fn finish(mut self) -> Result<(), CodingError> {
         self.check()?;
         if self.at < self.words.len() {
             return Err(CodingError::GroupSurplus);
@@ -298,7 +315,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
-impl SymbolCoder for Decoder<'_> {
+impl<I: Isa> SymbolCoder for Decoder<'_, I> {
     const READS: bool = true;
 
     #[inline(always)]
@@ -308,14 +325,15 @@ impl SymbolCoder for Decoder<'_> {
         second: (&mut Tables<B, FAST, SLOW>, usize),
         _: usize,
     ) -> usize {
-        let row = begins(&first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
+        let isa = self.isa;
+        let row = begins(isa, &first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
         let value = (self.states[0] % (1 << PROBABILITY_BITS)) as u16;
-        // Begins rise from 0: the symbol is the one before the first that is above the value.
-        let symbol = (above(&row, value) | 1 << SYMBOLS).trailing_zeros().wrapping_sub(1) as usize % SYMBOLS;
+        // Half of its begin is not above the value.
+        let symbol = last_within(isa, &row, 2 * value + 1);
         let [start, width] = share(&row, symbol);
         self.step(u32::from(start), u32::from(width));
-        first.0.learn(first.1, symbol);
-        second.0.learn(second.1, symbol);
+        first.0.learn(isa, first.1, symbol);
+        second.0.learn(isa, second.1, symbol);
         symbol
     }
 
@@ -369,7 +387,7 @@ mod tests {
             let mut encoder = Encoder::default();
             let given = code(&mut encoder, skew, count);
             let payload = encoder.finish();
-            let mut decoder = Decoder::new(&payload).unwrap();
+            let mut decoder = Decoder::new(Portable, &payload).unwrap();
             assert_eq!(code(&mut decoder, skew, count), given);
             decoder.finish().unwrap();
             // 7.5 even bits a symbol, and what the skew leaves.
@@ -384,7 +402,7 @@ mod tests {
         let given = code(&mut encoder, 700, 600);
         let payload = encoder.finish();
         for len in 0..payload.len() {
-            let all = Decoder::new(&payload[..len]).and_then(|mut decoder| {
+            let all = Decoder::new(Portable, &payload[..len]).and_then(|mut decoder| {
                 code(&mut decoder, 0, 600);
                 decoder.finish()
             });
@@ -393,7 +411,7 @@ mod tests {
         for at in 0..payload.len() {
             let mut bad = payload.clone();
             bad[at] ^= 0x41;
-            let mut decoder = Decoder::new(&bad).unwrap();
+            let mut decoder = Decoder::new(Portable, &bad).unwrap();
             let got = code(&mut decoder, 0, 600);
             assert!(got != given || decoder.finish().is_err(), "{at}");
         }

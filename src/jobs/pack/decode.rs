@@ -20,6 +20,7 @@ use crate::resident::give_back;
 
 use super::earlier;
 use super::encode::finish_frame;
+use super::follow::{Follow, StopAtEnd};
 use super::groups::{Direction, Worker, each_group};
 use super::stop::Stop;
 use super::stored::{LevelWriters, Stored, mapped_minor};
@@ -27,6 +28,8 @@ use super::stream::{Normals, Subtrees, Writer, codec_of, roots, subtree_shape};
 
 /// Most voxels of a block of a payload (SPEC 5.1).
 const BLOCK_VOXELS: u64 = 1 << 17;
+/// The walk that makes coarse means keeps its path in memory of its own.
+const MEANS_STACK_BYTES: usize = 256 << 10;
 
 /// Unpacks into an empty file and returns the frame of what was written; its checksums are verified.
 pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
@@ -39,26 +42,64 @@ pub(super) fn unpack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<
         check_plausible(&packed, entry)?;
     }
     let mut mapped = lay_out(&packed)?;
-    for entry in &packed.sections {
-        let Some(target) = mapped.sections.iter().find(|e| e.tag == entry.tag).copied() else { continue };
-        decode_section(source, &packed, entry, &mapped, &target, out)?;
-        // Each section has workers and code of its own.
-        give_back();
-        if entry.kind == Some(SectionKind::Nodes) {
-            let crc = rebuild_rank(&mapped, out)?;
-            for e in mapped.sections.iter_mut().filter(|e| e.kind == Some(SectionKind::Rank)) {
-                (e.stored_crc, e.content_crc) = (crc, crc);
-            }
-        }
-    }
-    if packed.sections.iter().any(|e| e.codec == CODEC_DERIVED) {
-        rebuild_means(&mapped, out)?;
-    }
+    let first = decode_nodes(source, &packed, &mut mapped, out)?;
+    decode_rest(source, &packed, &mapped, first, out)?;
     // Padding and empty ends were never written: the length makes them zeros.
     out.set_len(mapped.header.file_bytes).map_err(Stop::Output)?;
     finish_frame(&mut mapped, out)?;
     check_storage(out, &mapped)?;
     Ok(mapped)
+}
+
+/// Decodes the sections up to the infobytes, and makes the rank directory; how many they are.
+fn decode_nodes<R: ReadAt + ?Sized>(
+    source: &R,
+    packed: &Frame,
+    mapped: &mut Frame,
+    out: &File,
+) -> Result<usize, Stop> {
+    let nodes = packed.sections.iter().position(|e| e.kind == Some(SectionKind::Nodes));
+    let first = nodes.map_or(0, |at| at + 1);
+    for entry in packed.sections.iter().take(first) {
+        decode_section(source, packed, entry, mapped, out, None)?;
+    }
+    let crc = rebuild_rank(mapped, out)?;
+    for e in mapped.sections.iter_mut().filter(|e| e.kind == Some(SectionKind::Rank)) {
+        (e.stored_crc, e.content_crc) = (crc, crc);
+    }
+    Ok(first)
+}
+
+/// Decodes the sections after `first`. The coarse means are made meanwhile, of what is written already.
+fn decode_rest<R: ReadAt + ?Sized>(
+    source: &R,
+    packed: &Frame,
+    mapped: &Frame,
+    first: usize,
+    out: &File,
+) -> Result<(), Stop> {
+    let follow = &Follow::new(out);
+    let decode = || {
+        let _stop = StopAtEnd(follow);
+        for entry in packed.sections.iter().skip(first) {
+            decode_section(source, packed, entry, mapped, out, Some(follow))?;
+        }
+        follow.reached(u64::MAX);
+        Ok(())
+    };
+    if packed.sections.iter().all(|e| e.codec != CODEC_DERIVED) {
+        return decode();
+    }
+    std::thread::scope(|scope| {
+        let builder = std::thread::Builder::new().stack_size(MEANS_STACK_BYTES);
+        let means = builder.spawn_scoped(scope, || rebuild_means(follow, mapped, out));
+        decode()?;
+        match means {
+            Ok(means) => means.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            // The system starts no more threads.
+            Err(_) => rebuild_means(out, mapped, out),
+        }
+    })
 }
 
 /// The sections of the mapped file: the same ones, plus the rank directory, one after the other.
@@ -124,11 +165,17 @@ fn decode_section<R: ReadAt + ?Sized>(
     packed: &Frame,
     entry: &SectionEntry,
     mapped: &Frame,
-    target: &SectionEntry,
     out: &File,
+    follow: Option<&Follow<'_>>,
 ) -> Result<(), Stop> {
+    let Some(target) = mapped.sections.iter().find(|e| e.tag == entry.tag) else { return Ok(()) };
     let mut stored = Stored(Cursor::new(source, entry.offset, entry.end(), planes::BLOCK_BYTES));
     let mut writer = Writer::new(out, target.offset, target.end());
+    if let Some(follow) = follow {
+        // What stands before this section is written, or not read.
+        follow.reached(target.offset);
+        writer = writer.followed(follow);
+    }
     match entry.codec {
         CODEC_NONE => {
             while stored.0.left() > 0 {
@@ -145,6 +192,8 @@ fn decode_section<R: ReadAt + ?Sized>(
         CODEC_OFFSETS => earlier::offsets(&mut stored, mapped, &mut writer, out)?,
         _ => {}
     }
+    // Each section has workers and code of its own.
+    give_back();
     match stored.0.left() {
         0 => Ok(()),
         left => Err(CodingError::SectionSurplus { left }.into()),
@@ -296,8 +345,8 @@ pub(super) fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
     Ok(crc)
 }
 
-/// SPEC 5.6: writes the coarse means of the voxels that are in `out`.
-pub(super) fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
+/// SPEC 5.6: writes the coarse means of the voxels that are in `source`, where they will stand in `out`.
+pub(super) fn rebuild_means<R: ReadAt + ?Sized>(source: &R, mapped: &Frame, out: &File) -> Result<(), Stop> {
     let coarse = mapped.dims().depth().saturating_sub(1);
     let mut writers: Vec<(Channel, usize, Vec<Writer>)> = walked_channels(mapped)
         .into_iter()
@@ -313,7 +362,7 @@ pub(super) fn rebuild_means(mapped: &Frame, out: &File) -> Result<(), Stop> {
             (channel, usize::from(entry.item_bytes), levels.collect())
         })
         .collect();
-    walk(out, mapped, &mut |level, sums| {
+    walk(source, mapped, &mut |level, sums| {
         for ((channel, item, levels), sum) in writers.iter_mut().zip(sums) {
             if let (Some(writer), Some(means)) = (levels.get_mut(level.index()), &channel.row().means) {
                 writer.write(means.rule.mean(sum).get(..*item).unwrap_or_default())?;

@@ -1,6 +1,7 @@
 //! Groups of subtrees, coded side by side by a few workers and handed on in their order (SPEC 5.3).
 
-use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::sync::mpsc;
 
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::format::packed::CodingError;
@@ -70,8 +71,8 @@ impl<G: GroupCoder> Kernel for Decode<'_, G> {
     type Output = Result<(), CodingError>;
 
     #[inline(always)]
-    fn run(self, _: impl Isa) -> Self::Output {
-        let mut decoder = Decoder::new(&self.0.payload)?;
+    fn run(self, isa: impl Isa) -> Self::Output {
+        let mut decoder = Decoder::new(isa, &self.0.payload)?;
         self.0.coder.code(&mut decoder, &mut self.0.group)?;
         decoder.finish()
     }
@@ -79,6 +80,8 @@ impl<G: GroupCoder> Kernel for Decode<'_, G> {
 
 /// Takes group after group through a coder. `fill` puts the next one into a worker, or says that the last has been;
 /// `drain` takes what came of it. Both see the groups in their order.
+///
+/// A worker gets its next group as soon as the one before is drained, while others are still at work.
 pub(super) fn each_group<G: GroupCoder>(
     direction: Direction,
     mut fill: impl FnMut(&mut Worker<G>) -> Result<bool, Stop>,
@@ -88,34 +91,49 @@ pub(super) fn each_group<G: GroupCoder>(
         Direction::Encode => 1,
         Direction::Decode => std::thread::available_parallelism().map_or(1, usize::from).min(MOST_WORKERS),
     };
-    let mut workers: Vec<Worker<G>> = Vec::new();
-    let mut pool = None;
-    loop {
-        let mut filled = 0;
-        while filled < most {
-            if filled == workers.len() {
-                workers.push(Worker::new());
-            }
-            if !workers.get_mut(filled).map_or(Ok(false), &mut fill)? {
-                break;
-            }
-            filled += 1;
-        }
-        let filled = workers.get_mut(..filled).unwrap_or_default();
-        match &mut *filled {
-            [] => return Ok(()),
-            [one] => one.work(direction),
-            many => {
-                // Where the system starts no more threads, this one does the work.
-                match pool.get_or_insert_with(|| pool_of(most).ok()) {
-                    Some(pool) => pool.install(|| many.par_iter_mut().for_each(|w| w.work(direction))),
-                    None => many.iter_mut().for_each(|w| w.work(direction)),
-                }
-            }
-        }
-        for worker in filled {
-            worker.result?;
-            drain(worker)?;
-        }
+    // Groups that are filled, and workers that have nothing to do.
+    let (mut waiting, mut idle) = (VecDeque::new(), vec![Worker::new()]);
+    let mut next = |idle: &mut Vec<Worker<G>>| -> Result<Option<Worker<G>>, Stop> {
+        let mut worker = idle.pop().unwrap_or_else(Worker::new);
+        Ok(fill(&mut worker)?.then_some(worker))
+    };
+    while waiting.len() < most {
+        let Some(worker) = next(&mut idle)? else { break };
+        waiting.push_back(worker);
     }
+    // Where the system starts no more threads, this one does the work.
+    let pool = if waiting.len() > 1 { pool_of(most).ok() } else { None };
+    let Some(pool) = pool else {
+        while let Some(mut worker) = waiting.pop_front() {
+            worker.work(direction);
+            worker.result?;
+            drain(&mut worker)?;
+            idle.push(worker);
+            if waiting.is_empty() {
+                waiting.extend(next(&mut idle)?);
+            }
+        }
+        return Ok(());
+    };
+    pool.in_place_scope(|scope| {
+        let start = |mut worker: Worker<G>| {
+            let (done, result) = mpsc::channel();
+            scope.spawn(move |_| {
+                worker.work(direction);
+                // Nobody waits for it after an error.
+                let _ = done.send(worker);
+            });
+            result
+        };
+        let mut under_way: VecDeque<_> = waiting.into_iter().map(start).collect();
+        while let Some(first) = under_way.pop_front() {
+            // A worker that panics takes the scope with it.
+            let Ok(mut worker) = first.recv() else { break };
+            worker.result?;
+            drain(&mut worker)?;
+            idle.push(worker);
+            under_way.extend(next(&mut idle)?.map(start));
+        }
+        Ok(())
+    })
 }

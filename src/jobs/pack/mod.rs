@@ -3,6 +3,7 @@
 mod decode;
 mod earlier;
 mod encode;
+mod follow;
 mod groups;
 mod stop;
 mod stored;

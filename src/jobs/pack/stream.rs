@@ -10,6 +10,8 @@ use crate::format::{Channel, FormatError, SectionKind, SurfaceKind};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
 
+use super::follow::Follow;
+
 /// Bytes of a writer's or a cursor's buffer.
 const BUFFER_BYTES: usize = 64 << 10;
 /// Bytes of the buffer of a cursor over one depth.
@@ -24,12 +26,19 @@ pub(super) struct Writer<'a> {
     end: u64,
     buffer: Vec<u8>,
     crc: u32,
+    /// Told how far the file is written.
+    follow: Option<&'a Follow<'a>>,
 }
 
 impl<'a> Writer<'a> {
     /// A writer for `start..end`.
     pub(super) fn new(file: &'a File, start: u64, end: u64) -> Self {
-        Self { file, at: start, end, buffer: Vec::new(), crc: 0 }
+        Self { file, at: start, end, buffer: Vec::new(), crc: 0, follow: None }
+    }
+
+    /// The same, one that tells how far it is.
+    pub(super) fn followed(self, follow: &'a Follow<'a>) -> Self {
+        Self { follow: Some(follow), ..self }
     }
 
     /// Position of the next byte.
@@ -67,6 +76,9 @@ impl<'a> Writer<'a> {
         self.file.write_all_at(&self.buffer, self.at)?;
         self.at += self.buffer.len() as u64;
         self.buffer.clear();
+        if let Some(follow) = self.follow {
+            follow.reached(self.at);
+        }
         Ok(())
     }
 }

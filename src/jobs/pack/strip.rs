@@ -98,7 +98,7 @@ fn strip_file<R: ReadAt + ?Sized>(
     }
     decode::rebuild_rank(&left, out)?;
     if left.sections.iter().any(|e| matches!(e.kind, Some(SectionKind::Means(_)))) {
-        decode::rebuild_means(&left, out)?;
+        decode::rebuild_means(out, &left, out)?;
     }
     out.set_len(left.header.file_bytes).map_err(Stop::Output)?;
     for entry in &mut left.sections {

@@ -37,6 +37,7 @@ mod zip;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use super::corner::{Corner, EachCorners, Place};
 use crate::facts::{Fault, MeshFault, SourceError};
 pub(super) use limits::Limits;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
@@ -227,6 +228,26 @@ impl MeshFile {
 }
 
 impl MeshFile {
+    /// As [`MeshFile::for_each`], with vertices brought to their place: each once, where faces name them by number.
+    ///
+    /// # Errors
+    /// As [`MeshFile::for_each`]; a vertex of a triangle has no place.
+    pub(super) fn for_each_corner(
+        &self,
+        scratch: &Path,
+        place: &Place<'_>,
+        each: &mut EachCorners<'_>,
+    ) -> Result<(), SourceError> {
+        let make = |p| Corner::new(p, place);
+        let mut checked = |t: &[Corner; 3], number: u64| Corner::check(t, number).and_then(|()| each(t));
+        let read = match &self.kind {
+            Kind::Ply(ply) => ply.for_each_of(&make, &mut checked),
+            Kind::Off(faces) => faces.for_each_of(&make, &mut checked),
+            _ => return self.for_each(scratch, &mut |t| checked(&t.map(make), 0)),
+        };
+        read.map_err(|stop| told(&self.path, scratch, stop))
+    }
+
     /// As [`MeshFile::for_each`], with what each triangle carries, if that was asked for.
     ///
     /// # Errors

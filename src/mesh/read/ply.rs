@@ -5,7 +5,7 @@
 use std::fs::File;
 
 use super::limits::Limits;
-use super::stop::{Each, EachLook, Stop};
+use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan};
 use super::vertex_looks::{VertexLooks, light};
@@ -225,9 +225,18 @@ impl Ply {
     }
 
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
+        self.for_each_of(&|p| p, &mut |t, triangle| finite(t, triangle).and_then(|()| each(t)))
+    }
+
+    /// Calls `each` with what is made of the vertices of every triangle, and its number, counted from 1.
+    pub(super) fn for_each_of<P: Copy>(
+        &self,
+        make: &dyn Fn([f64; 3]) -> P,
+        each: &mut EachOf<'_, P>,
+    ) -> Result<(), Stop> {
         match self {
-            Self::Binary(binary) => binary.for_each(each),
-            Self::Text(faces) => faces.for_each(each),
+            Self::Binary(binary) => binary.for_each_of(make, each),
+            Self::Text(faces) => faces.for_each_of(make, each),
         }
     }
 
@@ -346,9 +355,13 @@ impl Binary {
         Err(MeshFault::NoFaces.into())
     }
 
-    fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
+    fn for_each_of<P: Copy>(
+        &self,
+        make: &dyn Fn([f64; 3]) -> P,
+        each: &mut EachOf<'_, P>,
+    ) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
-        let mut pages = Pages::new(&self.vertices, PAGES);
+        let mut pages = Pages::of(&self.vertices, PAGES, make);
         let big = self.vertices.big;
         let mut triangles = 0;
         // Nearly all files: faces are lists of 32 bits with a count of 8, and nothing else.
@@ -357,16 +370,12 @@ impl Binary {
                 if n.bytes() == 1 && value.bytes() == 4);
         for face in 0..self.faces {
             if usual && stream.peek()? == 3 {
-                let record: [u8; 13] = stream.take()?;
-                let mut t = [[0.0; 3]; 3];
-                for (out, at) in t.iter_mut().zip(record[1..].as_chunks::<4>().0) {
-                    *out = pages.get(u32::from_le_bytes(*at).into(), face)?;
-                }
+                let [_, corners @ ..]: [u8; 13] = stream.take()?;
+                let [a, b, c, d, e, f, g, h, i, j, k, l] = corners;
+                let mut corner = |at: [u8; 4]| pages.get(u32::from_le_bytes(at).into(), face);
+                let t = [corner([a, b, c, d])?, corner([e, f, g, h])?, corner([i, j, k, l])?];
                 triangles += 1;
-                if !t.iter().flatten().all(|c| c.is_finite()) {
-                    return Err(MeshFault::NotFinite { triangle: triangles }.into());
-                }
-                each(&t)?;
+                each(&t, triangles)?;
                 continue;
             }
             for (at, property) in self.properties.iter().enumerate() {
@@ -381,7 +390,7 @@ impl Binary {
                     stream.skip(property.value.bytes().saturating_mul(count));
                     continue;
                 }
-                let (mut first, mut last) = ([0.0; 3], [0.0; 3]);
+                let (mut first, mut last) = (make([0.0; 3]), make([0.0; 3]));
                 for corner in 0..count {
                     let index = whole(&mut stream, property.value, big)?;
                     let point = pages.get(u64::try_from(index).unwrap_or(u64::MAX), face)?;
@@ -389,11 +398,7 @@ impl Binary {
                         first = point;
                     } else if corner > 1 {
                         triangles += 1;
-                        let t = [first, last, point];
-                        if !t.iter().flatten().all(|c| c.is_finite()) {
-                            return Err(MeshFault::NotFinite { triangle: triangles }.into());
-                        }
-                        each(&t)?;
+                        each(&[first, last, point], triangles)?;
                     }
                     last = point;
                 }

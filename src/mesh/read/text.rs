@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use super::stop::{Each, EachLook, Stop};
+use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Words};
 use super::vertex_looks::VertexLooks;
 use super::vertices::{PAGES, Pages, Spool, Vertices};
@@ -131,18 +131,21 @@ impl Faces {
     }
 
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
-        let mut pages = Pages::new(&self.vertices, PAGES);
+        self.for_each_of(&|p| p, &mut |t, triangle| finite(t, triangle).and_then(|()| each(t)))
+    }
+
+    /// Calls `each` with what is made of the vertices of every triangle, and its number, counted from 1.
+    pub(super) fn for_each_of<P: Copy>(
+        &self,
+        make: &dyn Fn([f64; 3]) -> P,
+        each: &mut EachOf<'_, P>,
+    ) -> Result<(), Stop> {
+        let mut pages = Pages::of(&self.vertices, PAGES, make);
         let mut stream = Stream::new(&self.triangles, 0);
         for face in 0..self.count {
-            let record: [u8; 12] = stream.take()?;
-            let mut t = [[0.0; 3]; 3];
-            for (out, at) in t.iter_mut().zip(record.as_chunks::<4>().0) {
-                *out = pages.get(u32::from_le_bytes(*at).into(), face)?;
-            }
-            if !t.iter().flatten().all(|c| c.is_finite()) {
-                return Err(MeshFault::NotFinite { triangle: face + 1 }.into());
-            }
-            each(&t)?;
+            let [a, b, c, d, e, f, g, h, i, j, k, l]: [u8; 12] = stream.take()?;
+            let mut corner = |at: [u8; 4]| pages.get(u32::from_le_bytes(at).into(), face);
+            each(&[corner([a, b, c, d])?, corner([e, f, g, h])?, corner([i, j, k, l])?], face + 1)?;
         }
         Ok(())
     }

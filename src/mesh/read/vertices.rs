@@ -140,37 +140,48 @@ impl Spool {
     }
 }
 
-/// A cache of pages.
-pub(super) struct Pages<'a> {
+/// A cache of pages of vertices, or of what is made of each as it is read.
+pub(super) struct Pages<'a, P = [f64; 3]> {
     vertices: &'a Vertices,
+    make: &'a dyn Fn([f64; 3]) -> P,
     places: u64,
     /// Page in each place; a number beyond any for none.
     held: Vec<u64>,
-    points: Vec<[f64; 3]>,
+    points: Vec<P>,
     bytes: Vec<u8>,
 }
 
 impl<'a> Pages<'a> {
     /// With so many pages: a prime number.
     pub(super) fn new(vertices: &'a Vertices, pages: u64) -> Self {
+        Self::of(vertices, pages, &|p| p)
+    }
+}
+
+impl<'a, P: Copy> Pages<'a, P> {
+    /// As [`Pages::new`], of what is made of vertices.
+    pub(super) fn of(vertices: &'a Vertices, pages: u64, make: &'a dyn Fn([f64; 3]) -> P) -> Self {
         let places = usize::try_from(pages).unwrap_or(1);
         let page = usize::try_from(PAGE).unwrap_or(1);
         Self {
             vertices,
+            make,
             places: pages,
             held: vec![u64::MAX; places],
-            points: vec![[0.0; 3]; places * page],
+            points: vec![make([0.0; 3]); places * page],
             bytes: Vec::new(),
         }
     }
 
     /// Vertex `at` of face `face`, which is counted from 0.
     #[inline]
-    pub(super) fn get(&mut self, at: u64, face: u64) -> Result<[f64; 3], Stop> {
+    pub(super) fn get(&mut self, at: u64, face: u64) -> Result<P, Stop> {
         if at >= self.vertices.count {
             return Err(MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count }.into());
         }
-        let (page, place) = (at / PAGE, at / PAGE % self.places);
+        let page = at / PAGE;
+        // By a number that is known division is a product.
+        let place = if self.places == PAGES { page % PAGES } else { page % self.places };
         #[expect(clippy::cast_possible_truncation, reason = "places in memory")]
         let (place, within) = (place as usize, (at % PAGE) as usize);
         if self.held[place] != page {
@@ -194,13 +205,13 @@ impl<'a> Pages<'a> {
         let first = place * usize::try_from(PAGE).unwrap_or(0);
         let simple = !v.big && v.fields.iter().all(|f| f.1 == Number::F32);
         for (out, bytes) in self.points[first..].iter_mut().zip(self.bytes.chunks(record)) {
-            *out = if simple {
+            *out = (self.make)(if simple {
                 v.fields.map(|(at, _)| {
                     bytes[at..].first_chunk::<4>().map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(*b)))
                 })
             } else {
                 v.fields.map(|(at, number)| number.read(bytes.get(at..).unwrap_or_default(), v.big))
-            };
+            });
         }
         self.held[place] = page;
         Ok(())

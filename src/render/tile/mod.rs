@@ -65,7 +65,7 @@ mod exact;
 mod prove;
 mod walk;
 
-use crate::load::NodeView;
+use crate::load::ModelView;
 
 use super::form::Form;
 use super::lanes::each3;
@@ -250,9 +250,9 @@ impl Tracer {
     ///
     /// The view must be as deep as the sight's grid. Any view is safe, whatever it answers.
     #[inline]
-    pub fn trace<V: NodeView, S: Surface<V>>(
+    pub fn trace<S: Surface>(
         &mut self,
-        view: &V,
+        view: &ModelView<'_>,
         surface: &S,
         sight: &Sight<'_>,
         tile: Tile,
@@ -262,9 +262,9 @@ impl Tracer {
 
     /// As [`Tracer::trace`], of those rays only that are bits of `asked`: ray `8 y + x` is that of column x and row y.
     #[inline]
-    pub fn trace_some<V: NodeView, S: Surface<V>>(
+    pub fn trace_some<S: Surface>(
         &mut self,
-        view: &V,
+        view: &ModelView<'_>,
         surface: &S,
         sight: &Sight<'_>,
         tile: Tile,

@@ -1,6 +1,6 @@
 //! The walk of a tile's rays through the octree, together.
 
-use crate::load::NodeView;
+use crate::load::{ModelView, NodeView};
 use crate::render::form::LanesKernel;
 use crate::render::lanes::{DOUBLES, Lanes, each3};
 use crate::render::occupancy::{Brick, place};
@@ -21,8 +21,8 @@ use super::{Tile, TileHits};
 const MOST_BRICKS: u32 = 1024;
 
 /// The walk of one tile, for any lanes.
-pub(super) struct Walk<'a, 'b, V, S> {
-    pub(super) view: &'a V,
+pub(super) struct Walk<'a, 'b, S> {
+    pub(super) view: &'a ModelView<'a>,
     pub(super) surface: &'a S,
     pub(super) sight: &'a Sight<'b>,
     pub(super) tile: Tile,
@@ -33,7 +33,7 @@ pub(super) struct Walk<'a, 'b, V, S> {
     pub(super) hits: &'a mut TileHits,
 }
 
-impl<V: NodeView, S: Surface<V>> LanesKernel for Walk<'_, '_, V, S> {
+impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
     type Output = ();
 
     #[inline(always)]
@@ -61,7 +61,7 @@ impl<V: NodeView, S: Surface<V>> LanesKernel for Walk<'_, '_, V, S> {
     }
 }
 
-impl<V: NodeView, S: Surface<V>> Walk<'_, '_, V, S> {
+impl<S: Surface> Walk<'_, '_, S> {
     /// Walks the rays `live` together; returns those that have to be traced alone.
     #[inline(always)]
     fn together<L: Lanes>(&mut self, l: L, beam: &Beam<L>, live: u64, depth: u32, unit: u32) -> u64 {

@@ -1,0 +1,54 @@
+//! Corners of triangles on the lattice: what is computed of a vertex is computed once, for all triangles that name it.
+
+use super::census::vertex_hash;
+use super::lattice::MOST_VOXELS;
+use crate::facts::MeshFault;
+
+/// Brings a vertex onto the lattice.
+pub(super) type Place<'a> = dyn Fn([f64; 3]) -> Result<[i32; 3], MeshFault> + 'a;
+
+/// Is called with the corners of one triangle after the other.
+pub(super) type EachCorners<'a> = dyn FnMut(&[Corner; 3]) -> Result<(), MeshFault> + 'a;
+
+/// A vertex on the lattice.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub(super) at: [i32; 3],
+    state: State,
+    pub(super) hash: [u64; 2],
+}
+
+/// Vertices that no triangle names may be anything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Sound,
+    NotFinite,
+    TooLarge,
+}
+
+impl Corner {
+    #[inline]
+    pub(super) fn new(p: [f64; 3], place: &Place<'_>) -> Self {
+        let none = Self { at: [0; 3], state: State::NotFinite, hash: [0; 2] };
+        if !p.iter().all(|c| c.is_finite()) {
+            return none;
+        }
+        match place(p) {
+            Ok(at) => Self { at, state: State::Sound, hash: vertex_hash(&at) },
+            Err(_) => Self { state: State::TooLarge, ..none },
+        }
+    }
+
+    /// What is wrong with a triangle, which is counted from 1.
+    #[inline]
+    pub(super) fn check(corners: &[Self; 3], triangle: u64) -> Result<(), MeshFault> {
+        let any = |state: State| corners.iter().any(|corner| corner.state == state);
+        if corners.iter().all(|corner| corner.state == State::Sound) {
+            Ok(())
+        } else if any(State::NotFinite) {
+            Err(MeshFault::NotFinite { triangle })
+        } else {
+            Err(MeshFault::TooLarge { most_voxels: MOST_VOXELS })
+        }
+    }
+}
