@@ -192,7 +192,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         }
         let bars = Bars::new(args.quiet || args.json);
         let mesh = args.mesh.options(args.raw.dims, &args.which.links);
-        let channels = args.skin.channels.unwrap_or(jobs::mesh::usual_channels());
+        let channels = args.skin.channels.unwrap_or(jobs::mesh::usual_channels(args.skin.surface));
         let options = BuildOptions { channels, ..options };
         let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
         bars.finish();

@@ -56,7 +56,10 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("mesh", &["budget", "builder", "codec", "cpu", "facts", "format", "geom", "scratch", "source", "stamp"]),
     (
         "csg",
-        &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "resident", "stamp", "volume"],
+        &[
+            "budget", "builder", "facts", "format", "geom", "mesh", "progress", "resident", "scratch",
+            "stamp", "volume",
+        ],
     ),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark"]),

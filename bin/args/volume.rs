@@ -216,11 +216,11 @@ impl SelectionArgs {
 /// Which voxels are kept, and what is stored of them.
 #[derive(Debug, Args)]
 pub(crate) struct SkinArgs {
-    /// Surface of the model: skin voxels, or cells between samples with a plane in each, true to a few hundredths
-    /// of a voxel
+    /// Surface of the model: skin voxels, or cells between samples (of meshes and trees: voxel centres) with a plane in
+    /// each, true to a few hundredths of a voxel
     #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
     pub(crate) surface: SurfaceKind,
-    /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of meshes normal,
+    /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of the skin of meshes normal,
     /// color (also kept by default where they have colours), and material, the number of the part
     /// from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
@@ -350,9 +350,8 @@ impl CleanArgs {
 impl BuildArgs {
     /// A flag that was given and says something about volumes only.
     pub(crate) fn volume_flag(&self) -> Option<&'static str> {
-        let Self { selection, clean, raw, which, mesh, skin, .. } = self;
+        let Self { selection, clean, raw, which, mesh, .. } = self;
         let given = [
-            ("--surface cells", skin.surface != SurfaceKind::Skin),
             ("--iso", selection.iso.is_some()),
             ("--range", selection.range.is_some()),
             ("--otsu", selection.otsu),

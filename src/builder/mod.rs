@@ -64,7 +64,9 @@ pub use job::build_solid;
 pub use options::{BuildOptions, Threshold};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
-pub use solid::{Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+pub use solid::{
+    Cover, EdgeCrossing, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+};
 
 pub use visible::ViewedFrom;
 
@@ -79,7 +81,8 @@ use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::format::{Channel, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
-use cells::{AROUND_CELL, cell_dims, cell_form};
+use cells::{AROUND_CELL, cell_form};
+pub(crate) use cells::{CellEdge, CellEdges, cell_dims};
 use choose::Chooser;
 use gradient::NormalRule;
 use item::ChannelForm;

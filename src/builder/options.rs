@@ -25,8 +25,8 @@ pub enum Threshold {
 pub struct BuildOptions {
     /// What is inside a volume; other solids know for themselves.
     pub threshold: Threshold,
-    /// Skin voxels or cells; [`Channel::Offset`] among the channels means cells, too. Other solids than volumes
-    /// know for themselves.
+    /// Skin voxels or cells, of volumes, meshes and trees; [`Channel::Offset`] among the channels means cells, too.
+    /// Other solids know for themselves.
     pub surface: SurfaceKind,
     /// Which neighbours make a voxel skin; cells do not ask.
     pub connectivity: Connectivity,
@@ -70,7 +70,7 @@ impl Default for BuildOptions {
 }
 
 impl BuildOptions {
-    /// The surface that a volume is built with.
+    /// The surface that a volume, a mesh or a tree is built with.
     pub fn volume_surface(&self) -> SurfaceKind {
         if self.channels.contains(Channel::Offset) { SurfaceKind::Cells } else { self.surface }
     }

@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::simd::{Isa, Kernel, dispatch};
 use super::solid::BRICK;
 
-const BRICK_ROWS: usize = BRICK as usize;
+pub(super) const BRICK_ROWS: usize = BRICK as usize;
 
 /// Which neighbours make a voxel skin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -146,6 +146,19 @@ pub trait Solid: Sync {
     }
 }
 
+/// Where an edge between two samples meets a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeCrossing {
+    /// The sample at its low end; -1 before the first one.
+    pub low: [i32; 3],
+    /// The axis along which it runs: 0 for x, 1 for y, 2 for z.
+    pub axis: usize,
+    /// Part of the way from there to the next sample, 0 to 1.
+    pub along: f64,
+    /// Normal of the surface, against the gradient along the index axes; of either sign and any length.
+    pub normal: [f64; 3],
+}
+
 /// One thread's view of a [`Solid`]: owns its buffers and walks one column of voxels after the other.
 pub trait SolidWorker {
     /// Begins a column. Until the next call, [`SolidWorker::occupancy`] is asked for slices that rise from
@@ -177,6 +190,21 @@ pub trait SolidWorker {
     /// The items of a channel that [`SolidWorker::describe`] has computed, in the order of
     /// [`SkinSlice::voxels`]; of a sparse channel those of the voxels that have one.
     fn items(&self, channel: Channel) -> &[u8];
+
+    /// Calls `found` with crossings of the surface and edges between neighbouring samples of the slice's cells, as a part
+    /// of a solid of cells is asked for them: at least one of every edge whose ends differ in this solid, where it is
+    /// known. Asked in the place of [`SolidWorker::describe`].
+    ///
+    /// # Errors
+    /// The solid cannot be read.
+    fn crossings(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        found: &mut dyn FnMut(&EdgeCrossing),
+    ) -> Result<(), SourceError> {
+        let _ = (skin, found);
+        Ok(())
+    }
 
     /// What was found since the worker was made.
     fn found(&self) -> Found {
@@ -247,6 +275,22 @@ impl OccupancyRows<'_> {
     pub fn row_mut(&mut self, y: u32) -> &mut [u64] {
         assert!(self.y.contains(&y), "a row that was not asked for");
         &mut self.words[(y - self.y.start) as usize * self.pitch..][..self.width]
+    }
+
+    /// Takes out what lies beyond a grid that is smaller than that of the boxes asked for.
+    pub(crate) fn clear_beyond(&mut self, dims: Dims) {
+        let (nx, slice_exists) = (i64::from(dims.nx()), self.z < dims.nz());
+        for y in self.y.clone() {
+            let exists = slice_exists && y < dims.ny();
+            let left = nx - self.origin;
+            for (word, base) in self.row_mut(y).iter_mut().zip((0..).step_by(64)) {
+                *word &= match left - base {
+                    bits if bits <= 0 || !exists => 0,
+                    bits if bits >= 64 => u64::MAX,
+                    bits => (1 << bits) - 1,
+                };
+            }
+        }
     }
 
     /// Writes row `y`: the columns of `inside` are inside, those before and after are not.

@@ -2,11 +2,16 @@
 //!
 //! A leaf is a candidate if a voxel is inside it and an exposed neighbour is not, or the other way round, and the
 //! tree turns to outside when that leaf alone does; if there is none, the tree beside turns to inside when that leaf
-//! alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose surface is nearest to the voxel's
-//! middle, then the first in the tree. Its normal points out of it where the voxel is inside it, and into it
-//! where it was taken away. Voxels that only the wall of the grid makes skin face that wall.
+//! alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose
+//! surface is nearest to the voxel's middle, then the first in the tree. Its normal points out of it where the voxel is
+//! inside it, and into it where it was taken away. Voxels that only the wall of the grid makes skin face that wall.
+//!
+//! Where faces meet in a voxel, its normal is their mean, each the more the nearer its plane is: taken from one of them
+//! only, normals would change from voxel to voxel along an edge. A face that looks back from the nearest one
+//! is that of a thin wall's other side, and does not count.
 
 use super::leaf::Leaf;
+use super::place::dot;
 use super::program::{self, Step};
 use super::solid::{CsgSolid, Left};
 use super::walked::Walker;
@@ -40,6 +45,53 @@ pub(super) struct Description {
     turned: Vec<u32>,
     /// Which walked leaf describes each voxel; 0 for none, otherwise its number and one.
     walked: Vec<u32>,
+}
+
+/// Most faces that meet in a voxel and are told apart.
+const MOST_FACES: usize = 8;
+/// Faces whose normals have at least this cosine with the nearest one's count along with it.
+const WITH_NEAREST: f64 = -0.5;
+/// Normals with at least this cosine are of the same face.
+const SAME: f64 = 1.0 - 1e-9;
+
+/// The candidates of a voxel.
+#[derive(Clone, Copy)]
+struct Candidates {
+    best: Option<Best>,
+    /// Unit normals in lattice coordinates, and their weights.
+    faces: [([f64; 3], f64); MOST_FACES],
+    count: usize,
+}
+
+impl Candidates {
+    const NONE: Self = Self { best: None, faces: [([0.0; 3], 0.0); MOST_FACES], count: 0 };
+
+    /// Notes a face, `distance` lattice steps from the middle.
+    fn note(&mut self, outwards: [f64; 3], distance: f64) {
+        let length = dot(outwards, outwards).sqrt();
+        let unit = outwards.map(|c| c / length);
+        // Faces between a voxel's middle and a neighbour's are nearer than that: weights never jump.
+        let reach = unit.iter().map(|c| c.abs()).sum::<f64>();
+        let weight = reach - distance / (2.0 * HALF_A_VOXEL);
+        let known = &self.faces[..self.count];
+        let is_new = known.iter().all(|(other, _)| dot(*other, unit) < SAME);
+        if length.is_normal() && weight > 0.0 && is_new && self.count < MOST_FACES {
+            self.faces[self.count] = (unit, weight);
+            self.count += 1;
+        }
+    }
+
+    /// The mean of the faces that meet in the voxel, of which `nearest` is one.
+    fn mean(&self, nearest: [f64; 3]) -> [f64; 3] {
+        let along = dot(nearest, nearest).sqrt();
+        let mut sum = [0.0; 3];
+        for (unit, weight) in &self.faces[..self.count] {
+            if dot(*unit, nearest) > WITH_NEAREST * along {
+                sum = std::array::from_fn(|k| sum[k] + weight * unit[k]);
+            }
+        }
+        if self.count < 2 || sum == [0.0; 3] { nearest } else { sum }
+    }
 }
 
 /// The best candidate so far.
@@ -123,6 +175,19 @@ impl Description {
         if any_walked { self.ask_walked(skin, solid, walkers, &insides) } else { Ok(()) }
     }
 
+    /// What is left of the program around a brick's slice: often one leaf.
+    pub(super) fn look<'s>(
+        &'s mut self,
+        skin: &SkinSlice<'_>,
+        solid: &CsgSolid<'_>,
+        left: Left<'s>,
+    ) -> &'s [Step] {
+        match left {
+            Left::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut self.near),
+            Left::Uniform(_) => &[],
+        }
+    }
+
     /// Describes the skin voxels of a block of so many rows and columns; `true` if some are those of walked leaves.
     #[expect(clippy::too_many_arguments, reason = "what one call knows")]
     fn describe_block(
@@ -150,9 +215,9 @@ impl Description {
                 rest &= rest - 1;
                 #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "below 32")]
                 let voxel = [x0 + x as i32, y0 + y as i32, z];
-                let best = self.best(voxel, x, &exposed, solid, steps, walkers);
-                let direction = match best.map(|best| best.found) {
-                    Some(Surface::Known(outwards)) => physical(outwards, solid),
+                let candidates = self.candidates(voxel, x, &exposed, solid, steps, walkers);
+                let direction = match candidates.best.map(|best| best.found) {
+                    Some(Surface::Known(outwards)) => physical(candidates.mean(outwards), solid),
                     Some(Surface::Walked(at, inside)) => {
                         any_walked = true;
                         self.walked[BRICK * y + x] = at + 1;
@@ -167,8 +232,8 @@ impl Description {
         any_walked
     }
 
-    /// The surface that makes a voxel skin.
-    fn best(
+    /// The surfaces that make a voxel skin.
+    fn candidates(
         &mut self,
         voxel: [i32; 3],
         x: usize,
@@ -176,10 +241,10 @@ impl Description {
         solid: &CsgSolid<'_>,
         steps: &[Step],
         walkers: &[Walker<'_>],
-    ) -> Option<Best> {
+    ) -> Candidates {
         let dims = solid.place.dims.to_array();
         let exists = |p: [i32; 3]| (0..3).all(|k| u32::try_from(p[k]).is_ok_and(|v| v < dims[k]));
-        let mut best = None;
+        let mut best = Candidates::NONE;
         let mut known = false;
         let mut seen = false;
         for (face, way) in FACES.iter().enumerate() {
@@ -208,7 +273,7 @@ impl Description {
     #[expect(clippy::too_many_arguments, reason = "what one call knows")]
     fn offer(
         &mut self,
-        best: &mut Option<Best>,
+        best: &mut Candidates,
         voxel: [i32; 3],
         beside: [i32; 3],
         solid: &CsgSolid<'_>,
@@ -224,7 +289,7 @@ impl Description {
         if let [leaf] = self.leaves[..] {
             // It alone decides here: where the neighbour is outside, it has turned.
             let inside = program::leaf_of(steps[0]).is_some_and(|(_, negated)| !negated);
-            let known = best.is_some() && solid.leaves[leaf as usize].has_one_face();
+            let known = best.best.is_some() && solid.leaves[leaf as usize].has_one_face();
             if !known && (is_exposed || contains(leaf, beside) != inside) {
                 take(best, leaf, voxel, beside, inside, solid);
             }
@@ -333,7 +398,7 @@ fn stored(code: u16, turn: bool, is_physical: bool, solid: &CsgSolid<'_>) -> u16
 
 /// Offers one leaf's surface.
 fn take(
-    best: &mut Option<Best>,
+    candidates: &mut Candidates,
     leaf: u32,
     voxel: [i32; 3],
     beside: [i32; 3],
@@ -346,13 +411,14 @@ fn take(
             None => return,
             Some(face) => {
                 let outwards = if inside { face.outwards } else { face.outwards.map(|c| -c) };
+                candidates.note(outwards, face.distance);
                 (face.distance, Surface::Known(outwards))
             }
         },
     };
-    let is_better = best.is_none_or(|best| (distance, leaf) < (best.distance, best.leaf));
+    let is_better = candidates.best.is_none_or(|best| (distance, leaf) < (best.distance, best.leaf));
     if is_better {
-        *best = Some(Best { distance, leaf, found });
+        candidates.best = Some(Best { distance, leaf, found });
     }
 }
 

@@ -17,15 +17,19 @@
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
 //! | `leaf`, `wide`, `facets` | placed leaves: exact membership, surfaces |
 //! | `walked` | meshes and volumes, walked slice by slice |
-//! | `solid`, `describe` | all of it as a solid of the builder; normals |
+//! | `turned` | volumes that are moved: values between samples |
+//! | `solid`, `describe`, `cells` | all of it as a solid of the builder; normals; cells instead of skin |
 //!
 //! A leaf that is a volume has its voxels inside whose sample is at least its value, and the grid of the tree is then
 //! the volume's: voxel i is sample i, nothing is resampled, and other leaves are placed in the volume's millimetres.
+//! A volume that the tree moves has those inside where the trilinear interpolation of its samples is at least that
+//! (`turned`); where all are moved, the grid is chosen as without volumes.
 //!
 //! Memory: [`BuildOptions::memory`], in which the tree has to fit, some 400 bytes a leaf. Temporary disk: about the size
 //! of the model, and of meshes what [`crate::mesh`] says.
 
 mod bounds;
+mod cells;
 mod describe;
 mod facets;
 mod flat;
@@ -36,6 +40,7 @@ mod program;
 mod solid;
 mod text;
 mod tree;
+mod turned;
 mod walked;
 mod wide;
 
@@ -48,7 +53,9 @@ use std::time::Instant;
 
 use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
-use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Threshold, build_solid, volume_solid};
+use crate::builder::{
+    BuildError, BuildOptions, BuildReport, Progress, Threshold, build_solid, cell_dims, volume_solid,
+};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
 use crate::format::SurfaceKind;
 use crate::geom::{Affine, Dims};
@@ -56,11 +63,13 @@ use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::resident::give_back;
 use crate::stamp::stamp;
 use crate::volume::VolumeSource;
+use cells::CsgCells;
 use flat::{Flat, Make};
 use leaf::Leaf;
 use place::Place;
 use solid::CsgSolid;
 use text::Stop;
+use turned::Turned;
 use walked::WalkedLeaf;
 
 /// Bytes of a text that are read at a time.
@@ -155,6 +164,11 @@ fn unusable(path: &Path, fault: CsgFault) -> SourceError {
     SourceError::Unusable { path: path.to_path_buf(), fault: Fault::Csg(fault) }
 }
 
+/// Does a leaf lie where its file says?
+fn is_unmoved(affine: &Affine) -> bool {
+    *affine == Affine::from_spacing([1.0; 3])
+}
+
 fn too_small(path: &Path, memory: MemoryCap, bytes: u64) -> BuildError {
     let dry = Budget::dry(memory);
     drop(dry.reserve(2 * bytes));
@@ -180,7 +194,8 @@ pub fn build_csg(
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
     let front = Front { name: &name, csg, options, scratch: options.scratch_folder(output), progress };
-    let (solid, facts) = front.solid(&tree, root, &volumes)?;
+    let placed = front.placed((&tree, root), &volumes)?;
+    let (solid, facts) = front.solid((&tree, root), &volumes, &placed)?;
     drop(tree);
     // What reading and placing took is not left beside what the build takes.
     give_back();
@@ -191,9 +206,34 @@ pub fn build_csg(
         whole @ MemoryCap::Process(_) => whole,
     };
     let options = BuildOptions { memory, ..options.clone() };
-    let mut build = build_solid(&solid, &options, output, progress)?;
+    let mut build = match options.volume_surface() {
+        SurfaceKind::Skin => build_solid(&solid, &options, output, progress)?,
+        SurfaceKind::Cells => {
+            let dims = cell_dims(solid.place.dims)
+                .ok_or_else(|| BuildError::NoRoomForCells { name: name.display().to_string() })?;
+            build_solid(&CsgCells { tree: solid, dims }, &options, output, progress)?
+        }
+    };
     build.seconds.scan += placing_s;
     Ok(CsgReport { build, facts })
+}
+
+/// The grid of a tree, whether it is that of a volume, the number of meshes, and the volumes that are moved, by the
+/// number of their leaves.
+struct Placed<'a> {
+    place: Place,
+    of_volume: bool,
+    meshes: usize,
+    turned: Vec<(usize, Turned<'a>)>,
+}
+
+/// A volume that is moved: the number of its leaf, the value, and how it lies.
+struct Moved<'a> {
+    leaf: usize,
+    source: &'a dyn VolumeSource,
+    iso: f64,
+    affine: Affine,
+    line: u64,
 }
 
 /// From a tree to a solid.
@@ -210,18 +250,41 @@ impl<'a> Front<'a> {
         unusable(self.name, fault).into()
     }
 
+    /// Places the tree, and lays the volumes that it moves.
+    fn placed(
+        &self,
+        tree: (&Tree, NodeId),
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<Placed<'a>, BuildError> {
+        let unit = Affine::from_spacing([self.csg.unit_mm; 3]);
+        let (own, meshes, moved) = self.files(tree, unit, volumes)?;
+        let place = self.place(tree, unit, own, volumes)?;
+        let mut turned = Vec::new();
+        for Moved { leaf, source, iso, affine, line } in moved {
+            let laying = turned::LAYING_BYTES;
+            let budget = Budget::of_job(self.options.memory);
+            let _laying =
+                budget.reserve(laying).map_err(|_| too_small(self.name, self.options.memory, laying))?;
+            let laid = Turned::new(source, &affine, &place, iso, &self.scratch, self.progress)?;
+            turned.push((leaf, laid.ok_or_else(|| self.wrong(CsgFault::Singular { line }))?));
+        }
+        Ok(Placed { place, of_volume: own.is_some(), meshes, turned })
+    }
+
     fn solid(
         &self,
-        tree: &Tree,
-        root: NodeId,
+        (tree, root): (&Tree, NodeId),
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
+        Placed { place, of_volume, meshes, turned }: &'a Placed<'a>,
     ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
         let unit = Affine::from_spacing([self.csg.unit_mm; 3]);
-        let (own, meshes) = self.files((tree, root), unit, volumes)?;
-        let place = self.place((tree, root), unit, own)?;
+        let (place, of_volume, meshes) = (*place, *of_volume, *meshes);
+        let mut number = 0;
         let mut walked = Vec::new();
         let flat = self.flat((tree, root), unit, &mut |met| {
             let to_lattice = place.to_lattice.after(met.affine);
+            let own = turned.iter().find(|(at, _)| *at == number).map(|(_, turned)| turned);
+            number += 1;
             let leaf = match met.shape {
                 None => Leaf::Nothing,
                 Some(Shape::Mesh { path }) => {
@@ -229,8 +292,11 @@ impl<'a> Front<'a> {
                     Leaf::Walked(u32::try_from(walked.len() - 1).unwrap_or(u32::MAX))
                 }
                 Some(Shape::Volume { path, iso }) => {
-                    let source = self.volume(path, volumes)?;
-                    let (chosen, surface) = (Threshold::Iso(*iso), SurfaceKind::Skin);
+                    let source = match own {
+                        Some(turned) => turned as &dyn VolumeSource,
+                        None => self.volume(path, volumes)?,
+                    };
+                    let (chosen, surface) = (Threshold::Iso(*iso), self.options.volume_surface());
                     let solid = volume_solid(source, chosen, surface, self.options, self.progress)?;
                     walked.push(WalkedLeaf { solid, gives_outwards: true });
                     Leaf::Walked(u32::try_from(walked.len() - 1).unwrap_or(u32::MAX))
@@ -241,13 +307,13 @@ impl<'a> Front<'a> {
             Ok((leaf, held))
         })?;
         let [x, y, z] = [0, 1, 2].map(|k| place.affine.rows[k][3]);
-        let half = if volumes.is_empty() { place.spacing_mm.map(|s| s / 2.0) } else { [0.0; 3] };
+        let half = if of_volume { [0.0; 3] } else { place.spacing_mm.map(|s| s / 2.0) };
         let facts = CsgFacts {
             leaves: flat.leaves.len() as u64,
             files: walked.len() as u64,
             voxel_mm: place.spacing_mm,
             origin_mm: [x - half[0], y - half[1], z - half[2]],
-            cut: if volumes.is_empty() { [[false; 3]; 2] } else { self.cut((tree, root), &place)? },
+            cut: if of_volume { self.cut((tree, root), &place, volumes)? } else { [[false; 3]; 2] },
         };
         let program = program::compile(&flat);
         let leaves = flat.leaves;
@@ -294,39 +360,48 @@ impl<'a> Front<'a> {
         })
     }
 
-    /// The grid of the volumes among the leaves, and the number of meshes.
+    /// The grid of the volumes that lie where their files say, the number of meshes, and the volumes that are moved.
     fn files(
         &self,
         tree: (&Tree, NodeId),
         unit: Affine,
         volumes: &[(PathBuf, &'a dyn VolumeSource)],
-    ) -> Result<(Option<VolumeGrid>, usize), BuildError> {
-        let (mut own, mut meshes) = (None, 0);
+    ) -> Result<(Option<VolumeGrid>, usize, Vec<Moved<'a>>), BuildError> {
+        let (mut own, mut meshes, mut moved, mut leaf) = (None, 0, Vec::new(), 0);
         if tree.0.files().next().is_none() {
-            return Ok((own, meshes));
+            return Ok((own, meshes, moved));
         }
         self.flat(tree, unit, &mut |met| {
             meshes += usize::from(matches!(met.shape, Some(Shape::Mesh { .. })));
-            if let Some(Shape::Volume { path, .. }) = met.shape {
-                // A volume lies where its file says.
-                let info = self.volume(path, volumes)?.info();
-                let grid = (info.dims, info.affine, info.spacing_mm);
-                if *met.affine != Affine::from_spacing([1.0; 3]) || own.is_some_and(|own| own != grid) {
-                    return Err(CsgFault::Volumes.into());
+            if let Some(Shape::Volume { path, iso }) = met.shape {
+                // The millimetres of a file stay millimetres.
+                if self.csg.unit_mm != 1.0 {
+                    return Err(CsgFault::GridOfVolume.into());
                 }
-                own = Some(grid);
+                let source = self.volume(path, volumes)?;
+                let info = source.info();
+                let grid = (info.dims, info.affine, info.spacing_mm);
+                if !is_unmoved(met.affine) {
+                    moved.push(Moved { leaf, source, iso: *iso, affine: *met.affine, line: met.line });
+                } else if own.is_some_and(|own| own != grid) {
+                    return Err(CsgFault::Volumes.into());
+                } else {
+                    own = Some(grid);
+                }
             }
+            leaf += 1;
             Ok(((), 0))
         })?;
-        Ok((own, meshes))
+        Ok((own, meshes, moved))
     }
 
-    /// The grid: that of the volumes, or the one asked for.
+    /// The grid: that of the volumes that lie where their files say, or the one asked for.
     fn place(
         &self,
         tree: (&Tree, NodeId),
         unit: Affine,
         own: Option<VolumeGrid>,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
     ) -> Result<Place, BuildError> {
         match (own, self.csg.grid) {
             (Some(_), Some(_)) => Err(self.wrong(CsgFault::GridOfVolume)),
@@ -340,7 +415,7 @@ impl<'a> Front<'a> {
             (None, Some(choice)) => {
                 let bounds = match choice {
                     GridChoice::Exact { .. } => Bounds::EMPTY,
-                    _ => self.bounds(tree, unit)?,
+                    _ => self.bounds(tree, unit, volumes)?,
                 };
                 let refused = |fault| SourceError::Unusable {
                     path: self.name.to_path_buf(),
@@ -352,25 +427,39 @@ impl<'a> Front<'a> {
     }
 
     /// On which sides the bounds of a tree reach out of its volumes' grid, by a voxel's middle at least.
-    fn cut(&self, tree: (&Tree, NodeId), place: &Place) -> Result<[[bool; 3]; 2], BuildError> {
+    fn cut(
+        &self,
+        tree: (&Tree, NodeId),
+        place: &Place,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<[[bool; 3]; 2], BuildError> {
         let rows = place.to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
         let to_voxels = Affine { rows }.after(&Affine::from_spacing([self.csg.unit_mm; 3]));
         let dims = place.dims.to_array().map(f64::from);
-        let of_volume = Bounds { low: [0.0; 3], high: dims };
-        let found = bounds::of_tree(&self.flat_bounds(tree, to_voxels, of_volume)?);
+        let found = bounds::of_tree(&self.flat_bounds(tree, to_voxels, volumes)?);
         Ok([found.low.map(|low| low < -0.5), [0, 1, 2].map(|k| found.high[k] > dims[k] + 0.5)])
     }
 
-    /// The bounds of all leaves; those of volumes are given.
+    /// The bounds of all leaves; volumes reach half a voxel beyond their outermost samples.
     fn flat_bounds(
         &self,
         tree: (&Tree, NodeId),
         first: Affine,
-        of_volume: Bounds,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
     ) -> Result<Flat<Bounds>, BuildError> {
         self.flat(tree, first, &mut |met| {
             let file = match met.shape {
-                Some(Shape::Volume { .. }) => Some(of_volume),
+                Some(Shape::Volume { path, .. }) => {
+                    let info = self.volume(path, volumes)?.info();
+                    let (placed, sides) =
+                        (met.affine.after(&info.affine), info.dims.to_array().map(f64::from));
+                    let mut bounds = Bounds::EMPTY;
+                    for corner in 0..8_u32 {
+                        let at = |k: usize| if corner >> k & 1 == 1 { sides[k] - 0.5 } else { -0.5 };
+                        bounds.add(placed.apply([at(0), at(1), at(2)]));
+                    }
+                    Some(bounds)
+                }
                 Some(Shape::Mesh { path }) if !met.negated => {
                     Some(mesh_bounds(path, met.affine, &self.scratch)?)
                 }
@@ -380,8 +469,13 @@ impl<'a> Front<'a> {
         })
     }
 
-    fn bounds(&self, tree: (&Tree, NodeId), unit: Affine) -> Result<Bounds, BuildError> {
-        let bounds = bounds::of_tree(&self.flat_bounds(tree, unit, Bounds::EMPTY)?);
+    fn bounds(
+        &self,
+        tree: (&Tree, NodeId),
+        unit: Affine,
+        volumes: &[(PathBuf, &'a dyn VolumeSource)],
+    ) -> Result<Bounds, BuildError> {
+        let bounds = bounds::of_tree(&self.flat_bounds(tree, unit, volumes)?);
         let sides = || bounds.low.iter().zip(&bounds.high);
         if sides().any(|(low, high)| low >= high) {
             return Err(self.wrong(CsgFault::Nothing));

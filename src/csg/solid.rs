@@ -150,27 +150,7 @@ impl Solid for CsgSolid<'_> {
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
-        let boxes = tile.columns.div_ceil(BOX) as usize;
-        let slab = || Slab {
-            number: u32::MAX,
-            kept: Vec::with_capacity(boxes),
-            steps: Vec::with_capacity(self.store(tile)),
-        };
-        Box::new(CsgWorker {
-            column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
-            whole: Vec::with_capacity(self.most_steps()),
-            is_whole: false,
-            most_levels: levels(tile),
-            levels: Vec::with_capacity(levels(tile)),
-            unused: (0..=levels(tile)).map(|_| Vec::with_capacity(self.most_steps())).collect(),
-            slabs: [slab(), slab()],
-            stack: vec![0; STACK * ROWS],
-            slice: Vec::with_capacity(self.most_steps()),
-            crossings: Crossings::new(1, ROWS),
-            walkers: self.walked.iter().map(|leaf| Walker::new(leaf, self.place.dims, tile)).collect(),
-            description: Description::new(self.leaves.len(), self.most_steps()),
-            solid: self,
-        })
+        Box::new(CsgWorker::new(self, tile))
     }
 
     fn nothing_inside(&self) -> BuildError {
@@ -249,6 +229,46 @@ fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Left<
         Some(Kept::Uniform(inside)) => Left::Uniform(inside),
         Some(Kept::Steps { first, count }) => Left::Steps(&slab.steps[first as usize..][..count as usize]),
         Some(Kept::Unknown) | None => Left::Steps(whole),
+    }
+}
+
+impl<'a> CsgWorker<'a> {
+    pub(super) fn new(solid: &'a CsgSolid<'_>, tile: &Tile) -> Self {
+        let boxes = tile.columns.div_ceil(BOX) as usize;
+        let slab = || Slab {
+            number: u32::MAX,
+            kept: Vec::with_capacity(boxes),
+            steps: Vec::with_capacity(solid.store(tile)),
+        };
+        Self {
+            column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
+            whole: Vec::with_capacity(solid.most_steps()),
+            is_whole: false,
+            most_levels: levels(tile),
+            levels: Vec::with_capacity(levels(tile)),
+            unused: (0..=levels(tile)).map(|_| Vec::with_capacity(solid.most_steps())).collect(),
+            slabs: [slab(), slab()],
+            stack: vec![0; STACK * ROWS],
+            slice: Vec::with_capacity(solid.most_steps()),
+            crossings: Crossings::new(1, ROWS),
+            walkers: solid.walked.iter().map(|leaf| Walker::new(leaf, solid.place.dims, tile)).collect(),
+            description: Description::new(solid.leaves.len(), solid.most_steps()),
+            solid,
+        }
+    }
+
+    /// Has the walked leaves ready for a slice, if there are any.
+    pub(super) fn ready(&mut self, z: u32) -> Result<(), SourceError> {
+        if self.walkers.is_empty() { Ok(()) } else { self.reach(z) }
+    }
+
+    /// What is left of the program around a brick's slice.
+    pub(super) fn near(&mut self, skin: &SkinSlice<'_>) -> (&CsgSolid<'a>, &[Step], &mut [Walker<'a>]) {
+        let [x, _, z] = skin.corner();
+        let at = self.box_of(x.into());
+        let Self { solid, slabs, whole, is_whole, walkers, description, .. } = self;
+        let whole = if *is_whole { &solid.program } else { whole };
+        (solid, description.look(skin, solid, left(slabs, whole, z, at)), walkers)
     }
 }
 
@@ -350,9 +370,7 @@ impl SolidWorker for CsgWorker<'_> {
 
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
         let (x, y, z) = (rows.x(), rows.y(), rows.z());
-        if !self.walkers.is_empty() {
-            self.reach(z)?;
-        }
+        self.ready(z)?;
         let Self { solid, column, slabs, whole, is_whole, stack, slice, crossings, walkers, .. } = self;
         let whole = if *is_whole { &solid.program } else { whole };
         let count = y.len();
@@ -408,9 +426,7 @@ impl SolidWorker for CsgWorker<'_> {
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
         let [x, _, z] = skin.corner();
-        if !self.walkers.is_empty() {
-            self.reach(z + 2)?;
-        }
+        self.ready(z + 2)?;
         let at = self.box_of(x.into());
         let Self { solid, slabs, whole, is_whole, walkers, description, .. } = self;
         let whole = if *is_whole { &solid.program } else { whole };

@@ -123,6 +123,8 @@ pub enum MeshFault {
         /// What is wrong with it.
         fault: ImageFault,
     },
+    /// Cells are asked for, together with voxels that its centre lines cross.
+    ThinCells,
     /// The grid would have this many voxels along a side.
     GridSize {
         /// Along the longest side.

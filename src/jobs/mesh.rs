@@ -9,7 +9,7 @@ use super::wording::foreign::data;
 use crate::builder::{BuildOptions, Progress};
 use crate::error::Error;
 use crate::facts::{Misuse, SourceError};
-use crate::format::{Channel, Channels};
+use crate::format::{Channel, Channels, SurfaceKind};
 use crate::mesh::{MeshOptions, build_mesh};
 use crate::resident::give_back;
 
@@ -25,9 +25,12 @@ pub fn are_meshes(inputs: &[PathBuf]) -> bool {
     !inputs.is_empty() && inputs.iter().all(is_mesh)
 }
 
-/// What is stored of a mesh where nothing else is asked for: normals, and colours if it has them.
-pub fn usual_channels() -> Channels {
-    Channels::default().with(Channel::Color)
+/// What is stored of a mesh where nothing else is asked for: normals, and of skin colours if it has them.
+pub fn usual_channels(surface: SurfaceKind) -> Channels {
+    match surface {
+        SurfaceKind::Skin => Channels::default().with(Channel::Color),
+        SurfaceKind::Cells => Channels::default(),
+    }
 }
 
 /// Builds the model of a mesh.

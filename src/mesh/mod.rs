@@ -27,6 +27,7 @@
 //! | `raster` | rows that cross triangles, bits from crossings |
 //! | `resident`, `cells` | triangles at hand; small ones by cells of a voxel |
 //! | `nearest`, `bound`, `prism` | the nearest of a voxel; what is too far to be it |
+//! | `crossed` | cells instead of skin: planes from where edges meet triangles |
 //! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `solid` | all of it as a solid of the builder |
 //! | `thin` | surfaces alone, and walls thinner than a voxel |
@@ -42,6 +43,7 @@ mod boundary;
 mod cells;
 mod census;
 mod corner;
+mod crossed;
 mod lattice;
 mod nearest;
 mod paint;
@@ -63,14 +65,18 @@ use std::time::Instant;
 
 use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
-use crate::builder::{BuildError, BuildOptions, BuildReport, Progress, Tile, build_solid};
+use crate::builder::{
+    BuildError, BuildOptions, BuildReport, CellEdges, Progress, Tile, build_solid, cell_dims,
+};
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshNote, SourceError};
-use crate::format::{Channel, Channels};
+use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
 use crate::stamp::stamp;
 use bins::{BINNING_BYTES, Binner, Bins};
 use boundary::{BOUNDARY_BYTES, OpenEdge, Sums, Table};
 use corner::Corner;
+use crossed::MeshCells;
+pub(crate) use crossed::cross_edges;
 use paint::{COLLECTING_BYTES, Collector, Painter, Wanted};
 use read::{Limits, Look, MeshFile, READER_BYTES};
 pub(crate) use read::{check, format_of};
@@ -138,22 +144,30 @@ pub fn build_mesh(
     let started = Instant::now();
     let scratch = options.scratch_folder(output);
     let front = Front { inputs, mesh, options, scratch, progress, placed: None };
+    let cells = front.is_of_cells();
+    if cells && mesh.thin().is_some() {
+        return Err(front.unusable(MeshFault::ThinCells).into());
+    }
     let (solid, facts, notes) = front.solid()?;
     let reading_s = started.elapsed().as_secs_f64();
     // In a share nobody else counts what the solid holds.
     let memory = match options.memory {
         MemoryCap::Share(bytes) => {
             let painted = solid.paint.as_ref().map_or(0, paint::Paint::bytes);
-            MemoryCap::Share(bytes.saturating_sub(Bins::memory_bytes(solid.grid.dims) + painted))
+            MemoryCap::Share(bytes.saturating_sub(Bins::memory_bytes(front.boxes(&solid.grid)) + painted))
         }
         whole => whole,
     };
-    // A mesh without colours has none to store.
-    let colored = solid.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
+    // A mesh without colours has none to store; whoever wants them of cells is told that these have none.
+    let colored = cells || solid.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
     let stored = options.channels.iter().filter(|channel| *channel != Channel::Color || colored);
     let options = BuildOptions { memory, channels: stored.collect(), ..options.clone() };
     let binned = solid.bins.bytes();
     let mut build = match mesh.thin() {
+        None if cells => {
+            let dims = front.boxes(&solid.grid);
+            build_solid(&MeshCells { mesh: solid, dims }, &options, output, progress)?
+        }
         None => build_solid(&solid, &options, output, progress)?,
         Some(thin) => build_solid(&ThinSolid { mesh: solid, thin }, &options, output, progress)?,
     };
@@ -193,12 +207,16 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
         GridChoice::Voxel { .. } => 1024,
         GridChoice::Exact { dims, .. } => dims.to_array().into_iter().max().unwrap_or(1),
     };
-    let bins = Dims::new(side.max(1), side.max(1), side.max(1)).map_or(0, Bins::memory_bytes);
+    let cells = options.volume_surface() == SurfaceKind::Cells;
+    let side = side.max(1) + if cells { SurfaceKind::Cells.grown() } else { 0 };
+    let bins = Dims::new(side, side, side).map_or(0, Bins::memory_bytes);
     let tile = Tile { columns: side.min(1024), channels: options.channels };
     let painted = options.channels.contains(Channel::Color) || options.channels.contains(Channel::Material);
     let (collecting, painter) = if painted { (COLLECTING_BYTES, Painter::BYTES) } else { (0, 0) };
     let thin = mesh.thin().map_or(0, |_| thin::fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 0));
-    let column = COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32) + painter + thin;
+    let edges = if cells { CellEdges::BYTES } else { 0 };
+    let column =
+        COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32) + painter + thin + edges;
     bins + (READER_BYTES + collecting + BINNING_BYTES.max(BOUNDARY_BYTES))
         .max(column.max(LEAST_WORKER) + WORKER_OVERHEAD)
 }
@@ -263,6 +281,17 @@ impl Handed {
 }
 
 impl Front<'_> {
+    /// Are cells built in place of skin voxels?
+    fn is_of_cells(&self) -> bool {
+        self.options.volume_surface() == SurfaceKind::Cells
+    }
+
+    /// The grid of the boxes that are built on a grid of voxels.
+    fn boxes(&self, grid: &Grid) -> Dims {
+        let cells = self.is_of_cells().then(|| cell_dims(grid.dims));
+        cells.flatten().unwrap_or(grid.dims)
+    }
+
     fn name(&self) -> String {
         self.inputs.first().map(|p| p.display().to_string()).unwrap_or_default()
     }
@@ -281,9 +310,9 @@ impl Front<'_> {
         let inputs: Vec<_> =
             self.inputs.iter().cloned().chain(beside).map(|p| (p.clone(), stamp(&p))).collect();
         let grid = self.grid(&files)?;
-        let held = self.reserve(&budget, Bins::memory_bytes(grid.dims))?;
+        let held = self.reserve(&budget, Bins::memory_bytes(self.boxes(&grid)))?;
         let binning = self.reserve(&budget, BINNING_BYTES)?;
-        let mut binner = Binner::new(grid.dims, &self.scratch)?;
+        let mut binner = Binner::new(self.boxes(&grid), &self.scratch)?;
         let wanted = self.wanted(&files);
         let collecting = self.reserve(&budget, if wanted.anything() { COLLECTING_BYTES } else { 0 })?;
         let mut collector = None;
@@ -419,9 +448,11 @@ impl Front<'_> {
         self.inputs.iter().map(|path| MeshFile::open(path, &limits)).collect()
     }
 
-    /// Channels that are asked for; parts of something else have only normals of their own triangles.
+    /// Channels that are asked for; parts of something else have only normals of their own triangles, and so have
+    /// cells.
     fn channels(&self) -> Channels {
-        if self.placed.is_some() { Channels::NONE } else { self.options.channels }
+        let own = self.placed.is_some() || self.is_of_cells();
+        if own { Channels::NONE } else { self.options.channels }
     }
 
     /// What is asked for and there.
@@ -563,6 +594,7 @@ impl Front<'_> {
         let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels };
         let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(LEAST_WORKER) + WORKER_OVERHEAD;
         let own = own + paint.map_or(0, |_| Painter::BYTES);
+        let own = own + if self.is_of_cells() { CellEdges::BYTES } else { 0 };
         let left = Budget::of_job(self.options.memory).left_bytes();
         // Thin walls take triangles of their own.
         let (own, shares) = match self.mesh.thin() {

@@ -21,6 +21,7 @@ use std::path::PathBuf;
 
 use super::bins::{BEYOND, Bins, BlockBuffers, Held, Record, held, numbered};
 use super::cells::Cells;
+use super::crossed::cross_edges;
 use super::lattice::{Grid, HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::nearest::{Facet, Nearest};
 use super::paint::{Paint, Painter};
@@ -28,7 +29,8 @@ use super::prism::Prism;
 use super::raster::{Crossings, Rule, cross_slice};
 use super::resident::{Resident, bricks_of, slices};
 use crate::builder::{
-    Cover, Exposed, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    CellEdges, Cover, EdgeCrossing, Exposed, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker,
+    Tile, VoxelBox,
 };
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::facts::{Fault, SourceError};
@@ -128,23 +130,7 @@ impl Solid for MeshSolid {
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
-        let words = row_words(tile);
-        Box::new(MeshWorker {
-            solid: self,
-            column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
-            run: (0, 0),
-            bricks: 0..0,
-            needs: Needs::NONE,
-            resident: Resident::new(self.resident, tile.columns.div_ceil(32) as usize),
-            buffers: BlockBuffers::new(),
-            crossings: Crossings::new(words, ROWS),
-            crossed: None,
-            gathered: None,
-            nearest: vec![Nearest::within(0.0); SkinSlice::MOST],
-            cells: Cells::new(),
-            codes: Vec::with_capacity(2 * SkinSlice::MOST),
-            painter: self.paint.as_ref().map(Painter::new),
-        })
+        Box::new(MeshWorker::new(self, tile))
     }
 }
 
@@ -170,7 +156,53 @@ pub(crate) struct MeshWorker<'a> {
     painter: Option<Painter<'a>>,
 }
 
+impl<'a> MeshWorker<'a> {
+    pub(super) fn new(solid: &'a MeshSolid, tile: &Tile) -> Self {
+        let words = row_words(tile);
+        Self {
+            solid,
+            column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
+            run: (0, 0),
+            bricks: 0..0,
+            needs: Needs::NONE,
+            resident: Resident::new(solid.resident, tile.columns.div_ceil(32) as usize),
+            buffers: BlockBuffers::new(),
+            crossings: Crossings::new(words, ROWS),
+            crossed: None,
+            gathered: None,
+            nearest: vec![Nearest::within(0.0); SkinSlice::MOST],
+            cells: Cells::new(),
+            codes: Vec::with_capacity(2 * SkinSlice::MOST),
+            painter: solid.paint.as_ref().map(Painter::new),
+        }
+    }
+}
+
 impl MeshWorker<'_> {
+    /// Calls `act` with every triangle that may be within a voxel of a brick's slice, some of them more than once.
+    pub(super) fn each_near(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        act: &mut impl FnMut(&Triangle),
+    ) -> Result<(), SourceError> {
+        let [x0, _, z] = skin.corner().map(|c| c as i32);
+        let brick = (x0 - self.column.x.start as i32) as usize / BRICK;
+        let fits = self.seek_brick(z, brick)?;
+        let Self { resident, solid, buffers, column, gathered, .. } = self;
+        if fits {
+            if *gathered != Some((z, 1)) {
+                resident.gather(z, 1);
+                *gathered = Some((z, 1));
+            }
+            resident.near(z, brick, 1, &mut |_, t| act(&t.triangle()));
+            return Ok(());
+        }
+        solid.bins.for_each_block(column.y.start, z as u32, buffers, &mut |block| {
+            held(block).for_each(|t| act(&t.triangle()));
+            true
+        })
+    }
+
     /// Has the triangles for describing slice `z`, and for the bits two slices ahead, at hand, if they have room.
     fn seek(&mut self, z: i32) -> Result<(), SourceError> {
         if (self.run.0..self.run.1).contains(&z) {
@@ -535,6 +567,15 @@ impl SolidWorker for MeshWorker<'_> {
             Some(painter) => painter.describe(skin, &mut self.codes),
             None => Ok(()),
         }
+    }
+
+    fn crossings(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        found: &mut dyn FnMut(&EdgeCrossing),
+    ) -> Result<(), SourceError> {
+        let samples = CellEdges::samples_of(skin);
+        self.each_near(skin, &mut |t| cross_edges(t, samples, &mut |crossing| found(crossing)))
     }
 
     fn items(&self, channel: Channel) -> &[u8] {

@@ -178,14 +178,167 @@ fn files_that_a_tree_names_stay_in_its_folder_and_volumes_where_they_lie() {
     let _ = put_volume(&folder, [20, 20, 20], [1.0; 3]);
     let told = refusal("volume(\"ct.raw\", iso = 150);", &exact(GRID));
     assert!(told.contains("leave out --grid"), "{told}");
-    let told = refusal(
-        "multmatrix([[1,0,0,1],[0,1,0,0],[0,0,1,0],[0,0,0,1]]) { volume(\"ct.raw\", iso = 150); }",
-        &OWN,
-    );
-    assert!(told.contains("volumes that are moved"), "{told}");
+    let moved = "multmatrix([[1,0,0,1],[0,1,0,0],[0,0,1,0],[0,0,0,1]]) { volume(\"ct.raw\", iso = 150); }";
+    let told = refusal(moved, &OWN);
+    assert!(told.contains("--grid N"), "{told}");
+    let flat = "multmatrix([[1,0,0,1],[0,1,0,0],[0,0,0,0],[0,0,0,1]]) { volume(\"ct.raw\", iso = 150); }";
+    let told = refusal(flat, &exact(GRID));
+    assert!(told.contains("line 1"), "{told}");
+    let inches = CsgOptions { unit_mm: 25.4, ..exact(GRID) };
+    let told = refusal(moved, &inches);
+    assert!(told.contains("--unit"), "{told}");
     let told = refusal("sphere(r = 3);", &OWN);
     assert!(told.contains("--grid N"), "{told}");
     let told = refusal("mesh(\"none.stl\");", &exact(GRID));
     assert!(told.contains("none.stl"), "{told}");
     assert!(!folder.join("tree.oct").exists());
+}
+
+/// A volume whose voxels are no mirror image of themselves.
+fn put_odd_volume(folder: &Path, [nx, ny, nz]: [u32; 3]) -> impl Fn([u32; 3]) -> u8 {
+    let value = |[x, y, z]: [u32; 3]| {
+        let mut hash = (x * 73 + y * 179 + z * 283) ^ (x * y + 3 * z);
+        hash = hash.wrapping_mul(2_654_435_761) >> 24;
+        let [dx, dy, dz] = [f64::from(x) - 9.0, f64::from(y) - 8.0, f64::from(z) - 6.0];
+        let ball = 190.0 - 9.0 * (dx * dx + dy * dy / 2.0 + dz * dz).sqrt() + f64::from(hash) / 6.0;
+        ball.clamp(0.0, 255.0) as u8
+    };
+    let voxels: Vec<u8> =
+        (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z]))).map(value).collect();
+    std::fs::write(folder.join("odd.raw"), voxels).unwrap();
+    let text =
+        format!("{{\"dims\": [{nx}, {ny}, {nz}], \"dtype\": \"u8\", \"spacing_mm\": [1.0, 1.0, 1.0]}}");
+    std::fs::write(folder.join("odd.json"), text).unwrap();
+    value
+}
+
+/// Voxel i has its middle at i mm, as sample i of the volume.
+fn around_samples(dims: [u32; 3]) -> CsgOptions {
+    let dims = infobyte::geom::Dims::new(dims[0], dims[1], dims[2]).unwrap();
+    CsgOptions { grid: Some(GridChoice::Exact { edge_mm: 1.0, origin_mm: [-0.5; 3], dims }), unit_mm: 1.0 }
+}
+
+#[test]
+fn a_volume_moved_by_whole_voxels_or_mirrored_keeps_its_voxels() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let dims = [19, 30, 13];
+    let _ = put_odd_volume(folder, dims);
+    let voxels = |file: PathBuf| -> BTreeSet<[u32; 3]> {
+        let model = Model::open(&file).unwrap();
+        verify(&model).unwrap();
+        skin_of(&model).into_iter().map(|v| v.0).collect()
+    };
+    let own = voxels(convert(folder, "volume(\"odd.raw\", iso = 150);", &OWN, &options(16, 1)).unwrap());
+    assert!(own.len() > 300);
+    // Rows of signed axes, and what is added.
+    let cases = [
+        ([(0_usize, 1_i32), (1, 1), (2, 1)], [5, 3, 2]),
+        ([(0, -1), (1, 1), (2, 1)], [22, 1, 0]),
+        ([(1, 1), (2, -1), (0, 1)], [2, 17, 4]),
+        ([(2, -1), (0, -1), (1, -1)], [14, 21, 33]),
+    ];
+    for (rows, shift) in cases {
+        let matrix: Vec<String> = rows
+            .iter()
+            .zip(shift)
+            .map(|((axis, sign), by)| {
+                let mut row = [0, 0, 0, by];
+                row[*axis] = *sign;
+                format!("{row:?}")
+            })
+            .collect();
+        let text = format!("multmatrix([{}, [0,0,0,1]]) volume(\"odd.raw\", iso = 150);", matrix.join(","));
+        let mut want = BTreeSet::new();
+        for voxel in &own {
+            want.insert([0, 1, 2].map(|k| {
+                let (axis, sign) = rows[k];
+                (voxel[axis].cast_signed() * sign + shift[k]).cast_unsigned()
+            }));
+        }
+        for (share, threads) in [(16, 1), (6, 2)] {
+            let file = convert(folder, &text, &around_samples([40; 3]), &options(share, threads)).unwrap();
+            assert!(voxels(file) == want, "{text}");
+        }
+    }
+}
+
+#[test]
+fn a_turned_volume_is_where_its_values_between_samples_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let dims = [19, 30, 13];
+    let value = put_odd_volume(folder, dims);
+    // Turned by an angle of 3, 4, 5, stretched along z, and moved.
+    let text = "difference() { multmatrix([[0.6,-0.8,0,25.25],[0.8,0.6,0,3.5],[0,0,1.5,4.125],[0,0,0,1]]) \
+                volume(\"odd.raw\", iso = 150); multmatrix([[1,0,0,0],[0,1,0,0],[0,0,1,14.2],[0,0,0,1]]) \
+                halfspace([0, 0, -1], 0); }";
+    let sides = [48, 48, 32];
+    let file = convert(folder, text, &around_samples(sides), &options(16, 2)).unwrap();
+    let model = Model::open(&file).unwrap();
+    verify(&model).unwrap();
+    let got: BTreeSet<[u32; 3]> = skin_of(&model).into_iter().map(|v| v.0).collect();
+    let is_inside = |p: [f64; 3]| {
+        let [x, y, z] = p.map(|c| c / STEPS - 0.5);
+        if z > 14.2 {
+            return false;
+        }
+        let [x, y, z] = [x - 25.25, y - 3.5, z - 4.125];
+        let at = [0.6 * x + 0.8 * y, 0.6 * y - 0.8 * x, z / 1.5].map(|c| (c * STEPS).round() / STEPS);
+        if (0..3).any(|k| at[k] < 0.0 || at[k] > f64::from(dims[k] - 1)) {
+            return false;
+        }
+        let low = at.map(f64::floor);
+        let mut sum = 0.0;
+        for corner in 0..8 {
+            let far = [0, 1, 2].map(|k| corner >> k & 1 == 1);
+            let weight: f64 =
+                (0..3).map(|k| if far[k] { at[k] - low[k] } else { 1.0 - at[k] + low[k] }).product();
+            if weight > 0.0 {
+                let sample = [0, 1, 2].map(|k| low[k] as u32 + u32::from(far[k]));
+                sum += weight * f64::from(value(sample));
+            }
+        }
+        sum as f32 >= 150.0
+    };
+    let want = skin(is_inside, sides);
+    assert!(got == want, "{} of {} voxels differ", got.symmetric_difference(&want).count(), want.len());
+    assert!(got.len() > 400);
+    // The same bytes whatever the memory and the threads; of cells, too.
+    for surface in [infobyte::format::SurfaceKind::Skin, infobyte::format::SurfaceKind::Cells] {
+        let mut first = None;
+        for (share, threads) in [(6, 1), (64, 5), (16, 2)] {
+            let how = BuildOptions { surface, ..options(share, threads) };
+            let file = convert(folder, text, &around_samples(sides), &how).unwrap();
+            verify(&Model::open(&file).unwrap()).unwrap();
+            let bytes = std::fs::read(file).unwrap();
+            assert!(*first.get_or_insert_with(|| bytes.clone()) == bytes, "{share} {threads}");
+        }
+    }
+    // Around it the grid is as around any leaf.
+    let side = CsgOptions { grid: Some(GridChoice::Side { voxels: 50, margin: 1 }), unit_mm: 1.0 };
+    assert!(convert(folder, text, &side, &options(16, 1)).is_ok());
+}
+
+#[test]
+fn cells_of_a_cut_volume_have_its_surface() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let _ = put_volume(folder, [60, 60, 60], [1.0; 3]);
+    let text = "difference() { volume(\"ct.raw\", iso = 120); multmatrix([[1,0,0,0],[0,1,0,0],[0,0,1,33.3],[0,0,0,1]]) \
+                halfspace([0, 0, -1], 0); }";
+    let how = BuildOptions { surface: infobyte::format::SurfaceKind::Cells, ..options(16, 2) };
+    let model = Model::open(convert(folder, text, &OWN, &how).unwrap()).unwrap();
+    verify(&model).unwrap();
+    let caster = infobyte::RayCaster::new(&model).unwrap();
+    for (x, y) in [(30.0, 30.0), (22.2, 37.1), (40.4, 18.9)] {
+        let above = caster.first_hit([x, y, 100.0], [0.0, 0.0, -1.0]).unwrap().unwrap();
+        assert!((above.position_mm[2] - 33.3).abs() < 0.01 && above.normal.unwrap()[2] > 0.999, "{above:?}");
+        let below = caster.first_hit([x, y, -50.0], [0.0, 0.0, 1.0]).unwrap().unwrap();
+        let d = below.position_mm.map(|c| c - 30.0);
+        let length = dot(d, d).sqrt();
+        // Values are whole numbers, rounded down: an eighth of a voxel on the average.
+        assert!((length - 20.0).abs() < 0.35, "{below:?} {length}");
+        assert!(dot(d, below.normal.unwrap()) > 0.98 * length, "{below:?}");
+    }
 }

@@ -11,11 +11,15 @@
 //! ([`sharp`]). Cells far longer than wide keep their corners where planes do not follow the surface ([`stretch`]).
 //! One by one ([`mod@pick`]) go thin walls, label maps, and whatever touches the border of the volume.
 //!
+//! Solids that know where their surface crosses edges, as meshes and trees do, have their cells described by that
+//! ([`edges`]).
+//!
 //! Every operation is an IEEE operation in a fixed order, and the last decisions are of integers: models are the
 //! same on every machine.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
 mod corner;
+mod edges;
 mod field;
 mod fit;
 mod jet;
@@ -30,18 +34,24 @@ use super::gradient::SLICE_VOXELS;
 use super::item::ItemForm;
 use super::ring::{RingForm, border_unit};
 use super::slices::{Reach, RingShape, Slices};
-use super::solid::{BRICK, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+use super::solid::{
+    BRICK, EdgeCrossing, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+};
 use super::volume::VolumeSolid;
 use crate::format::cell::{CORNERS, HAS_CORNERS};
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::SourceError;
 
+use corner::{EDGES, signed_depth};
+pub(crate) use edges::{CellEdge, CellEdges};
 use field::{EDGE, Field};
 use fit::{BATCH, Batch, Outcome};
 use pick::{Cell, Picked};
 use stretch::Stretch;
 
+/// Least part of a normal along the edge that it belongs to.
+const LEAST_PART: f64 = 1e-3;
 /// Name recorded in the metadata.
 const ESTIMATOR: &str = "cell planes";
 
@@ -53,7 +63,7 @@ const _: () = assert!(AROUND_CELL.high == LOOKAHEAD);
 pub(super) const WORKER_BYTES: u64 = (size_of::<Batch>() + SLICE_VOXELS * (3 + CORNERS)) as u64;
 
 /// Size of the grid of cells of a volume, if there is one.
-pub(super) fn cell_dims(volume: Dims) -> Option<Dims> {
+pub(crate) fn cell_dims(volume: Dims) -> Option<Dims> {
     let grown = SurfaceKind::Cells.grown();
     Dims::new(volume.nx() + grown, volume.ny() + grown, volume.nz() + grown)
 }
@@ -152,9 +162,15 @@ pub(super) struct CellWorker<'a, F: RingForm> {
 }
 
 impl<F: RingForm> CellWorker<'_, F> {
-    /// Depths inside the range of the samples around a cell with these corners inside; beyond the volume as far
-    /// outside as inside before.
+    /// As [`CellWorker::field_of`], of a cell with these corners inside.
     fn field(&self, cell: [u32; 3], mask: u8) -> Field {
+        let mut field = self.field_of(cell);
+        field.set_corners(mask);
+        field
+    }
+
+    /// Depths inside the range of the samples around a cell; beyond the volume as far outside as inside before.
+    fn field_of(&self, cell: [u32; 3]) -> Field {
         let (f, form, dims) = (&self.slices.frame, self.slices.form, self.slices.dims);
         let (unit, low) = (border_unit::<F>(), i64::from(AROUND_CELL.low));
         let mut field = Field::EMPTY;
@@ -178,7 +194,6 @@ impl<F: RingForm> CellWorker<'_, F> {
                 }
             }
         }
-        field.set_corners(mask);
         field
     }
 
@@ -270,6 +285,43 @@ impl<F: RingForm> SolidWorker for CellWorker<'_, F> {
             }
         }
         self.flush();
+        Ok(())
+    }
+
+    /// By linear interpolation along edges; the normals are those of the smooth gradient there, held to the side that
+    /// the crossing faces.
+    fn crossings(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        found: &mut dyn FnMut(&EdgeCrossing),
+    ) -> Result<(), SourceError> {
+        for cell in skin.voxels() {
+            let field = self.field_of(cell);
+            let depth = field.corners();
+            let jet = field.jet();
+            for (p, q) in EDGES {
+                let (inside, beyond) = (field.is_corner_inside(p), field.is_corner_inside(q));
+                if inside == beyond {
+                    continue;
+                }
+                let (d, e) = (signed_depth(depth[p], inside), signed_depth(depth[q], beyond));
+                let along = f64::from(d) / (f64::from(d) - f64::from(e));
+                let axis = (p ^ q).trailing_zeros() as usize;
+                let corner = |c: usize, k: usize| (c >> k & 1) as f32 - 0.5;
+                let at = [0, 1, 2].map(|k| corner(p, k) + if k == axis { along as f32 } else { 0.0 });
+                let mut normal = jet.at(at).map(|c| -f64::from(c));
+                let sign = if inside { 1.0 } else { -1.0 };
+                let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+                if !length.is_normal() {
+                    normal = [0.0; 3];
+                }
+                if normal[axis] * sign <= 0.0 {
+                    normal[axis] = sign * if length.is_normal() { LEAST_PART * length } else { 1.0 };
+                }
+                let low = [0, 1, 2].map(|k| cell[k] as i32 - 1 + (p >> k & 1) as i32);
+                found(&EdgeCrossing { low, axis, along, normal });
+            }
+        }
         Ok(())
     }
 

@@ -101,6 +101,57 @@ fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> Pic
     best.picked(cell.mask, depth, TOLERANCE)
 }
 
+/// How far the mean plane of a cell whose crossings and normals are known may be from the crossings and from corners on
+/// the wrong side without another one being tried, in voxels.
+const NEAR_KNOWN: f64 = 0.05;
+
+/// Describes a cell by its crossings: where edges are crossed from their first corner, NaN where they are not, and
+/// the outward unit normals there, zero where they are not known.
+///
+/// The plane with the mean of the normals is taken where it is near to the crossings. Where the cell holds an edge, it
+/// is the nearest of that one and those that are fitted to the crossings near the mean normal and near the direction from
+/// the corners inside to those outside.
+pub(super) fn pick_crossed(mask: u8, along: &[f32; 12], normals: &[[f32; 3]; 12]) -> Picked {
+    let mut mean = [0.0_f64; 3];
+    for normal in normals {
+        mean = std::array::from_fn(|k| mean[k] + f64::from(normal[k]));
+    }
+    let crossings = Crossings::at(mask, along);
+    let depth = || depths_of(mask, along);
+    if !SEPARABLE[usize::from(mask)] {
+        let code = encode(mean).or_else(|| encode(crossings.across(mask))).unwrap_or(ANY);
+        return Picked::Corners(code, quantised(mask, &depth()));
+    }
+    let mut best = encode(mean).map(|code| Tried::new(code, mask, &crossings));
+    if best.is_none_or(|best| best.badness > NEAR_KNOWN) {
+        for guess in [mean, crossings.across(mask)] {
+            let fitted = crossings.fitted_near(guess).and_then(encode);
+            let tried = fitted.map(|code| Tried::new(code, mask, &crossings));
+            best = match (best, tried) {
+                (Some(best), Some(tried)) if tried.badness < best.badness => Some(tried),
+                (best, tried) => best.or(tried),
+            };
+        }
+    }
+    let best = best.unwrap_or_else(|| Tried::new(ANY, mask, &crossings));
+    if best.is_narrow(TOLERANCE) { best.plane() } else { best.picked(mask, &depth(), TOLERANCE) }
+}
+
+/// Depths at corners, of which the trilinear interpolation crosses edges about where they are crossed.
+fn depths_of(mask: u8, along: &[f32; 12]) -> [f32; CORNERS] {
+    let (mut sum, mut count) = ([0.0_f32; CORNERS], [0.0_f32; CORNERS]);
+    for ((p, q), t) in EDGES.into_iter().zip(along).filter(|(_, t)| !t.is_nan()) {
+        for (corner, way) in [(p, *t), (q, 1.0 - t)] {
+            sum[corner] += way;
+            count[corner] += 1.0;
+        }
+    }
+    std::array::from_fn(|c| {
+        let size = if count[c] > 0.0 { sum[c] / count[c] } else { 1.0 };
+        signed_depth(if mask >> c & 1 == 1 { size } else { -size }, mask >> c & 1 == 1)
+    })
+}
+
 /// A cell with its corners, and the direction of its smooth gradient.
 pub(super) fn with_corners(cell: &Cell) -> Picked {
     let depth = std::array::from_fn(|c| signed_depth(cell.depth[c], cell.mask >> c & 1 == 1));
@@ -160,14 +211,26 @@ struct Crossings {
 
 impl Crossings {
     fn new(mask: u8, depth: &[f32; CORNERS]) -> Self {
+        Self::of(mask, |_, p, q| {
+            let (a, b) = (f64::from(depth[p]), f64::from(depth[q]));
+            a / (a - b)
+        })
+    }
+
+    /// Those that are known.
+    fn at(mask: u8, along: &[f32; 12]) -> Self {
+        Self::of(mask, |edge, _, _| f64::from(along[edge]))
+    }
+
+    /// `cross` tells where an edge is crossed that has one end inside, from its first corner.
+    fn of(mask: u8, cross: impl Fn(usize, usize, usize) -> f64) -> Self {
         let mut crossings = Self { along: [f64::NAN; 12], points: [[0.0; 3]; 12], count: 0, mean: [0.0; 3] };
-        for ((p, q), along) in EDGES.into_iter().zip(&mut crossings.along) {
+        for (edge, (p, q)) in EDGES.into_iter().enumerate() {
             if (mask >> p ^ mask >> q) & 1 == 0 {
                 continue;
             }
-            let (a, b) = (f64::from(depth[p]), f64::from(depth[q]));
-            let t = a / (a - b);
-            *along = t;
+            let t = cross(edge, p, q);
+            crossings.along[edge] = t;
             let point = std::array::from_fn(|axis| {
                 let coordinate = |c: usize| if c >> axis & 1 == 1 { 1.0 } else { -1.0 };
                 coordinate(p) + t * (coordinate(q) - coordinate(p))
@@ -315,13 +378,22 @@ impl Tried {
         Self { code, offset, covered: offset - lowest_out, square, badness: 0.0 }
     }
 
-    /// The plane, unless it covers an outside corner too far.
-    fn picked(&self, mask: u8, depth: &[f32; CORNERS], tolerance: f32) -> Picked {
+    /// Does it cover outside corners by no more than this?
+    fn is_narrow(&self, tolerance: f32) -> bool {
         let covered = f64::from(self.covered.max(0));
         let limit = 4.0 * f64::from(tolerance) * f64::from(tolerance) * f64::from(self.square);
-        if covered * covered <= limit {
-            #[expect(clippy::cast_possible_truncation, reason = "-127..=127")]
-            return Picked::Plane(self.code, self.offset as i8);
+        covered * covered <= limit
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "-127..=127")]
+    fn plane(&self) -> Picked {
+        Picked::Plane(self.code, self.offset as i8)
+    }
+
+    /// The plane, unless it covers an outside corner too far.
+    fn picked(&self, mask: u8, depth: &[f32; CORNERS], tolerance: f32) -> Picked {
+        if self.is_narrow(tolerance) {
+            return self.plane();
         }
         Picked::Corners(self.code, quantised(mask, depth))
     }

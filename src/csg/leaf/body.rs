@@ -76,6 +76,10 @@ impl Body {
         Ok(Self { triangles, rule, low, high })
     }
 
+    pub(super) fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+
     pub(super) fn bounds(&self) -> [[i32; 3]; 2] {
         [self.low, self.high]
     }
@@ -122,9 +126,13 @@ impl Body {
         if self.rule == Rule::Odd { sum % 2 != 0 } else { sum != 0 }
     }
 
-    /// The nearest triangle, as for the skin of a mesh.
+    /// The triangle between two middles; where they are not neighbours along an axis, or none is found there, the
+    /// nearest one, as for the skin of a mesh.
     #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
     pub(super) fn face(&self, voxel: [i32; 3], beside: [i32; 3], is_inside: bool) -> Option<Face> {
+        if let Some(face) = self.crossed(voxel, beside) {
+            return Some(face);
+        }
         let p = voxel.map(|c| centre(c) as f64);
         let mut best = Nearest::within(NEAR);
         for t in &self.triangles {
@@ -145,8 +153,19 @@ impl Body {
         let towards = best.normal.map(f64::from);
         // From a voxel outside it the way to the triangle leads inwards.
         let outwards = if is_inside { towards } else { towards.map(|c| -c) };
-        let _ = beside;
         Some(Face { outwards, distance: best.distance() })
+    }
+
+    /// The face between two neighbours along an axis, and how far its plane is from the first.
+    fn crossed(&self, voxel: [i32; 3], beside: [i32; 3]) -> Option<Face> {
+        let mut differ = (0..3).filter(|k| voxel[*k] != beside[*k]);
+        let (axis, None) = (differ.next()?, differ.next()) else { return None };
+        let low = if voxel[axis] < beside[axis] { voxel } else { beside };
+        let found = super::cross::of_body(self, low, axis)?;
+        let away = if low == voxel { found.along } else { 1.0 - found.along };
+        let length = dot(found.normal, found.normal).sqrt();
+        let distance = away * f64::from(STEPS) * (found.normal[axis] / length).abs();
+        Some(Face { outwards: found.normal, distance })
     }
 }
 

@@ -12,6 +12,7 @@
 //! torus rounds once more, middles to 2^-26 of its major radius.
 
 mod body;
+mod cross;
 mod curved;
 mod extent;
 mod make;

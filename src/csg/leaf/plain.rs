@@ -67,10 +67,14 @@ impl Ball {
         away <= self.squared()
     }
 
+    /// Away from the middle.
     #[expect(clippy::cast_precision_loss, reason = "a direction")]
+    pub(super) fn outwards(&self, p: [i64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| (p[k] - i64::from(self.middle[k])) as f64)
+    }
+
     pub(super) fn face(&self, voxel: [i32; 3]) -> Face {
-        let outwards: [f64; 3] =
-            std::array::from_fn(|k| (centre(voxel[k]) - i64::from(self.middle[k])) as f64);
+        let outwards = self.outwards(voxel.map(centre));
         let away = outwards.iter().map(|c| c * c).sum::<f64>().sqrt();
         Face { outwards, distance: (away - f64::from(self.radius)).abs() }
     }
@@ -191,9 +195,14 @@ impl Half {
     }
 
     #[expect(clippy::cast_precision_loss, reason = "a direction")]
+    pub(super) fn outwards(&self) -> [f64; 3] {
+        self.normal.map(|n| n as f64)
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "a distance")]
     pub(super) fn face(&self, voxel: [i32; 3]) -> Face {
         let over: i64 = (0..3).map(|k| self.normal[k] * centre(voxel[k])).sum::<i64>() - self.bound;
-        let outwards = self.normal.map(|n| n as f64);
+        let outwards = self.outwards();
         let length = outwards.iter().map(|c| c * c).sum::<f64>().sqrt();
         Face { outwards, distance: (over as f64 / length).abs() }
     }

@@ -47,7 +47,7 @@ use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::catalogue::Catalogue;
 use crate::clean::{CleanError, CleanOptions};
 use crate::error::Error;
-use crate::facts::{Instead, Note};
+use crate::facts::{Fill, Instead, Note};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::mesh::{MeshOptions, least_share};
 use crate::progress::Progress;
@@ -647,12 +647,13 @@ impl Run<'_> {
         let inputs = [path.to_path_buf()];
         let mesh = self.request.mesh.as_ref();
         // What is asked for of the volumes beside it does not stand in its way.
+        let thin = mesh.is_some_and(|mesh| mesh.keep_thin || mesh.fill == Some(Fill::Surface));
+        let surface = if thin { SurfaceKind::Skin } else { template.volume_surface() };
         let channels = template.channels.iter().filter(|c| ![Channel::Value, Channel::Offset].contains(c));
-        let channels = match channels.fold(Channels::NONE, Channels::with) {
-            usual if usual == Channels::default() => super::mesh::usual_channels(),
-            other => other,
+        let channels = match (surface, channels.fold(Channels::NONE, Channels::with)) {
+            (SurfaceKind::Skin, usual) if usual != Channels::default() => usual,
+            _ => super::mesh::usual_channels(surface),
         };
-        let surface = SurfaceKind::Skin;
         let template = BuildOptions { surface, channels, ..template };
         let grant = self.grant(&data(path), mesh.map_or(0, |mesh| least_share(mesh, &template)))?;
         let memory = MemoryCap::Share(grant.bytes());

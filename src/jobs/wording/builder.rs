@@ -38,6 +38,14 @@ impl fmt::Display for BuildError {
                 f,
                 "{name}: cells lie where the value is the threshold, so there is no channel 'value'; leave it out, or use --surface skin"
             ),
+            Self::NoChannel {
+                name,
+                channel: channel @ (Channel::Color | Channel::Material),
+                surface: SurfaceKind::Cells,
+            } => write!(
+                f,
+                "{name}: cells hold the shape of a surface alone, so there is no channel '{channel}'; leave it out, or use --surface skin"
+            ),
             Self::NoChannel { name, channel, .. } => {
                 write!(f, "{name}: does not have the channel '{channel}'; leave it out")
             }

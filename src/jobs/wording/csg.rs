@@ -147,10 +147,10 @@ impl fmt::Display for CsgFault {
                 At(*line)
             ),
             Self::Volumes => f.write_str(
-                "has volumes that are moved, or whose grids differ; a volume lies where its file says, and all volumes of a tree have one grid",
+                "has volumes that lie where their files say, on grids that differ; place all but one with multmatrix, or all, and choose the grid with --grid or --voxel",
             ),
             Self::GridOfVolume => f.write_str(
-                "has a volume, whose grid is the model's; leave out --grid, --voxel and --unit",
+                "has a volume that lies where its file says, whose grid is the model's; leave out --grid, --voxel and --unit, or place it with multmatrix, and --unit alone",
             ),
         }
     }

@@ -89,6 +89,9 @@ impl fmt::Display for MeshFault {
             Self::Image { name, fault } => {
                 write!(f, "has a texture, {}, which {fault}, or build it with --channels normal", shown(name))
             }
+            Self::ThinCells => f.write_str(
+                "cannot be built as cells with --keep-thin or --fill surface, which add voxels that lie outside; leave one of them out",
+            ),
             Self::GridSize { side } => {
                 write!(f, "its grid would be {side} voxels long; choose 1 to 16384 with --grid or --voxel")
             }

@@ -1,0 +1,79 @@
+//! Where leaves are crossed between two neighbouring middles, and which way they face there.
+
+use super::{Body, Leaf};
+use crate::builder::EdgeCrossing;
+use crate::csg::place::centre;
+use crate::mesh::{STEPS, cross_edges};
+
+impl Leaf {
+    /// Where the edge from a voxel's middle to the next one's along an axis is crossed, of a leaf that holds one of them;
+    /// `None` where it is not found, and of leaves that are walked.
+    ///
+    /// To half a lattice step, by the same whole numbers that decide about middles.
+    pub(in crate::csg) fn crossing(&self, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
+        let from = low.map(centre);
+        let at = |steps: i64| {
+            let mut p = from;
+            p[axis] += steps;
+            p
+        };
+        let contains = |p: [i64; 3]| match self {
+            Self::Ball(ball) => ball.contains(p),
+            Self::Block(block) => block.contains(p),
+            Self::Half(half) => half.contains(p),
+            Self::Curved(curved) => curved.contains(p),
+            Self::Nothing | Self::Body(_) | Self::Walked(_) => false,
+        };
+        let before = match self {
+            Self::Nothing | Self::Walked(_) => return None,
+            Self::Body(body) => return of_body(body, low, axis),
+            _ => contains(from),
+        };
+        let (mut first, mut last) = (0, i64::from(STEPS));
+        while last - first > 1 {
+            let middle = (first + last) / 2;
+            *if contains(at(middle)) == before { &mut first } else { &mut last } = middle;
+        }
+        let (inner, outer) = if before { (at(first), at(last)) } else { (at(last), at(first)) };
+        let normal = match self {
+            Self::Ball(ball) => ball.outwards(inner),
+            Self::Half(half) => half.outwards(),
+            Self::Curved(curved) => curved.face(inner, outer, true).outwards,
+            _ => {
+                let mut across = [0.0; 3];
+                across[axis] = if before { 1.0 } else { -1.0 };
+                across
+            }
+        };
+        #[expect(clippy::cast_precision_loss, reason = "at most 4096")]
+        let along = (first as f64 + 0.5) / f64::from(STEPS);
+        Some(EdgeCrossing { low, axis, along, normal })
+    }
+}
+
+/// The crossing of a body that is next to its outside end.
+pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
+    let mut high = low;
+    high[axis] += 1;
+    let low_inside = body.contains(low);
+    let mut best: Option<EdgeCrossing> = None;
+    for t in body.triangles() {
+        cross_edges(t, [low, high], &mut |crossing| {
+            if crossing.low != low || crossing.axis != axis {
+                return;
+            }
+            let is_better = |known: EdgeCrossing| {
+                let farther =
+                    if low_inside { crossing.along - known.along } else { known.along - crossing.along };
+                farther > 0.0 || (farther == 0.0 && crossing.normal < known.normal)
+            };
+            if best.is_none_or(is_better) {
+                best = Some(*crossing);
+            }
+        });
+    }
+    best.map(|found| {
+        let turned = (found.normal[axis] >= 0.0) != low_inside;
+        EdgeCrossing { normal: found.normal.map(|c| if turned { -c } else { c }), ..found }
+    })
+}

@@ -1,0 +1,173 @@
+//! A mesh as a solid of cells: planes from where the edges between voxel centres cross its triangles.
+//!
+//! Which centres are inside is what it is for skin. An edge with one end inside is crossed where it meets a triangle; a
+//! triangle holds its border here, as no crossings are counted. The normal there is the triangle's. So neither the order
+//! of triangles nor memory nor threads change a cell.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "coordinates are below 2^17 voxels, and places are told within 2^-16 voxel"
+)]
+
+use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
+use super::solid::{MeshSolid, MeshWorker};
+use crate::builder::{
+    CellEdges, Cover, EdgeCrossing, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile,
+    VoxelBox,
+};
+use crate::facts::SourceError;
+use crate::format::{Channel, Metadata, SurfaceKind};
+use crate::geom::Dims;
+
+/// A crossing so near to a centre is one of both edges that end there.
+const SAME: f64 = 1.0 / 65536.0;
+/// What the model says of its planes.
+const ESTIMATOR: &str = "triangle planes";
+
+/// The cells of a mesh whose triangles have been binned for [`cell_dims`](crate::builder::cell_dims).
+pub(super) struct MeshCells {
+    pub(super) mesh: MeshSolid,
+    pub(super) dims: Dims,
+}
+
+impl Solid for MeshCells {
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    fn surface(&self) -> SurfaceKind {
+        SurfaceKind::Cells
+    }
+
+    fn metadata(&self, found: &Found) -> Metadata {
+        Metadata { gradient: ESTIMATOR.into(), ..self.mesh.metadata(found) }
+    }
+
+    fn name(&self) -> String {
+        self.mesh.name()
+    }
+
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        self.mesh.check_unchanged()
+    }
+
+    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+        CellEdges::form(channel)
+    }
+
+    fn worker_bytes(&self, tile: &Tile) -> u64 {
+        self.mesh.worker_bytes(tile) + CellEdges::BYTES
+    }
+
+    fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
+        Box::new(CellWorker {
+            samples: self.mesh.dims(),
+            mesh: MeshWorker::new(&self.mesh, tile),
+            edges: CellEdges::new(),
+        })
+    }
+}
+
+/// One thread's view of it.
+struct CellWorker<'a> {
+    samples: Dims,
+    mesh: MeshWorker<'a>,
+    edges: CellEdges,
+}
+
+impl SolidWorker for CellWorker<'_> {
+    fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError> {
+        self.mesh.start(column)
+    }
+
+    fn cover(&mut self, region: &VoxelBox) -> Cover {
+        self.mesh.cover(region)
+    }
+
+    fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
+        self.mesh.occupancy(rows)?;
+        rows.clear_beyond(self.samples);
+        Ok(())
+    }
+
+    fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
+        self.edges.begin(skin);
+        let (samples, edges) = (CellEdges::samples_of(skin), &mut self.edges);
+        self.mesh.each_near(skin, &mut |t| {
+            cross_edges(t, samples, &mut |crossing| edges.offer(crossing));
+        })?;
+        self.edges.describe(skin, self.samples);
+        Ok(())
+    }
+
+    fn items(&self, channel: Channel) -> &[u8] {
+        self.edges.items(channel)
+    }
+}
+
+/// Offers the crossings of a triangle with the edges between samples, of a box of these.
+pub(crate) fn cross_edges(
+    t: &Triangle,
+    [lowest, highest]: [[i32; 3]; 2],
+    offer: &mut impl FnMut(&EdgeCrossing),
+) {
+    let (mut from, mut to, mut normal) = ([0; 3], [0; 3], None);
+    for k in 0..3 {
+        let (low, high) = span(t, k);
+        if last_centre(high) + 1 < lowest[k] || first_centre(low) - 1 > highest[k] {
+            return;
+        }
+        from[k] = first_centre(low).max(lowest[k]);
+        to[k] = last_centre(high).min(highest[k]);
+    }
+    for axis in 0..3 {
+        let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+        if from[b] > to[b] || from[c] > to[c] {
+            continue;
+        }
+        let at = |vertex: usize, k: usize| i64::from(t[3 * vertex + k]);
+        let area =
+            (at(1, b) - at(0, b)) * (at(2, c) - at(0, c)) - (at(1, c) - at(0, c)) * (at(2, b) - at(0, b));
+        if area == 0 {
+            continue;
+        }
+        let sign = area.signum();
+        // Twice the area between a side and the line, 0 or more within.
+        let side = |p: usize, q: usize, [y, z]: [i64; 2]| {
+            sign * ((at(q, b) - at(p, b)) * (z - at(p, c)) - (at(q, c) - at(p, c)) * (y - at(p, b)))
+        };
+        for row in from[c]..=to[c] {
+            for column in from[b]..=to[b] {
+                let centre = [column, row].map(|c| i64::from(c) * i64::from(STEPS) + i64::from(HALF));
+                let weights = [side(1, 2, centre), side(2, 0, centre), side(0, 1, centre)];
+                if weights[0] | weights[1] | weights[2] < 0 {
+                    continue;
+                }
+                let sum: f64 = (0..3).map(|v| weights[v] as f64 * f64::from(t[3 * v + axis])).sum();
+                let place = (sum / area.abs() as f64 - f64::from(HALF)) / f64::from(STEPS);
+                let first = place.floor();
+                let along = place - first;
+                let mut low = [0; 3];
+                (low[axis], low[b], low[c]) = (first as i32, column, row);
+                let normal = *normal.get_or_insert_with(|| normal_of(t));
+                offer(&EdgeCrossing { low, axis, along, normal });
+                if along <= SAME {
+                    low[axis] -= 1;
+                    offer(&EdgeCrossing { low, axis, along: 1.0, normal });
+                } else if along >= 1.0 - SAME {
+                    low[axis] += 1;
+                    offer(&EdgeCrossing { low, axis, along: 0.0, normal });
+                }
+            }
+        }
+    }
+}
+
+/// The normal, of any length.
+fn normal_of(t: &Triangle) -> [f64; 3] {
+    let way = |vertex: usize, k: usize| i64::from(t[3 * vertex + k]) - i64::from(t[k]);
+    [0, 1, 2].map(|k| {
+        let (b, c) = ((k + 1) % 3, (k + 2) % 3);
+        (way(1, b) * way(2, c) - way(1, c) * way(2, b)) as f64
+    })
+}
