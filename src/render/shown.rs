@@ -211,7 +211,7 @@ impl<'a> Normals<'a> {
         Some(self.to_world(self.blended(seen, || line, self.stored(seen, 0)?.map(f64::from))))
     }
 
-    fn to_world(&self, normal: [f64; 3]) -> [f64; 3] {
+    fn to_world(self, normal: [f64; 3]) -> [f64; 3] {
         if self.cells.is_some() {
             self.space.index_normal_to_world(normal)
         } else {
