@@ -141,16 +141,16 @@ impl<T> Flat<T> {
                 Ok::<_, Stop>(())
             };
             match &tree.nodes[node.0 as usize] {
-                Node::Leaf { shape, line } => leaf(&mut flat, Some(&**shape), *line, negated)?,
-                Node::Placed { affine: own, node, line } => {
-                    let own = placed(above_it, own, *line)?;
+                Node::Leaf { shape, line } => leaf(&mut flat, Some(&**shape), (*line).into(), negated)?,
+                Node::Placed { at, node } => {
+                    let own = placed(above_it, &at.0, at.1.into())?;
                     open.push(Visit { node: *node, affine: number(affines.len()), negated, above });
                     push(&mut affines, own);
                 }
-                Node::Moved { by, node, line } => {
+                Node::Moved { at, node } => {
                     let mut own = Affine::from_spacing([1.0; 3]);
-                    (0..3).for_each(|k| own.rows[k][3] = by[k]);
-                    let own = placed(above_it, &own, *line)?;
+                    (0..3).for_each(|k| own.rows[k][3] = at.0[k]);
+                    let own = placed(above_it, &own, at.1.into())?;
                     open.push(Visit { node: *node, affine: number(affines.len()), negated, above });
                     push(&mut affines, own);
                 }

@@ -116,8 +116,8 @@ impl Tree {
                 Task::Visit { node, affine, by } => (node, affine, by),
             };
             let below = match &self.nodes[node.0 as usize] {
-                Node::Placed { affine: own, node, .. } => Some((affine.after(own), *node)),
-                Node::Moved { by: to, node, .. } => Some((affine.after(&moved_to(**to)), *node)),
+                Node::Placed { at, node } => Some((affine.after(&at.0), *node)),
+                Node::Moved { at, node } => Some((affine.after(&moved_to(at.0)), *node)),
                 Node::Leaf { .. } | Node::Joined { .. } => None,
             };
             if let Some((affine, node)) = below {
@@ -149,7 +149,7 @@ impl Tree {
             }
             let (pieces, at) = match &self.nodes[node.0 as usize] {
                 Node::Leaf { shape, line: own } => {
-                    let line = if *own > 0 { *own } else { line };
+                    let line = if *own > 0 { (*own).into() } else { line };
                     of_leaf(shape, &affine, by, line)?
                 }
                 _ => (NOTHING.to_vec(), affine),

@@ -99,14 +99,16 @@ pub struct Faces {
 #[derive(Clone, Debug)]
 pub(super) enum Node {
     /// A solid, and the line that it comes from.
-    Leaf { shape: Box<Shape>, line: u64 },
+    Leaf { shape: Box<Shape>, line: u32 },
     /// The children are a run of [`Tree::children`].
     Joined { operation: Operation, first: u32, count: u32 },
-    /// A placed node.
-    Placed { affine: Box<Affine>, node: NodeId, line: u64 },
+    /// A placed node, and the line that says so.
+    Placed { at: Box<(Affine, u32)>, node: NodeId },
     /// A node that is only moved, as most are.
-    Moved { by: Box<[f64; 3]>, node: NodeId, line: u64 },
+    Moved { at: Box<([f64; 3], u32)>, node: NodeId },
 }
+
+const _: () = assert!(size_of::<Node>() == 16);
 
 /// A tree of solids, in millimetres or another unit.
 ///
@@ -159,6 +161,9 @@ impl Tree {
     pub fn join(&mut self, operation: Operation, nodes: &[NodeId]) -> NodeId {
         nodes.iter().for_each(|node| self.check(*node));
         let first = number(self.children.len());
+        if self.children.capacity() - self.children.len() < nodes.len() {
+            self.children.reserve_exact(nodes.len() + (self.children.len() / 8).max(64));
+        }
         self.children.extend_from_slice(nodes);
         self.add(Node::Joined { operation, first, count: number(nodes.len()) })
     }
@@ -176,7 +181,7 @@ impl Tree {
         if let Shape::Faces(faces) = &shape {
             self.boxed_bytes += 24 * faces.points.capacity() + 12 * faces.triangles.capacity();
         }
-        self.add(Node::Leaf { shape: Box::new(shape), line })
+        self.add(Node::Leaf { shape: Box::new(shape), line: short(line) })
     }
 
     pub(super) fn placed_of_line(&mut self, affine: Affine, node: NodeId, line: u64) -> NodeId {
@@ -184,11 +189,11 @@ impl Tree {
         let [x, y, z] = affine.rows;
         let turns = [[x[0], x[1], x[2]], [y[0], y[1], y[2]], [z[0], z[1], z[2]]];
         if turns == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-            self.boxed_bytes += size_of::<[f64; 3]>() + BOXED;
-            return self.add(Node::Moved { by: Box::new(affine.origin()), node, line });
+            self.boxed_bytes += size_of::<([f64; 3], u32)>() + BOXED;
+            return self.add(Node::Moved { at: Box::new((affine.origin(), short(line))), node });
         }
-        self.boxed_bytes += size_of::<Affine>() + BOXED;
-        self.add(Node::Placed { affine: Box::new(affine), node, line })
+        self.boxed_bytes += size_of::<(Affine, u32)>() + BOXED;
+        self.add(Node::Placed { at: Box::new((affine, short(line))), node })
     }
 
     pub(super) fn check(&self, node: NodeId) {
@@ -228,6 +233,11 @@ pub(super) fn push<T>(list: &mut Vec<T>, item: T) {
         list.reserve_exact((list.len() / 8).max(64));
     }
     list.push(item);
+}
+
+/// A line as it is kept.
+fn short(line: u64) -> u32 {
+    u32::try_from(line).unwrap_or(u32::MAX)
 }
 
 /// Nodes are counted in 32 bits: more do not fit into the memory that a text may take.

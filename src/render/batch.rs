@@ -22,7 +22,7 @@
 //! | eight in turns | 3.4 | 3.5 | 4.3 | 4.1 |
 //! | and nodes and their children fetched ahead | 3.5 | 3.7 | 4.4 | 4.2 |
 //! | and no line compared where nothing is ahead (kept) | 3.0 | 3.3 | 4.3 | 4.1 |
-//! | and bricks remembered by rays that may hit anything, signs without branches (kept) | | | | 4.6 |
+//! | and bricks remembered by rays that may hit anything, signs without branches (kept) | | | | 5.0 |
 //! | Embree's `rtcIntersect1`, `rtcOccluded1`, the mesh of the same surface | 1.5 | 1.4 | 7.7 | 7.6 |
 //!
 //! Bricks remembered, in turns with the row above: 1.1 to 1.25 times as fast where a batch has thousands of rays, as fast where

@@ -16,7 +16,7 @@ struct Open {
     /// Where its children begin among all that wait.
     first: usize,
     /// Heights between which its flat shapes are extruded.
-    extruded: Option<[f64; 2]>,
+    extruded: Option<Box<[f64; 2]>>,
     line: u64,
     /// Is it left out, with all that is in it?
     left_out: bool,
@@ -98,8 +98,10 @@ impl Parser<'_> {
     /// Reads a module from behind its name to its `;` or `{`.
     fn module(&mut self, name: String, left_out: bool) -> Result<(), Stop> {
         let line = self.lexer.line();
-        let (extruded, above_out) =
-            self.open.last().map_or((None, false), |above| (above.extruded, above.left_out));
+        let (extruded, above_out) = self
+            .open
+            .last()
+            .map_or((None, false), |above| (above.extruded.as_deref().copied(), above.left_out));
         let left_out = left_out || above_out;
         let expected = |line, what| Stop::from(CsgFault::Expected { line, what });
         if self.lexer.next()? != Token::Sign(b'(') {
@@ -149,6 +151,7 @@ impl Parser<'_> {
 
     fn begin(&mut self, block: Block, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
         let first = self.waiting.len();
+        let extruded = extruded.map(Box::new);
         push(&mut self.open, Open { block, first, extruded, line, left_out, single: false });
     }
 
@@ -185,6 +188,10 @@ impl Parser<'_> {
         }
         self.waiting.truncate(block.first);
         push(&mut self.waiting, node);
+        // The tree grows while the blocks of a deep one are closed.
+        if self.open.len() < self.open.capacity() / 2 {
+            self.open.shrink_to(self.open.len() + self.open.len() / 8 + 16);
+        }
         Ok(())
     }
 }

@@ -409,7 +409,7 @@ impl Binary {
 }
 
 impl Binary {
-    /// As [`Binary::for_each`], with what the vertices carry.
+    /// The triangles, with what their vertices carry.
     fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
         let mut pages = Pages::new(&self.vertices, PAGES);
