@@ -179,7 +179,7 @@ impl LanesKernel for Judge<'_> {
             (out.calm[i], out.noise[i]) = company_of(codes);
         }
         let mut doubts = [0_u8; RAYS];
-        for i in 0..RAYS {
+        for (i, doubt) in doubts.iter_mut().enumerate() {
             let own = normal::decode_fine(stored.codes[i][OWN], normal::FINE_NONE);
             let own = [f64::from(own[0]), f64::from(own[1]), f64::from(own[2])];
             let scaled = [own[0] * edge_mm, own[1] * edge_mm, own[2] * edge_mm];
@@ -199,7 +199,7 @@ impl LanesKernel for Judge<'_> {
             for a in 0..3 {
                 out.normals[a][i] = if turn { -scaled[a] / edge_mm } else { own[a] };
             }
-            doubts[i] = u8::from(!(turn | (along >= near)) | noise);
+            *doubt = u8::from(!(turn | (along >= near)) | noise);
         }
         out.doubts = 0;
         for (i, doubt) in doubts.iter().enumerate() {
@@ -300,7 +300,7 @@ mod tests {
                         parts[pixel] = own;
                     }
                     let boxes = u128::from(random.bits()) << 64 | u128::from(random.bits()) | 1 << 62;
-                    (pixel, face, own, Around(boxes & (1 << 125) - 1).scatter())
+                    (pixel, face, own, Around(boxes & ((1 << 125) - 1)).scatter())
                 })
                 .collect();
             for form in Form::available() {
