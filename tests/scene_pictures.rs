@@ -212,6 +212,98 @@ fn glass_bends_as_snell_says() {
     }
 }
 
+/// A ball of one glass around a ball of another, or of air: a line is bent at all four surfaces as Snell's law has it.
+#[test]
+fn glass_within_glass_bends_by_both_indices() {
+    const RADII: [f64; 2] = [20.0, 12.0];
+    let (wall, outer, inner) =
+        (cube(20.0, 1.0), ball(RADII[0], 0.4, SurfaceKind::Cells), ball(RADII[1], 0.25, SurfaceKind::Cells));
+    let views = (wall.view(), outer.view(), inner.view());
+    let side =
+        |x: f64, color| part(&wall, (&views.0, 0), moved([5.0, 0.5, 10.0], [x, 70.0, 0.0]), plain(color));
+    let glass = |index| Material { index, specular: 0.0, ..Material::preset("glass").unwrap() };
+    for indices in [[1.5, 1.0], [1.1, 1.6], [1.6, 1.2], [1.4, 1.4]] {
+        let parts = [
+            side(-100.0, [1.0, 0.0, 0.0]),
+            side(100.0, [0.0, 1.0, 0.0]),
+            part(&outer, (&views.1, 1), STAY, glass(indices[0])),
+            part(&inner, (&views.2, 2), STAY, glass(indices[1])),
+        ];
+        let look = look([8.0, -100.0, 5.0], [3.0, 0.0, 0.0], Projection::Perspective, 26.0, 160);
+        let (image, ..) = paint(&parts, &look, &|_| {}).unwrap();
+        // The x of the wall that a pixel sees through both; nothing near a rim or where all is thrown back.
+        let through = |at: [u32; 2]| {
+            let mut ray = line(&look, at);
+            let steps = [
+                (0, 1.0, indices[0]),
+                (1, indices[0], indices[1]),
+                (1, indices[1], indices[0]),
+                (0, indices[0], 1.0),
+            ];
+            for (number, (ball, before, behind)) in steps.into_iter().enumerate() {
+                ray.0 = add_scaled(ray.0, sphere(ray, [0.0; 3], RADII[ball])?, ray.1);
+                let outward = ray.0.map(|c| c / RADII[ball]);
+                let normal = if number < 2 { outward } else { outward.map(|c| -c) };
+                let (cosine, ratio) = (-dot(normal, ray.1), before / behind);
+                let sine = ratio * dot(cross(normal, ray.1), cross(normal, ray.1)).sqrt();
+                if cosine < 0.45 || sine >= 0.95 {
+                    return None;
+                }
+                let across = add_scaled(ray.1, cosine, normal);
+                ray.1 = add_scaled(across.map(|c| c * ratio), -(1.0 - sine * sine).sqrt(), normal);
+            }
+            let reach = (60.0 - ray.0[1]) / ray.1[1];
+            Some((ray.0[0] + reach * ray.1[0], reach)).filter(|(x, reach)| *reach > 0.0 && x.abs() < 190.0)
+        };
+        let mut seen = 0;
+        for y in 0..160 {
+            for x in 0..160 {
+                let Some((due, reach)) = through([x, y]) else { continue };
+                let [r, g, _] = pixel(&image, [x, y]);
+                if due.abs() > 0.08 * reach {
+                    assert_eq!(
+                        g > r,
+                        due > 0.0,
+                        "{indices:?}: {x} {y} sees {due}: {:?}",
+                        pixel(&image, [x, y])
+                    );
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen > 800, "{indices:?}: {seen}");
+    }
+}
+
+/// Between two mirrors that throw back half a line goes to and fro as often as it may, and brings what it met.
+#[test]
+fn lines_are_thrown_back_as_often_as_they_may() {
+    let wall = cube(20.0, 1.0);
+    let view = wall.view();
+    let color = [0.9, 0.6, 0.3];
+    let half = Material { mirror: 0.5, ..plain(color) };
+    let parts = [
+        part(&wall, (&view, 0), moved([60.0, 1.0, 60.0], [0.0, 70.0, 0.0]), half),
+        part(&wall, (&view, 0), moved([60.0, 1.0, 60.0], [0.0, -70.0, 0.0]), half),
+    ];
+    for bounces in 0..7 {
+        let mut look = look([0.0; 3], [3.0, 50.0, 5.0], Projection::Perspective, 30.0, 24);
+        look.bounces = bounces;
+        let (image, rays, _) = paint(&parts, &look, &|_| {}).unwrap();
+        assert_eq!(rays.mirrored, 24 * 24 * u64::from(bounces));
+        let want = color.map(|c: f64| {
+            let light: f64 = (0..=bounces).map(|k| (0.5 * c).powi(k.cast_signed()) * 0.5 * c).sum();
+            let code =
+                if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 };
+            255.0 * code
+        });
+        for at in [[0, 0], [12, 12], [23, 5], [3, 23]] {
+            let got = pixel(&image, at).map(f64::from);
+            assert!((0..3).all(|c| (got[c] - want[c]).abs() < 1.5), "{bounces}: {got:?} {want:?}");
+        }
+    }
+}
+
 /// The shadow of a cube on a floor, in light from the side, ends where geometry says, to half a voxel.
 #[test]
 fn shadows_end_where_the_light_passes_the_edge() {

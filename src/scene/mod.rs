@@ -25,6 +25,7 @@ mod describe;
 mod fault;
 mod light;
 mod material;
+mod media;
 mod paint;
 mod place;
 mod rays;

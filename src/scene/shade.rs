@@ -13,6 +13,7 @@ use crate::render::traverse::{Hit, Trace};
 use super::body::{Met, Side, Start};
 use super::light::{Ambient, Light, Way};
 use super::material::{Material, fresnel, power};
+use super::media::Media;
 use super::rays::Rays;
 use super::world::{From, Lot, World};
 
@@ -24,8 +25,7 @@ const LEAST_SHARE: f64 = 1.0 / 1024.0;
 pub(super) struct Branch {
     pub(super) line: Line,
     pub(super) from: From,
-    /// The clear body that it runs in.
-    inside: Option<usize>,
+    media: Media,
     /// Its part of the point's light.
     share: [f64; 3],
     bounces: u32,
@@ -34,7 +34,7 @@ pub(super) struct Branch {
 impl Branch {
     /// A line from the eye.
     pub(super) fn first(line: Line) -> Self {
-        Self { line, from: None, inside: None, share: [1.0; 3], bounces: 0 }
+        Self { line, from: None, media: Media::default(), share: [1.0; 3], bounces: 0 }
     }
 }
 
@@ -155,8 +155,7 @@ impl Stage<'_> {
     fn surface_normal(&self, kept: &mut Kept, branch: &Branch, number: usize, hit: Hit) -> ([f64; 3], bool) {
         let (body, line) = (&self.world.bodies[number], branch.line);
         let outward = body.outward(line, hit);
-        let enters =
-            branch.inside != Some(number) && outward.is_none_or(|outward| dot(outward, line.1) < 0.0);
+        let enters = !branch.media.has(number) && outward.is_none_or(|outward| dot(outward, line.1) < 0.0);
         let smooth = body.part.material().mirror > 0.0 || body.part.material().is_clear();
         let smooth = if smooth { body.smooth_outward(line, hit) } else { None };
         let shown = match (smooth, kept.around.get_mut(body.part.file())) {
@@ -181,7 +180,7 @@ impl Stage<'_> {
         let mut bent = None;
         if material.is_clear() {
             let through = (1.0 - material.mirror) * material.clear;
-            let ratio = if spot.enters { 1.0 / material.index } else { material.index };
+            let ratio = self.index_ratio(branch.media, spot);
             match fresnel(cosine.min(1.0), ratio) {
                 Some((part, behind)) => {
                     mirror += through * part;
@@ -197,16 +196,12 @@ impl Stage<'_> {
             if share.iter().any(|c| *c >= LEAST_SHARE) {
                 *rays += 1;
                 let within = spot.enters == beyond && material.is_clear();
-                let inside = match branch.inside {
-                    _ if within => Some(spot.number),
-                    // Out of this body, or beside another within it.
-                    Some(other) if other != spot.number => Some(other),
-                    _ => None,
-                };
+                let media =
+                    if within { branch.media.entered(spot.number) } else { branch.media.left(spot.number) };
                 let length = dot(direction, direction).sqrt();
                 let line = (spot.point, direction.map(|c| c / length));
                 let from = spot.start(beyond);
-                waiting.push(Branch { line, from, inside, share, bounces: branch.bounces + 1 });
+                waiting.push(Branch { line, from, media, share, bounces: branch.bounces + 1 });
             }
         };
         if mirror > 0.0 {
@@ -218,6 +213,20 @@ impl Stage<'_> {
             let color = if spot.enters { material.color } else { [1.0; 3] };
             add(bend, part, color, true, &mut kept.rays.refracted);
         }
+    }
+
+    /// Index of refraction before a clear surface over that behind it. A body within another meets that one's; who leaves
+    /// a body within another stays in that.
+    fn index_ratio(&self, media: Media, spot: &Spot<'_>) -> f64 {
+        let index = |body: Option<usize>| {
+            body.and_then(|body| self.world.bodies.get(body)).map_or(1.0, |body| body.part.material().index)
+        };
+        let (before, behind) = if spot.enters {
+            (media.innermost(), media.entered(spot.number).innermost())
+        } else {
+            (media.innermost().or(Some(spot.number)), media.left(spot.number).innermost())
+        };
+        index(before) / index(behind)
     }
 
     /// Light that a surface throws back by itself.

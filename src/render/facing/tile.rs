@@ -299,8 +299,16 @@ mod tests {
                     for (parts, own) in judged.normals.iter_mut().zip(own) {
                         parts[pixel] = own;
                     }
-                    let boxes = u128::from(random.bits()) << 64 | u128::from(random.bits()) | 1 << 62;
-                    (pixel, face, own, Around(boxes & ((1 << 125) - 1)).scatter())
+                    // Boxes near a plane, and now and then one elsewhere.
+                    let tilt: [f64; 3] = std::array::from_fn(|_| f64::from(random.below(2001_u32)) - 1000.5);
+                    let size = tilt.iter().map(|c| c * c).sum::<f64>().sqrt();
+                    let boxes = (0..125_u32).fold(1 << 62, |boxes, bit| {
+                        let place = [bit % 5, bit / 5 % 5, bit / 25].map(|c| f64::from(c) - 2.0);
+                        let away: f64 = (0..3).map(|k| tilt[k] * place[k]).sum::<f64>() / size;
+                        let there = away.abs() < 0.7 || random.below(40_u32) == 0;
+                        boxes | u128::from(there) << bit
+                    });
+                    (pixel, face, own, Around(boxes).scatter())
                 })
                 .collect();
             for form in Form::available() {
