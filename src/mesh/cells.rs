@@ -19,7 +19,7 @@
 //! | balls by cells of a voxel, all that reach near enough offered | 0.9 | 3.6 |
 //! | the same, eight bounds of their distances at a time before ([`at_least`]); triangles moved to their bricks | 0.9 | 2.2 |
 //! | that for triangles of up to three voxels, too | 1.1 | |
-//! | what is done with each triangle near to a slice in one place, so that it is part of the loop; signs of differences instead of comparisons, choices by masks: all in lanes | | 1.8 |
+//! | what is done with each triangle near to a slice in one place, so that it is part of the loop; signs of differences instead of comparisons, choices by masks: all in lanes | | 1.8 (by a profile) |
 //! | large triangles: eight voxels at a time against one triangle | 0.8, but a sixth more for those of many voxels | |
 #![expect(
     clippy::cast_possible_truncation,
