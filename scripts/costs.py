@@ -8,11 +8,11 @@ All parts run if none is named. `code` watches RssFile of builds through every r
 here, of cleaning, ranges and Otsu's threshold, while they hold most. `spreads` repeats one job: its plan differs by what was held
 when it began, its refusal by what opening took. `workers` and `cleaning` compare what is anonymous in builds
 that differ in one thing. `batch` compares batches of small volumes. A measured figure above the stated one
-is marked, and the exit code is 1: raise the constant, then run tests/memory.rs and scripts/memory.py.
+is marked, and the exit code is 1: raise the constant, then run tests/it/memory.rs and scripts/memory.py.
 
 Figures of allocations alone are counted in tests, one by one:
 
-    cargo test --release --test budget --test catalogue_memory -- --nocapture
+    cargo test --release --test it -- --nocapture budget:: catalogue_memory::
 """
 
 import argparse

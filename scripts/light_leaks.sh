@@ -10,11 +10,11 @@ rays=${1:-10000000} turns=${2:-1000} parts=20
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 echo building >&2
-cargo test --locked --no-run --test light_leaks >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
+cargo test --locked --no-run --test it >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
 export INFOBYTE_LEAK_RAYS=$(((rays + parts - 1) / parts)) INFOBYTE_LEAK_TURNS=$(((turns + parts - 1) / parts))
 start=$SECONDS
 for ((i = 1; i <= parts; i++)); do
-    INFOBYTE_LEAK_SEED=$i cargo test --locked --test light_leaks >"$log" 2>&1 || { echo >&2; cat "$log" >&2; exit 1; }
+    INFOBYTE_LEAK_SEED=$i cargo test --locked --test it light_leaks:: >"$log" 2>&1 || { echo >&2; cat "$log" >&2; exit 1; }
     printf '\r[%s%s] %d/%d %d s' "$(printf '%*s' $((30 * i / parts)) '' | tr ' ' '#')" \
         "$(printf '%*s' $((30 - 30 * i / parts)) '' | tr ' ' '.')" "$i" "$parts" $((SECONDS - start)) >&2
 done

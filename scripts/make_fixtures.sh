@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the files of fixtures/ that are missing, and checks that those that are there can be made again.
-# How each is made stands in tests/fixtures.rs, what each is in fixtures/README.md; none is rewritten.
+# How each is made stands in tests/it/fixtures.rs, what each is in fixtures/README.md; none is rewritten.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-INFOBYTE_ADD_FIXTURES=1 cargo test --locked --test fixtures -- --nocapture
-cargo test --locked --test pack the_files_of_every_version
+INFOBYTE_ADD_FIXTURES=1 cargo test --locked --test it -- --nocapture fixtures::
+cargo test --locked --test it pack::the_files_of_every_version

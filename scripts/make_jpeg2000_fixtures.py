@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the codestreams in tests/support/codec/jpeg2000_vectors.rs, and prints them as Rust arrays.
+"""Makes the codestreams in tests/it/common/codec/jpeg2000_vectors.rs, and prints them as Rust arrays.
 
 Needs numpy, imagecodecs (OpenJPH, and OpenJPEG to compare) and OpenJPEG's opj_compress. The images are
 formulas, so that the tests know every sample of the lossless ones.

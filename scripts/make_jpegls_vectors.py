@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes tests/support/codec/jpegls_vectors.rs: a small colour image as CharLS encodes it in each interleave mode.
+"""Writes tests/it/common/codec/jpegls_vectors.rs: a small colour image as CharLS encodes it in each interleave mode.
 
-Needs numpy and pyjpegls (bindings of CharLS): python3 scripts/make_jpegls_vectors.py > tests/support/codec/jpegls_vectors.rs
+Needs numpy and pyjpegls (bindings of CharLS): python3 scripts/make_jpegls_vectors.py > tests/it/common/codec/jpegls_vectors.rs
 """
 import jpeg_ls
 import numpy as np

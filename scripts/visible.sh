@@ -12,8 +12,8 @@ export INFOBYTE_HARD=$((millions * 50))
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 printf 'building\r' >&2
-cargo test --locked --release --no-run --test visible >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
-cargo test --locked --release --test visible heads_lose -- --nocapture >"$log" 2>&1 &
+cargo test --locked --release --no-run --test it >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
+cargo test --locked --release --test it visible::heads_lose -- --nocapture >"$log" 2>&1 &
 job=$!
 start=$SECONDS
 while kill -0 "$job" 2>/dev/null; do

@@ -86,7 +86,7 @@ pub mod catalogue;
 pub mod clean;
 mod codec;
 #[cfg(test)]
-#[path = "../tests/support/compress.rs"]
+#[path = "../tests/it/common/compress.rs"]
 mod compress;
 pub mod contact;
 mod cpu;
@@ -104,7 +104,7 @@ mod mark;
 pub mod mesh;
 pub mod progress;
 #[cfg(test)]
-#[path = "../tests/support/random.rs"]
+#[path = "../tests/it/common/random.rs"]
 mod random;
 pub mod render;
 mod resident;

@@ -5,26 +5,15 @@
 //! `scripts/fuzz.py` makes those files; `INFOBYTE_FUZZ_SEEDS` names a folder to write the first inputs of every
 //! target to.
 
-#[path = "support/containers.rs"]
-mod containers;
-#[path = "support/dicom.rs"]
-mod dicom;
-#[path = "support/formats.rs"]
-mod formats;
-#[path = "support/frames.rs"]
-mod frames;
+#[allow(dead_code, reason = "each program uses its own part")]
+#[path = "it/common/mod.rs"]
+mod common;
 #[path = "fuzz/live.rs"]
 mod live;
-#[path = "support/meshes.rs"]
-mod meshes;
 #[path = "fuzz/seeds.rs"]
 mod seeds;
-#[path = "support/mod.rs"]
-mod support;
 #[path = "fuzz/targets.rs"]
 mod targets;
-#[path = "support/volume.rs"]
-mod volume;
 
 use std::fs;
 use std::path::Path;

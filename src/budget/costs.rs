@@ -11,12 +11,12 @@
 //! | code | `scripts/costs.py code` |
 //! | spreads | `scripts/costs.py spreads` |
 //! | workers | `scripts/costs.py workers` |
-//! | shares, merging, readers and decoders | `cargo test --test budget -- --nocapture` counts allocations |
+//! | shares, merging, readers and decoders | `cargo test --test it -- --nocapture budget::` counts allocations |
 //! | cleaning | `scripts/costs.py cleaning` |
-//! | opening | `cargo test --test catalogue_memory -- --nocapture` |
+//! | opening | `cargo test --test it -- --nocapture catalogue_memory::` |
 //! | a batch | `scripts/costs.py batch` |
 //!
-//! `tests/memory.rs` and `scripts/memory.py` hold their sum to the cap, and `tests/budget.rs` what a build or a
+//! `tests/it/memory.rs` and `scripts/memory.py` hold their sum to the cap, and `tests/it/budget.rs` what a build or a
 //! reader allocates to what it has reserved.
 
 // ---- The process.
@@ -29,7 +29,7 @@
 /// page cache holds the file in larger pieces. A fresh copy of the program takes 0.5 MiB more than one that was
 /// read in bit by bit, so compare two programs as copies that were made together. Such a copy
 /// passes this figure by up to 0.6 MiB where a build counts a histogram or decodes; what workers reserve and never
-/// touch covers that, as `tests/memory.rs` and `scripts/memory.py` show.
+/// touch covers that, as `tests/it/memory.rs` and `scripts/memory.py` show.
 pub const CODE_BYTES: u64 = if cfg!(debug_assertions) { 6 << 20 } else { 4 << 20 };
 
 /// By how much [`super::MemoryCap::held`] differs between two runs of the same job: largest less smallest
@@ -82,7 +82,7 @@ pub const CLEANING_LEFT_OVER: u64 = 640 << 10;
 pub const LEAST_OPENING: u64 = 1 << 20;
 
 /// What is held of a frame of a DICOM image while the images of its series are put in order: heap of opening a
-/// series of 10,000 images, by image (`tests/catalogue_memory.rs` counts it).
+/// series of 10,000 images, by image (`tests/it/catalogue_memory.rs` counts it).
 pub const OPENING_FRAME: u64 = 400;
 
 /// The same of a tiled (mosaic) image, whose tables hold every tile.

@@ -1,7 +1,7 @@
 //! The estimators of normals by name, and the weights of each.
 //!
 //! All are gradients by weights within 5x5x5 samples: along the differentiated axis an odd row of taps, along the
-//! other two an even one, or a sum of two such products. Errors by measurement (`tests/normals.rs`, degrees, mean and
+//! other two an even one, or a sum of two such products. Errors by measurement (`tests/it/normals.rs`, degrees, mean and
 //! 99th percentile, 16-bit normals read back from the file; point spread 0.8 voxel):
 //!
 //! | estimator | time of normals | ball R=40 | 2.5 % noise | binary | 1:1:2 | Marschner-Lobb 80^3 | 160^3 |

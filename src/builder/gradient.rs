@@ -1,5 +1,5 @@
 //! Normals from a 5x5x5 neighbourhood, at skin voxels only (the paper, section 4: the modified
-//! gradient method; the taps are chosen by measurement, see `estimator` and `tests/normals.rs`).
+//! gradient method; the taps are chosen by measurement, see `estimator` and `tests/it/normals.rs`).
 //!
 //! Kernels are separable: along the differentiated axis the taps of the derivative, along the other two those of the
 //! smoothing. All sums are IEEE single in one fixed order, so results do not depend on the machine, the

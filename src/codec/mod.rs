@@ -10,7 +10,7 @@ pub(crate) mod jpeg;
 pub(crate) mod jpeg2000;
 pub(crate) mod jpegls;
 #[cfg(test)]
-#[path = "../../tests/support/codec/kept.rs"]
+#[path = "../../tests/it/common/codec/kept.rs"]
 mod kept;
 pub(crate) mod rle;
 

@@ -210,7 +210,7 @@ impl Segment {
 }
 
 #[cfg(test)]
-#[path = "../../tests/support/codec/rle.rs"]
+#[path = "../../tests/it/common/codec/rle.rs"]
 mod encoder;
 
 #[cfg(test)]

@@ -78,7 +78,7 @@ impl Ray {
     ///
     /// The quantised ray is nowhere in the grid farther from the given one than `2^-16 + 2^(depth-29) + 2^-49 D`
     /// cells, across its main axis; D is the greatest of the grid's side, the origin's distance and that of the near
-    /// limit. So two hits differ only where a ray passes an edge that closely (`tests/oracle.rs`, by whole numbers
+    /// limit. So two hits differ only where a ray passes an edge that closely (`tests/it/oracle.rs`, by whole numbers
     /// without a limit).
     ///
     /// # Errors

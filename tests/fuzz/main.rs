@@ -4,10 +4,12 @@
 //! runs it, and looks after what it finds.
 #![no_main]
 
-#[path = "../support/dicom.rs"]
-mod dicom;
-#[path = "../support/frames.rs"]
-mod frames;
+// Not all of it: the fuzzer is built without the command.
+#[path = "../it/common"]
+mod common {
+    pub(crate) mod dicom;
+    pub(crate) mod frames;
+}
 mod live;
 mod targets;
 

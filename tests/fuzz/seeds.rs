@@ -7,12 +7,12 @@ use infobyte::jobs::pack;
 use infobyte::volume::ScalarType;
 use infobyte::{BuildOptions, Dims, Threshold, Voxels};
 
-use crate::containers::{buffer, description, glb, gltf, threemf};
-use crate::dicom::{Elements, Image, Syntax, csa, mosaic};
-use crate::formats::{Object, Tiff, bzip2, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
-use crate::frames::{DEFLATED, ENCAPSULATED, RLE, Spec, deflated, encapsulated, rle, rle16};
-use crate::meshes::Body;
-use crate::support::{FULL, NORMALS, corner, shell};
+use crate::common::containers::{buffer, description, glb, gltf, threemf};
+use crate::common::dicom::{Elements, Image, Syntax, csa, mosaic};
+use crate::common::formats::{Object, Tiff, bzip2, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
+use crate::common::frames::{DEFLATED, ENCAPSULATED, RLE, Spec, deflated, encapsulated, rle, rle16};
+use crate::common::meshes::Body;
+use crate::common::{FULL, NORMALS, corner, shell};
 
 /// Target and content of each.
 pub(crate) fn seeds() -> Vec<(&'static str, Vec<u8>)> {

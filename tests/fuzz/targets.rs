@@ -26,7 +26,7 @@ use infobyte::source::OpenOptions;
 use infobyte::volume::{VolumeSource, Voxels, Workspace};
 use infobyte::{NamedView, Projection, RayCaster, RenderRequest, ViewPoint};
 
-use crate::frames::{Spec, encapsulated};
+use crate::common::frames::{Spec, encapsulated};
 
 /// Most memory that a case may take: what reading and building are allowed, twice, and the case itself.
 pub(crate) const MOST_BYTES: usize = 40 << 20;

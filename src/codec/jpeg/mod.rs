@@ -22,7 +22,7 @@ mod bits;
 mod bytes;
 mod dct;
 #[cfg(test)]
-#[path = "../../../tests/support/codec/jpeg.rs"]
+#[path = "../../../tests/it/common/codec/jpeg.rs"]
 mod encoder;
 pub(super) mod fault;
 mod huffman;

@@ -40,7 +40,7 @@ mod progression;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
-#[path = "../../../tests/support/codec/jpeg2000_vectors.rs"]
+#[path = "../../../tests/it/common/codec/jpeg2000_vectors.rs"]
 mod vectors;
 mod wavelet;
 

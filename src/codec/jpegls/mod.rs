@@ -9,7 +9,7 @@
 //! `scan` turns coded bits into lines of one scan, and this file puts scans together into rows.
 
 #[cfg(test)]
-#[path = "../../../tests/support/codec/jpegls.rs"]
+#[path = "../../../tests/it/common/codec/jpegls.rs"]
 mod encoder;
 pub(super) mod fault;
 mod frame;
@@ -20,7 +20,7 @@ mod stream;
 #[expect(clippy::cast_possible_truncation, reason = "samples of small test images")]
 mod tests;
 #[cfg(test)]
-#[path = "../../../tests/support/codec/jpegls_vectors.rs"]
+#[path = "../../../tests/it/common/codec/jpegls_vectors.rs"]
 mod vectors;
 
 use std::io::Read;

@@ -1,0 +1,176 @@
+//! The text of trees: a dump, damage, and what is refused with its line.
+
+use std::path::Path;
+
+use infobyte::builder::BuildError;
+use infobyte::csg::{CsgOptions, parse_tree};
+use infobyte::facts::{CsgFault, Fault, SourceError};
+use infobyte::load::{Model, verify};
+use infobyte::mesh::GridChoice;
+
+use super::{build_to, exact, options, parsed};
+use crate::common::random::Random;
+
+const SAMPLE: &str = include_str!("../../../fixtures/csg/bracket.csg");
+
+#[test]
+fn a_dump_as_openscad_writes_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.oct");
+    let grid = CsgOptions { grid: Some(GridChoice::Side { voxels: 64, margin: 1 }), unit_mm: 1.0 };
+    let report = build_to(parsed(SAMPLE), &grid, &options(16, 2), &file).unwrap();
+    let model = Model::open(&file).unwrap();
+    verify(&model).unwrap();
+    assert!(report.skin_voxels > 3000, "{}", report.skin_voxels);
+    assert_eq!(model.dims().to_array(), [64, 44, 29]);
+}
+
+#[test]
+fn whatever_is_cut_or_changed_is_refused_or_read() {
+    for end in 0..SAMPLE.len() {
+        let _ = parse_tree(&SAMPLE.as_bytes()[..end], Path::new(""));
+    }
+    let mut random = Random(5);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.oct");
+    let grid = CsgOptions { grid: Some(GridChoice::Side { voxels: 12, margin: 1 }), unit_mm: 1.0 };
+    let (mut read, mut built) = (0, 0);
+    for _ in 0..2000 {
+        let mut text = SAMPLE.as_bytes().to_vec();
+        for _ in 0..=random.below(3_u32) {
+            let at = random.below(text.len());
+            text[at] =
+                if random.below(2_u32) == 0 { random.byte() } else { random.pick(b"0123456789.-e[](){};,") };
+        }
+        if let Ok(tree) = parse_tree(&text, Path::new("")) {
+            read += 1;
+            if read % 8 == 0 {
+                built += u32::from(build_to(tree, &grid, &options(16, 1), &file).is_ok());
+            }
+        }
+    }
+    assert!(read > 50 && built > 5, "{read} read, {built} built");
+}
+
+fn refused(text: &str) -> CsgFault {
+    match parse_tree(text.as_bytes(), Path::new("")) {
+        Err(fault) => fault,
+        Ok(tree) => {
+            let folder = tempfile::tempdir().unwrap();
+            match build_to(tree, &exact([8, 8, 8]), &options(16, 1), &folder.path().join("a.oct")) {
+                Err(BuildError::Source(SourceError::Unusable { fault: Fault::Csg(fault), .. })) => fault,
+                other => panic!("{text}: {other:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_not_supported_is_named_with_its_line() {
+    for module in [
+        "hull",
+        "minkowski",
+        "projection",
+        "text",
+        "surface",
+        "rotate_extrude",
+        "offset",
+        "resize",
+        "roof",
+        "x",
+    ] {
+        let fault = refused(&format!("group() {{\n\n\t{module}(a = 1) {{ cube(); }}\n}}"));
+        assert_eq!(fault, CsgFault::Unsupported { line: 3, module: module.to_owned() });
+    }
+    assert!(matches!(refused("circle(r = 1);"), CsgFault::Flat { line: 1, .. }));
+    assert!(matches!(refused("linear_extrude(height = 2) { cube(); }"), CsgFault::NotFlat { .. }));
+    assert!(matches!(
+        refused("\nlinear_extrude(height = 2, twist = 5) { circle(); }"),
+        CsgFault::Twisted { line: 2 }
+    ));
+    assert!(matches!(refused("sphere($fn = 5000, r = 1);"), CsgFault::Facets { .. }));
+    for name in ["/etc/passwd", "../a.stl", "a/../../b.stl", ""] {
+        assert!(matches!(refused(&format!("mesh(\"{name}\");")), CsgFault::Outside { .. }), "{name}");
+    }
+}
+
+/// A name that is not taken would change the solid without a word.
+#[test]
+fn arguments_that_a_module_does_not_take_are_refused() {
+    for (text, name) in [
+        ("cube(size = [3, 3, 3], centre = true);", Some("centre")),
+        ("sphere(r = 5, $fnn = 3);", Some("$fnn")),
+        ("volume(\"ct.nrrd\", iso = 200, foo = 3);", Some("foo")),
+        ("group(1) { cube(); }", None),
+        ("torus(9, 2, 1);", None),
+    ] {
+        match refused(text) {
+            CsgFault::Surplus { line: 1, of } => assert_eq!(of.argument.as_deref(), name, "{text}"),
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+    let told = refused("cube(centre = true);").to_string();
+    assert!(told.contains("cube does not take centre; it takes size, center"), "{told}");
+    // As OpenSCAD writes them.
+    for text in [
+        "sphere($fn = 0, $fa = 12, $fs = 2, r = 5);",
+        "linear_extrude(height = 2, center = false, convexity = 1, twist = 0, slices = 1, scale = [1, 1], $fn = 0, $fa = 12, $fs = 2) { circle($fn = 0, $fa = 12, $fs = 2, r = 1); }",
+        "import(file = \"a.stl\", layer = \"\", origin = [0, 0], scale = 1, convexity = 1, $fn = 0, $fa = 12, $fs = 2, timestamp = 0);",
+        "color([1, 0, 0, 1]) { render(convexity = 2) { cylinder($fn = 0, $fa = 12, $fs = 2, h = 1, r1 = 1, r2 = 1, center = false); } }",
+    ] {
+        assert!(parse_tree(text.as_bytes(), Path::new("")).is_ok(), "{text}");
+    }
+}
+
+#[test]
+fn numbers_that_make_no_sense_are_refused() {
+    for text in [
+        "sphere(r = -1);",
+        "sphere(r = nan);",
+        "sphere(r = inf);",
+        "sphere(r = 1e400);",
+        "cube(size = [1, -1, 1]);",
+        "cube(size = [1, nan, 1]);",
+        "cylinder(h = 1, r1 = -1, r2 = 2);",
+        "torus(1, 2);",
+        "halfspace([0, 0, 0]);",
+        "halfspace([0, 0, 1], inf);",
+    ] {
+        assert!(matches!(refused(text), CsgFault::Size { .. }), "{text}: {:?}", refused(text));
+    }
+    let placed = |matrix: &str| format!("multmatrix({matrix}) {{ sphere(r = 1); }}");
+    for matrix in [
+        "[[1,0,0,0],[1,0,0,0],[0,0,1,0],[0,0,0,1]]",
+        "[[0,0,0,0],[0,0,0,0],[0,0,0,0],[0,0,0,1]]",
+        "[[1,0,0,0],[0,1,0,0],[0,0,inf,0],[0,0,0,1]]",
+        "[[1,0,0,nan],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
+    ] {
+        assert!(matches!(refused(&placed(matrix)), CsgFault::Singular { .. }), "{matrix}");
+    }
+    assert!(matches!(refused("sphere(r = 1e12);"), CsgFault::TooFar { line: 1, .. }));
+    assert!(matches!(
+        refused(&placed("[[1,0,0,1e300],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")),
+        CsgFault::TooFar { .. }
+    ));
+    for text in
+        ["multmatrix([[1,0],[0,1]]) { cube(); }", "polyhedron(points = [[0,0,0]], faces = [[0,1,2]]);"]
+    {
+        assert!(matches!(refused(text), CsgFault::Argument { .. }), "{text}");
+    }
+    let open = "polyhedron(points = [[0,0,0],[5,0,0],[0,5,0],[0,0,5]], faces = [[0,1,2],[0,1,3],[1,2,3]]);";
+    assert!(matches!(refused(open), CsgFault::Open { line: 1 }));
+    for text in [
+        "cube(",
+        "cube)",
+        "cube() cube();",
+        "{",
+        "}",
+        "cube() {",
+        "/* ",
+        "\"",
+        "cube(size = [1, 2);",
+        "!cube();",
+    ] {
+        assert!(matches!(refused(text), CsgFault::Expected { line: 1, .. }), "{text}");
+    }
+}

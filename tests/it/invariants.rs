@@ -1,0 +1,505 @@
+//! Every invariant of SPEC 6 has files that break it, and the reader names the very rule with its fields. If
+//! this fails, a damaged model is called damaged for a wrong reason, or passes for a sound one.
+
+#![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
+
+use crate::common as support;
+
+use std::collections::BTreeSet;
+
+use infobyte::format::assemble::{AssembledVoxel, OptionalSections, assemble, join_sections};
+use infobyte::format::{
+    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Metadata, Selection, SelectionKind,
+    table_bytes,
+};
+use infobyte::format::{SectionEntry, SectionKind};
+use infobyte::geom::{Level, NodeIndex, VoxelIndex};
+use infobyte::load::{Fault, Frame, Model, verify};
+use support::{FULL, NORMALS, metadata, shell};
+
+use FormatError as E;
+
+/// Neither normals nor values.
+const PLAIN: OptionalSections = OptionalSections { normal: false, value_bytes: 0, lod: false };
+
+const NORMAL: SectionKind = SectionKind::Voxels(Channel::Normal);
+const VALUE: SectionKind = SectionKind::Voxels(Channel::Value);
+const NORMAL_LOD: SectionKind = SectionKind::Means(Channel::Normal);
+const VALUE_LOD: SectionKind = SectionKind::Means(Channel::Value);
+
+fn sound() -> Vec<u8> {
+    let file = shell([12, 9, 10], FULL, 5);
+    verify(file.as_slice()).unwrap();
+    file
+}
+
+/// A model of these voxels.
+fn model(dims: [u32; 3], channels: OptionalSections, cells: &[[u32; 3]]) -> Vec<u8> {
+    let voxels: Vec<_> =
+        cells.iter().map(|cell| AssembledVoxel { cell: *cell, normal: 0, value: 0 }).collect();
+    assemble(&metadata(dims, channels), &voxels, channels).unwrap()
+}
+
+fn frame(file: &[u8]) -> Frame {
+    Frame::read(file).unwrap()
+}
+
+fn content(file: &[u8], kind: SectionKind) -> Vec<u8> {
+    let frame = frame(file);
+    let entry = frame.section(kind).unwrap();
+    file[entry.offset as usize..entry.end() as usize].to_vec()
+}
+
+/// The header with a right checksum after a change of its bytes.
+fn with_header(file: &[u8], change: impl FnOnce(&mut [u8])) -> Vec<u8> {
+    let mut file = file.to_vec();
+    change(&mut file[..HEADER_BYTES]);
+    let crc = crc32c::crc32c(&file[..HEADER_BYTES - 4]).to_le_bytes();
+    file[HEADER_BYTES - 4..HEADER_BYTES].copy_from_slice(&crc);
+    file
+}
+
+/// The table with right checksums after a change of its bytes.
+fn with_table(file: &[u8], change: impl FnOnce(&mut [u8])) -> Vec<u8> {
+    let mut file = file.to_vec();
+    let end = HEADER_BYTES + frame(&file).sections.len() * ENTRY_BYTES;
+    change(&mut file[HEADER_BYTES..end]);
+    let crc = crc32c::crc32c(&file[HEADER_BYTES..end]).to_le_bytes();
+    with_header(&file, |header| header[56..60].copy_from_slice(&crc))
+}
+
+/// The same with one entry of the table changed.
+fn with_entry(file: &[u8], kind: SectionKind, change: impl FnOnce(&mut SectionEntry)) -> Vec<u8> {
+    let mut sections = frame(file).sections;
+    change(sections.iter_mut().find(|e| e.kind == Some(kind)).unwrap());
+    with_table(file, |table| table.copy_from_slice(&table_bytes(&sections)))
+}
+
+/// The file put together anew, with right sizes and checksums, after a change of one section's content.
+fn with_content(file: &[u8], kind: SectionKind, change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+    let frame = frame(file);
+    let mut change = Some(change);
+    let sections: Vec<_> = frame
+        .sections
+        .iter()
+        .map(|entry| {
+            let mut bytes = file[entry.offset as usize..entry.end() as usize].to_vec();
+            let mut entry = *entry;
+            if entry.kind == Some(kind) {
+                change.take().unwrap()(&mut bytes);
+            }
+            entry.content_bytes = bytes.len() as u64;
+            entry.items = entry.content_bytes / u64::from(entry.item_bytes);
+            entry.content_crc = crc32c::crc32c(&bytes);
+            (entry, bytes)
+        })
+        .collect();
+    let header = frame.header;
+    join_sections(Encoding::Mapped, header.dims, header.nodes, header.voxels, &sections)
+}
+
+fn with_metadata(file: &[u8], change: impl FnOnce(&mut Metadata)) -> Vec<u8> {
+    let mut metadata = frame(file).metadata;
+    change(&mut metadata);
+    let bytes = metadata.to_bytes().unwrap();
+    with_content(file, SectionKind::Meta, |content| *content = bytes)
+}
+
+fn fault(file: &[u8]) -> FormatError {
+    let found = match verify(file).expect_err("a broken file") {
+        Fault::Format(fault) => fault,
+        Fault::Io(cause) => panic!("{cause}"),
+    };
+    // What `open` refuses, it refuses for the same reason.
+    if let Err(fault) = Model::from_bytes(file) {
+        assert_eq!(fault, found);
+    }
+    found
+}
+
+/// Variants that SPEC 6 names for a rule; those after `;` belong to packed files.
+fn variants_of(rule: &str) -> BTreeSet<String> {
+    let spec = include_str!("../../src/format/SPEC.md");
+    let row = spec.lines().find(|line| line.starts_with(&format!("| {rule} |"))).unwrap();
+    let cell = row.split('|').nth(3).unwrap().split(';').next().unwrap();
+    cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+/// Each file breaks the rule in the way given, and together they show every variant that SPEC names for it.
+fn broken(rule: &str, cases: Vec<(Vec<u8>, FormatError)>) {
+    let mut shown = BTreeSet::new();
+    for (file, due) in cases {
+        assert_eq!(fault(&file), due, "{rule}");
+        let name = format!("{due:?}");
+        shown.insert(name.split(|c: char| !c.is_alphanumeric()).next().unwrap().to_owned());
+    }
+    assert_eq!(shown, variants_of(rule), "{rule}");
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
+}
+
+#[test]
+fn i1_magic_version_checksum_encoding() {
+    let file = sound();
+    let mut torn = file.clone();
+    torn[24] ^= 1;
+    let (stated, found) = (u32_at(&file, 60), crc32c::crc32c(&torn[..60]));
+    broken(
+        "I1",
+        vec![
+            ([&b"%PDF-1.7"[..], &file[8..]].concat(), E::BadMagic),
+            (torn, E::HeaderChecksum { stated, found }),
+            (with_header(&file, |h| h[8] = 2), E::UnsupportedVersion { major: 2 }),
+            (with_header(&file, |h| h[12] = 7), E::UnknownEncoding { code: 7 }),
+        ],
+    );
+}
+
+#[test]
+fn i2_length() {
+    let file = sound();
+    let len = file.len() as u64;
+    broken(
+        "I2",
+        vec![
+            (file[..file.len() - 5].to_vec(), E::Truncated { expected: len, got: len - 5 }),
+            ([&file[..], &[0; 3]].concat(), E::TrailingBytes { extra: 3 }),
+        ],
+    );
+}
+
+#[test]
+fn i3_section_table() {
+    let file = sound();
+    let frame = frame(&file);
+    let meta = frame.sections[0];
+    let mut torn = file.clone();
+    torn[HEADER_BYTES + 20] ^= 1;
+    let end = HEADER_BYTES + frame.sections.len() * ENTRY_BYTES;
+    let (stated, found) = (frame.header.table_crc, crc32c::crc32c(&torn[HEADER_BYTES..end]));
+    let last = frame.sections.last().unwrap().end();
+    let longer = with_header(&[&file[..], &[0; 64]].concat(), |h| {
+        h[16..24].copy_from_slice(&(file.len() as u64 + 64).to_le_bytes());
+    });
+    broken(
+        "I3",
+        vec![
+            (torn, E::TableChecksum { stated, found }),
+            (with_header(&file, |h| h[14] = 65), E::SectionCount { sections: 65 }),
+            (
+                with_entry(&file, SectionKind::Nodes, |e| e.offset += 64),
+                E::SectionGap {
+                    section: 2,
+                    expected: frame.sections[2].offset,
+                    found: frame.sections[2].offset + 64,
+                },
+            ),
+            (
+                with_entry(&file, SectionKind::Meta, |e| e.items += 1),
+                E::SectionSize {
+                    section: 0,
+                    item_bytes: 1,
+                    items: meta.items + 1,
+                    content_bytes: meta.content_bytes,
+                },
+            ),
+            (
+                with_entry(&file, SectionKind::Meta, |e| e.content_crc ^= 1),
+                E::SectionNotPlain {
+                    section: 0,
+                    stored_bytes: meta.stored_bytes,
+                    content_bytes: meta.content_bytes,
+                },
+            ),
+            (
+                with_entry(&file, SectionKind::Rank, |e| e.tag = *b"NODE"),
+                E::SectionOrder { section: 3, kind: SectionKind::Nodes, after: SectionKind::Nodes },
+            ),
+            (longer, E::LastSectionEnd { end: last, file_bytes: file.len() as u64 + 64 }),
+        ],
+    );
+}
+
+#[test]
+fn i4_sections_and_their_items() {
+    let file = sound();
+    let voxels = frame(&file).header.voxels;
+    let unknown = |kind| with_entry(&file, kind, |e| e.tag = *b"ZZZZ");
+    let levels = frame(&file).levels.len() as u64;
+    let bytes = OptionalSections { normal: true, value_bytes: 1, lod: false };
+    let fine = with_entry(&model([3, 3, 3], bytes, &[[1; 3]]), VALUE, |e| e.tag = *b"NFIN");
+    broken(
+        "I4",
+        vec![
+            (with_entry(&fine, NORMAL, |e| e.tag = *b"ZZZZ"), E::LoneFine),
+            (unknown(SectionKind::Meta), E::MissingSection(SectionKind::Meta)),
+            (unknown(SectionKind::Nodes), E::MissingSection(SectionKind::Nodes)),
+            (unknown(SectionKind::Rank), E::MissingSection(SectionKind::Rank)),
+            (
+                with_entry(&unknown(VALUE_LOD), VALUE, |e| e.tag = *b"CRNK"),
+                E::NotOfSkin { kind: SectionKind::CornerRank },
+            ),
+            (with_header(&file, |h| h[12] = 1), E::RankInPackedFile),
+            (unknown(NORMAL), E::LoneMeans { kind: NORMAL_LOD }),
+            (unknown(VALUE), E::LoneMeans { kind: VALUE_LOD }),
+            (with_entry(&file, NORMAL, |e| e.codec = 4), E::ForbiddenCodec { kind: Some(NORMAL), codec: 4 }),
+            (
+                with_entry(&file, SectionKind::Levels, |e| (e.item_bytes, e.items) = (4, 2 * levels)),
+                E::SectionTooLong { kind: SectionKind::Levels, item_bytes: 4, stored_bytes: 8 * levels },
+            ),
+            (
+                with_entry(&file, NORMAL, |e| (e.item_bytes, e.items) = (1, 2 * voxels)),
+                E::SectionItems { kind: NORMAL, item_bytes: 1, items: 2 * voxels, due: voxels },
+            ),
+        ],
+    );
+}
+
+#[test]
+fn i5_sizes_of_volume_and_model() {
+    let file = sound();
+    let header = frame(&file).header;
+    let put =
+        |at: usize, value: u64| with_header(&file, |h| h[at..at + 8].copy_from_slice(&value.to_le_bytes()));
+    let most = header.voxels * 4;
+    broken(
+        "I5",
+        vec![
+            (with_header(&file, |h| h[40..44].fill(0)), E::DimsRange { dims: [0, 9, 10] }),
+            (with_header(&file, |h| h[13] = 5), E::DepthMismatch { stated: 5, due: 4 }),
+            (put(32, 0), E::VoxelCount { voxels: 0, most: 12 * 9 * 10 }),
+            (put(32, 12 * 9 * 10 + 1), E::VoxelCount { voxels: 12 * 9 * 10 + 1, most: 12 * 9 * 10 }),
+            (put(24, 0), E::NodeCount { nodes: 0, most }),
+            (put(24, most + 1), E::NodeCount { nodes: most + 1, most }),
+        ],
+    );
+}
+
+/// The CRC fault of a section whose byte `at` is flipped, and the file.
+fn torn_section(file: &[u8], kind: SectionKind) -> (Vec<u8>, FormatError) {
+    let entry = *frame(file).section(kind).unwrap();
+    let mut torn = file.to_vec();
+    torn[entry.offset as usize + 3] ^= 0x40;
+    let found = crc32c::crc32c(&torn[entry.offset as usize..entry.end() as usize]);
+    let fault =
+        E::SectionChecksum { kind: Some(kind), offset: entry.offset, stated: entry.stored_crc, found };
+    (torn, fault)
+}
+
+#[test]
+fn i6_metadata() {
+    let file = sound();
+    let bytes = content(&file, SectionKind::Meta);
+    // The one byte in which the ways to choose a range differ.
+    let otsu = with_metadata(&file, |m| m.selection.kind = SelectionKind::Otsu);
+    let otsu = content(&otsu, SectionKind::Meta);
+    let kind_at = bytes.iter().zip(&otsu).position(|(a, b)| a != b).unwrap();
+    let geometry = |m: &mut Metadata| m.spacing_mm[1] = 0.0;
+    broken(
+        "I6",
+        vec![
+            torn_section(&file, SectionKind::Meta),
+            (
+                with_content(&file, SectionKind::Meta, |b| b[..8].fill(0xff)),
+                E::MetadataUnreadable { bytes: bytes.len() as u64 },
+            ),
+            (with_content(&file, SectionKind::Meta, |b| b.extend([0; 7])), E::MetadataSurplus { extra: 7 }),
+            (with_content(&file, SectionKind::Meta, |b| b[kind_at] = 9), E::UnknownSelection { code: 9 }),
+            (with_metadata(&file, |m| m.scalar = 8), E::MetadataCodes { scalar: 8, connectivity: 26 }),
+            (with_metadata(&file, |m| m.connectivity = 18), E::MetadataCodes { scalar: 0, connectivity: 18 }),
+            (with_metadata(&file, geometry), E::MetadataGeometry { spacing_mm: [1.0, 0.0, 1.0] }),
+            (
+                with_metadata(&file, |m| m.dims = [12, 9, 11]),
+                E::MetadataDims { metadata: [12, 9, 11], header: [12, 9, 10] },
+            ),
+        ],
+    );
+}
+
+#[test]
+fn i7_levels() {
+    let file = sound();
+    let levels = frame(&file).levels;
+    let put = |at: usize, value: u64| {
+        with_content(&file, SectionKind::Levels, |b| {
+            b[8 * at..8 * at + 8].copy_from_slice(&value.to_le_bytes())
+        })
+    };
+    let nodes = levels[4];
+    broken(
+        "I7",
+        vec![
+            torn_section(&file, SectionKind::Levels),
+            (
+                with_content(&file, SectionKind::Levels, |b| b.truncate(32)),
+                E::LevelCount { found: 4, due: 5 },
+            ),
+            (put(0, 1), E::LevelEnds { first: 1, last: nodes, nodes }),
+            (put(4, nodes + 1), E::LevelEnds { first: 0, last: nodes + 1, nodes }),
+            (put(1, 2), E::LevelBoxes { level: Level::new(0), boxes: Some(2) }),
+            (put(2, 0), E::LevelBoxes { level: Level::new(1), boxes: None }),
+            (put(2, 10), E::LevelBoxes { level: Level::new(1), boxes: Some(9) }),
+        ],
+    );
+}
+
+#[test]
+fn i8_checksums_of_sections() {
+    let file = sound();
+    let kinds = [SectionKind::Nodes, SectionKind::Rank, NORMAL, VALUE];
+    broken("I8", kinds.map(|kind| torn_section(&file, kind)).to_vec());
+}
+
+#[test]
+fn i9_reserved_bytes_and_padding() {
+    let file = sound();
+    let gap = frame(&file).sections[0].end();
+    let mut padded = file.clone();
+    padded[gap as usize + 1] = 1;
+    broken(
+        "I9",
+        vec![
+            (with_header(&file, |h| h[53] = 2), E::HeaderReserved { value: 0x200 }),
+            (with_table(&file, |t| t[2 * ENTRY_BYTES + 6] = 3), E::TableReserved { section: 2, value: 3 }),
+            (padded, E::PaddingNotZero { offset: gap + 1 }),
+        ],
+    );
+}
+
+#[test]
+fn i10_to_i12_the_walk() {
+    // Two nodes, the root 10 and its child 01; the rank directory cannot see what changes.
+    let one = model([3, 1, 1], PLAIN, &[[2, 0, 0]]);
+    let two = model([3, 1, 1], PLAIN, &[[0, 0, 0], [2, 0, 0]]);
+    let pair = model([2, 1, 1], NORMALS, &[[0, 0, 0]]);
+    let nodes =
+        |file: &[u8], at: usize, infobyte: u8| with_content(file, SectionKind::Nodes, |b| b[at] = infobyte);
+    broken(
+        "I10",
+        vec![(
+            nodes(&one, 1, 0),
+            E::EmptyNode { level: Level::new(1), node: NodeIndex::new(1), corner: [2, 0, 0] },
+        )],
+    );
+    broken(
+        "I11",
+        vec![
+            (nodes(&one, 0, 0b11), E::MissingNode { level: Level::new(1), corner: [2, 0, 0] }),
+            (nodes(&two, 0, 0b01), E::SurplusBoxes { level: Level::new(1), stated: 2, found: 1 }),
+            (nodes(&pair, 0, 0b11), E::MissingItem { kind: NORMAL }),
+        ],
+    );
+    let outside = |corner| E::OutsideVolume { level: Level::new(2), corner };
+    broken(
+        "I12",
+        vec![
+            (nodes(&one, 1, 0b10), outside([3, 0, 0])),
+            (nodes(&one, 1, 0b100), outside([2, 1, 0])),
+            (nodes(&one, 0, 0b10_0000), E::OutsideVolume { level: Level::new(1), corner: [2, 0, 2] }),
+        ],
+    );
+}
+
+#[test]
+fn i13_rank_directory() {
+    let file = sound();
+    let directory = content(&file, SectionKind::Rank);
+    let block = u64::from(directory[10]) | u64::from(directory[11]) << 8;
+    broken(
+        "I13",
+        vec![
+            (
+                with_content(&file, SectionKind::Rank, |b| b[0] = 1),
+                E::RankMismatch { node: NodeIndex::new(0), due: 0, found: 1 },
+            ),
+            (
+                with_content(&file, SectionKind::Rank, |b| b[10] ^= 1),
+                E::RankMismatch { node: NodeIndex::new(32), due: block, found: block ^ 1 },
+            ),
+        ],
+    );
+}
+
+#[test]
+fn i14_to_i16_channels() {
+    let file = sound();
+    let normals = content(&file, NORMAL);
+    let item = u16::from_le_bytes([0x80, normals[5]]).into();
+    broken(
+        "I14",
+        vec![(
+            with_content(&file, NORMAL, |b| b[4] = 0x80),
+            E::IllegalItem { channel: Channel::Normal, voxel: VoxelIndex::new(2), item },
+        )],
+    );
+    let item =
+        |kind, at: usize| u16::from_le_bytes(content(&file, kind)[2 * at..2 * at + 2].try_into().unwrap());
+    let due = item(NORMAL_LOD, 1);
+    broken(
+        "I15",
+        vec![(
+            with_content(&file, NORMAL_LOD, |b| b[2] ^= 1),
+            E::MeanNormal {
+                channel: Channel::Normal,
+                level: Level::new(1),
+                node: NodeIndex::new(1),
+                due,
+                found: Some(due ^ 1),
+            },
+        )],
+    );
+    let due = u64::from(item(VALUE_LOD, 1));
+    broken(
+        "I16",
+        vec![(
+            with_content(&file, VALUE_LOD, |b| b[2] ^= 1),
+            E::MeanValue {
+                channel: Channel::Value,
+                level: Level::new(1),
+                node: NodeIndex::new(1),
+                due,
+                found: due ^ 1,
+            },
+        )],
+    );
+    // A changed voxel shows in the means above it.
+    let rule = |kind, change: fn(&mut Vec<u8>)| fault(&with_content(&file, kind, change));
+    assert!(matches!(rule(NORMAL, |b| b[4] ^= 0x40), E::MeanNormal { .. }));
+    assert!(matches!(rule(VALUE, |b| b[1] ^= 0x80), E::MeanValue { .. }));
+}
+
+#[test]
+fn i17_metadata_and_sections_agree() {
+    let (full, plain) = (sound(), model([3, 1, 1], PLAIN, &[[2, 0, 0]]));
+    let range = |kind, lo, hi| {
+        let selection = Selection { kind, lo, hi };
+        (with_metadata(&full, |m| m.selection = selection), E::SelectionRange { selection })
+    };
+    broken(
+        "I17",
+        vec![
+            (
+                with_metadata(&full, |m| m.gradient.clear()),
+                E::ChannelStated { channel: Channel::Normal, stated: false },
+            ),
+            (
+                with_metadata(&plain, |m| m.gradient = "sobel".into()),
+                E::ChannelStated { channel: Channel::Normal, stated: true },
+            ),
+            (
+                with_metadata(&full, |m| m.value_scale = [0.0; 2]),
+                E::ChannelStated { channel: Channel::Value, stated: false },
+            ),
+            (
+                with_metadata(&plain, |m| m.value_scale = [1.0, 0.0]),
+                E::ChannelStated { channel: Channel::Value, stated: true },
+            ),
+            range(SelectionKind::Range, 2.0, 1.0),
+            range(SelectionKind::Iso, 2.0, 3.0),
+        ],
+    );
+    let nan = with_metadata(&full, |m| m.selection.lo = f64::NAN);
+    assert!(matches!(fault(&nan), E::SelectionRange { .. }));
+}

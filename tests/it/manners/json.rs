@@ -1,0 +1,189 @@
+//! Every key of every report is described, in a schema and in the crate's documentation, and means the same in
+//! every command.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::{ball, built, raw};
+use crate::common::command::{oct, text};
+use crate::common::schema::faults;
+
+/// Every schema by its name.
+fn schemas() -> BTreeMap<String, Value> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("schema");
+    let read = |entry: std::io::Result<fs::DirEntry>| {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        (name, serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap())
+    };
+    fs::read_dir(folder).unwrap().map(read).collect()
+}
+
+/// Checks one report against a schema; returns the keys that it had, with their places.
+fn hold(schema: &Value, report: &Value) -> BTreeSet<String> {
+    let found = faults(schema, report);
+    assert!(found.is_empty(), "{}: {found:#?} in {report}", schema["title"]);
+    let mut keys = BTreeSet::new();
+    gather(report, "", &mut keys);
+    keys
+}
+
+fn gather(value: &Value, at: &str, keys: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(members) => {
+            for (name, member) in members {
+                keys.insert(format!("{at}{name}"));
+                gather(member, &format!("{at}{name}."), keys);
+            }
+        }
+        Value::Array(items) => {
+            items.iter().for_each(|item| gather(item, &format!("{}[].", at.trim_end_matches('.')), keys));
+        }
+        _ => {}
+    }
+}
+
+/// One line of a table for each key of a schema: key, types, meaning.
+fn lines(schema: &Value, at: &str, into: &mut Vec<[String; 3]>) {
+    let required: Vec<&str> =
+        schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    for (name, member) in schema["properties"].as_object().into_iter().flatten() {
+        let types = match &member["type"] {
+            Value::Array(several) => {
+                several.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(" or ")
+            }
+            one => one.as_str().unwrap().to_owned(),
+        };
+        let optional = if required.contains(&name.as_str()) { "" } else { " (optional)" };
+        let meaning = member["description"].as_str().unwrap_or_default().to_owned();
+        into.push([format!("{at}{name}"), format!("{types}{optional}"), meaning]);
+        lines(member, &format!("{at}{name}."), into);
+        if let Some(items) = member.get("items") {
+            lines(items, &format!("{at}{name}[]."), into);
+        }
+    }
+}
+
+#[test]
+fn every_report_is_what_its_schema_says() {
+    let schemas = schemas();
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    let model =
+        text(&built(folder.path(), "ball", [40, 40, 40], &["--channels", "normal,value"], ball(40, 15.0)));
+    let source = at("ball.raw");
+    let shape = ["--dims", "40x40x40", "--dtype", "u16", "--json"];
+    let cleaned = ["--keep-largest", "1", "--fill-cavities", "--close", "1"];
+    let build =
+        |extra: &[&str]| oct(&[&["build", &source, "-o", &at("m.oct")], &shape[..], extra].concat()).json();
+    let studies = folder.path().join("studies");
+    super::folders::mixed(&studies);
+    let batch = |out: &str, extra: &[&str]| {
+        let run = oct(&[&["batch", &text(&studies), "--out", &at(out), "--json"], extra].concat());
+        let report: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|e| panic!("{e}: {run:?}"));
+        report
+    };
+    let scene = at("scene.toml");
+    fs::write(&scene, "model = [{ file = 'ball.oct' }, { file = 'ball.oct', move = [50, 0, 0] }]").unwrap();
+    let failed = oct(&["info", "nothing.oct", "--json"]);
+    let reports = [
+        ("build", build(&["--otsu", "--spacing", "1x1x4"])),
+        ("build", build(&[&["--iso", "500"], &cleaned[..]].concat())),
+        ("build", build(&["--range", "200..900", "--channels", "none", "--lod", "off"])),
+        ("build", build(&["--iso", "500", "--visible-from", "outside"])),
+        ("pack", oct(&["strip", &model, "-o", &at("s.oct"), "--levels", "1", "--json"]).json()),
+        ("info", oct(&["info", &model, "--json"]).json()),
+        ("verify", oct(&["verify", &model, "--json"]).json()),
+        ("pack", oct(&["pack", &model, "-o", &at("p.oct"), "--json"]).json()),
+        ("info", oct(&["info", &at("p.oct"), "--json"]).json()),
+        ("pack", oct(&["unpack", &at("p.oct"), "-o", &at("u.oct"), "--json"]).json()),
+        ("intersect", oct(&["intersect", &model, &model, "--move", "3,0,0", "--json"]).json()),
+        ("intersect", oct(&["intersect", &model, &model, "--move", "90,0,0", "--json"]).json()),
+        ("export", oct(&["export", &model, "-o", &at("m.stl"), "--json"]).json()),
+        ("render", oct(&["render", &model, "-o", &at("p.png"), "--size", "30x20", "--json"]).json()),
+        ("scene", oct(&["render", &scene, "-o", &at("q.png"), "--size", "30x20", "--json"]).json()),
+        ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),
+        ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json"]).json()),
+        ("selfcheck", oct(&["selfcheck", &model, "--rays", "1000", "--json"]).json()),
+        ("report", oct(&["report", &model, "--out", &at("figures"), "--pixels", "16", "--json"]).json()),
+        ("scan", oct(&["scan", &text(&studies), "--json"]).json()),
+        ("batch", batch("out", &[])),
+        (
+            "batch",
+            batch("out", &["--iso", "700", "--modality", "CT", "--spacing", "1x1x2", "--min-slices", "2"]),
+        ),
+        ("batch", batch("other", &["--range", "200..900", "--keep-largest", "1"])),
+        ("error", serde_json::from_str(&failed.stdout).unwrap()),
+    ];
+    let mut seen: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
+    for (name, report) in &reports {
+        seen.entry(name).or_default().extend(hold(&schemas[*name], report));
+    }
+    // Nothing is described that no report has.
+    assert_eq!(
+        seen.keys().map(|name| (*name).to_owned()).collect::<Vec<_>>(),
+        schemas.keys().cloned().collect::<Vec<_>>()
+    );
+    for (name, schema) in &schemas {
+        let mut known = Vec::new();
+        lines(schema, "", &mut known);
+        let missing: Vec<&String> =
+            known.iter().map(|[key, ..]| key).filter(|key| !seen[name.as_str()].contains(*key)).collect();
+        // A demo is never cleaned.
+        let missing: Vec<_> =
+            missing.into_iter().filter(|key| name != "demo" || !key.starts_with("cleaning")).collect();
+        assert!(missing.is_empty(), "{name}: {missing:?}");
+    }
+}
+
+#[test]
+fn the_documentation_has_a_table_of_every_schema() {
+    let text = include_str!("../../../src/jobs/JSON.md");
+    for (name, schema) in schemas() {
+        let title = schema["title"].as_str().unwrap();
+        let (_, section) =
+            text.split_once(&format!("## {title}\n")).unwrap_or_else(|| panic!("no table of {name}"));
+        let section = section.split("\n## ").next().unwrap();
+        let told: BTreeSet<&str> = section.lines().filter(|line| line.starts_with("| `")).collect();
+        let mut known = Vec::new();
+        lines(&schema, "", &mut known);
+        let known: Vec<String> =
+            known.iter().map(|[key, types, meaning]| format!("| `{key}` | {types} | {meaning} |")).collect();
+        assert_eq!(told, known.iter().map(String::as_str).collect(), "{name}");
+    }
+}
+
+#[test]
+fn a_key_means_the_same_in_every_command() {
+    // What a command is given and says of itself, and what a list says of one volume.
+    let mut meanings: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
+    for (name, schema) in schemas() {
+        let mut known = Vec::new();
+        lines(&schema, "", &mut known);
+        for [key, _, meaning] in known {
+            assert!(!meaning.is_empty() && meaning.len() < 200, "{name}: {key} is not described: {meaning}");
+            // The model of a batch's item has the keys of a build; a list of a volume those of a list.
+            let key = key.strip_prefix("items[].model.").map_or(key.clone(), str::to_owned);
+            if !key.contains('.') || key.starts_with("items[].") {
+                meanings.entry(key).or_default().entry(meaning).or_insert(name.clone());
+            }
+        }
+    }
+    // A batch's range is a list, which other programs rely on; a thumbnail there is a name in its folder.
+    let excepted = ["range", "thumbnail", "items[].reason", "items[].cause"];
+    for (key, all) in meanings {
+        assert!(all.len() == 1 || excepted.contains(&key.as_str()), "{key}: {all:#?}");
+    }
+}
+
+#[test]
+fn a_list_without_volumes_is_an_object_too() {
+    let folder = tempfile::tempdir().unwrap();
+    raw(&folder.path().join("a.raw"), [4, 4, 4], |_| 7);
+    let run = oct(&["scan", &text(folder.path()), "--json"]);
+    let report = run.json();
+    assert!(hold(&schemas()["scan"], &report).contains("left_out_files[].reason"), "{report}");
+}

@@ -1,0 +1,172 @@
+//! `oct build` of a mesh as a user runs it: what was chosen is told with figures, what does not fit is refused in a
+//! sentence with the cure, and the whole process stays within its memory.
+
+use crate::common::{command, meshes};
+
+use command::oct;
+use meshes::Body;
+
+fn put(name: &str, bytes: &[u8]) -> (tempfile::TempDir, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    let model = folder.path().join("a.oct");
+    let text = |p: &std::path::Path| p.to_str().unwrap().to_owned();
+    let (path, model) = (text(&path), text(&model));
+    (folder, path, model)
+}
+
+fn ball() -> Body {
+    Body::sphere([10.0, -3.0, 5.0], 20.0, 4)
+}
+
+#[test]
+fn what_was_found_and_chosen_is_told_in_a_sentence_with_figures() {
+    let (_folder, mesh, model) = put("ball.stl", &ball().stl());
+    let run = oct(&["build", &mesh, "-o", &model, "--grid", "102", "--memory", "64MiB", "--json"]);
+    let json = run.json();
+    assert_eq!(json["dims"], serde_json::json!([102, 102, 102]));
+    let told = json["warnings"][0].as_str().unwrap();
+    for words in ["2048 triangles", "closed", "winds around", "voxels of 0.4 mm from -10.4, -23.4, -15.4"] {
+        assert!(told.contains(words), "{words:?} is missing: {told}");
+    }
+    let info = oct(&["info", &model, "--json"]).json();
+    assert_eq!(info["spacing_mm"], serde_json::json!([0.4, 0.4, 0.4]));
+    oct(&["verify", &model, "--json"]).json();
+    let picture = model.replace("a.oct", "a.png");
+    oct(&["thumbnail", &model, "-o", &picture, "--json"]).json();
+    // Neither the name of the file nor its format travels with the model.
+    let bytes = std::fs::read(&model).unwrap();
+    for name in ["ball", "stl", "STL"] {
+        assert!(!bytes.windows(name.len()).any(|part| part == name.as_bytes()), "{name}");
+    }
+}
+
+#[test]
+fn flags_that_do_not_fit_are_refused_by_name() {
+    let (_folder, mesh, model) = put("ball.ply", &ball().ply("ascii"));
+    let build = |more: &[&str]| {
+        let mut args = vec!["build", &mesh, "-o", &model];
+        args.extend(more);
+        oct(&args)
+    };
+    build(&[]).refused(2, &["is a mesh", "--grid N", "--voxel MM"]);
+    build(&["--grid", "64", "--iso", "3"]).refused(2, &["--iso is for volumes"]);
+    build(&["--grid", "64", "--keep-largest", "1"]).refused(2, &["--keep-largest is for volumes"]);
+    build(&["--voxel", "1", "--dims", "9x9x9"]).refused(2, &["--dims of a mesh needs --voxel and --origin"]);
+    build(&["--grid", "64", "--voxel", "1"]).refused(2, &["--grid"]);
+    build(&["--grid", "0"]).refused(2, &["1 to 16384"]);
+    build(&["--voxel", "0"]).refused(2, &["above 0"]);
+    build(&["--voxel", "1e-9"]).refused(3, &["16384"]);
+    build(&["--grid", "64", "--unit", "furlong"]).refused(2, &["mm"]);
+    build(&["--grid", "64", "--memory", "2MiB"]).refused(4, &["--memory"]);
+    build(&["--grid", "64", "--channels", "value"]).refused(2, &["value"]);
+    let (_folder, raw, model) = put("a.raw", &[1; 64]);
+    oct(&["build", &raw, "-o", &model, "--dims", "4x4x4", "--dtype", "u8", "--grid", "64"])
+        .refused(2, &["--grid is for meshes"]);
+}
+
+#[test]
+fn sheets_and_thin_walls_are_built_where_they_are_asked_for() {
+    let (_folder, mesh, model) = put("plate.stl", &Body::cuboid([2.0, 2.0, 4.8], [12.0, 12.0, 5.2]).stl());
+    let grid = ["--voxel", "1", "--origin", "0,0,0", "--dims", "14x14x10", "--memory", "64MiB", "--json"];
+    let build = |more: &[&str]| oct(&[&["build", &mesh, "-o", &model], &grid[..], more].concat());
+    build(&[]).refused(3, &["no voxel is inside"]);
+    let json = build(&["--keep-thin"]).json();
+    assert_eq!(json["skin_voxels"], 100);
+    assert!(json["warnings"][0].as_str().unwrap().contains("walls thinner than a voxel are kept"), "{json}");
+    // Its lower face, its upper one, and its sides, which lie between voxels.
+    let json = build(&["--fill", "surface"]).json();
+    let told = json["warnings"][0].as_str().unwrap();
+    assert!(told.contains("closed") && told.contains("the mesh itself crosses, as asked for"), "{told}");
+    assert_eq!(json["skin_voxels"], 200);
+    let (_folder, tree, model) = put("a.csg", b"cube(3);");
+    oct(&["build", &tree, "-o", &model, "--grid", "9", "--keep-thin"]).refused(2, &["--keep-thin"]);
+}
+
+#[test]
+fn the_grid_in_full_moves_and_scales_nothing() {
+    let body = Body::cuboid([2.0, 3.0, 4.0], [12.0, 13.0, 14.0]);
+    let (_folder, mesh, model) = put("box.obj", &body.obj());
+    let whole = ["--voxel", "0.5", "--origin", "-1,0,1.5", "--dims", "40x50x60"];
+    let mut args = vec!["build", &mesh, "-o", &model, "--json", "--memory", "64MiB"];
+    args.extend(whole);
+    let json = oct(&args).json();
+    assert_eq!(json["dims"], serde_json::json!([40, 50, 60]));
+    // 20 voxels a side.
+    assert_eq!(json["skin_voxels"], 20 * 20 * 20 - 18 * 18 * 18);
+}
+
+#[test]
+fn a_mesh_is_built_within_a_small_cap_of_the_whole_process() {
+    // Two MiB more where the code is not optimised.
+    let cap = if cfg!(debug_assertions) { "11MiB" } else { "8MiB" };
+    let (_folder, mesh, model) = put("ball.off", &Body::sphere([0.0; 3], 100.0, 6).off());
+    for threads in ["1", "2"] {
+        let json = oct(&[
+            "build",
+            &mesh,
+            "-o",
+            &model,
+            "--grid",
+            "512",
+            "--memory",
+            cap,
+            "--threads",
+            threads,
+            "--json",
+        ])
+        .json();
+        let (peak, limit) = (json["peak_rss_bytes"].as_u64(), json["memory_budget_bytes"].as_u64());
+        assert!(peak <= limit, "{peak:?} of {limit:?}");
+    }
+}
+
+#[test]
+fn scan_and_batch_take_meshes_where_a_grid_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::create_dir(at("in")).unwrap();
+    let put = |name: &str, bytes: &[u8]| std::fs::write(at(&format!("in/{name}")), bytes).unwrap();
+    put("ball.stl", &ball().stl());
+    put("again.stl", &ball().stl());
+    put("ball.obj", &ball().obj());
+    put("cut.stl", &ball().stl()[..700]);
+    put("notes.txt", b"nothing");
+    let (input, out) = (at("in"), at("out"));
+    // Without a grid they are left out, and it is said what takes them.
+    let scan = oct(&["scan", &input, "--json"]).json();
+    assert_eq!((&scan["items"], scan["left_out"][0]["count"].as_u64()), (&serde_json::json!([]), Some(4)));
+    assert!(scan["left_out"][0]["reason"].as_str().unwrap().contains("--grid N or --voxel MM"));
+    let scan = oct(&["scan", &input, "--grid", "40", "--json"]).json();
+    let said = |key: &str| scan[key].as_u64().unwrap();
+    assert_eq!((said("usable"), said("refused"), said("copies")), (2, 1, 1));
+    let names = |report: &serde_json::Value| {
+        let named = |item: &serde_json::Value| {
+            let input = std::path::Path::new(item["input"].as_str().unwrap());
+            (input.file_name().unwrap().to_str().unwrap().to_owned(), item["name"].to_string())
+        };
+        report["items"].as_array().unwrap().iter().map(named).collect::<Vec<_>>()
+    };
+    let batch = |grid: &str| {
+        let args = ["batch", &input, "--out", &out, "--grid", grid, "--memory", "24MiB", "--json"];
+        let run = oct(&args);
+        assert_eq!(run.code, 8, "{}", run.stderr);
+        serde_json::from_str::<serde_json::Value>(&run.stdout).unwrap()
+    };
+    let report = batch("40");
+    assert_eq!(names(&report), names(&scan));
+    let counts = |r: &serde_json::Value| ["converted", "skipped", "failed"].map(|k| r[k].as_u64().unwrap());
+    assert_eq!(counts(&report), [2, 1, 1]);
+    // The same bytes as one by one.
+    let model = at("one.oct");
+    for item in report["items"].as_array().unwrap().iter().filter(|i| i["status"] == "converted") {
+        assert!(item["name"].as_str().unwrap().len() == 16 && item["kind"] == "triangle mesh", "{item}");
+        oct(&["build", item["input"].as_str().unwrap(), "-o", &model, "--grid", "40", "--json"]).json();
+        let beside = |key: &str| at(&format!("out/{}", item["model"][key].as_str().unwrap()));
+        assert!(std::fs::read(beside("file")).unwrap() == std::fs::read(&model).unwrap(), "{item}");
+        assert!(std::path::Path::new(&beside("thumbnail")).is_file());
+    }
+    assert_eq!(counts(&batch("40")), [0, 3, 1]);
+    assert_eq!(counts(&batch("48")), [2, 1, 1]);
+}

@@ -1,0 +1,116 @@
+//! `oct render --memory` is a promise about the whole process as the operating system accounts it, for any model, size,
+//! layer and number of threads. If this fails, a picture that fits a small machine on one day is killed by it on another.
+//!
+//! The models are hard ones: sparse noise, whose rays end far apart in the file, so that every tile wants other pages of
+//! it. Each picture is made under the smallest cap that its own refusal names, and under larger ones; without a cap most
+//! of them pass these. `OCT_BINARY` names another program to be measured.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::common::{command, random};
+
+use command::{oct, smallest_budget, text};
+use infobyte::budget::parse_size;
+use random::Random;
+
+const MIB: u64 = 1 << 20;
+
+/// Is it the test's own program that is measured, unoptimised?
+fn is_slow() -> bool {
+    cfg!(debug_assertions) && std::env::var_os("OCT_BINARY").is_none()
+}
+
+/// Noise in a cube: one voxel of 6 is inside.
+fn noise(folder: &Path, side: u32, surface: &str) -> PathBuf {
+    let raw = folder.join(format!("noise-{side}.raw"));
+    if !raw.exists() {
+        let mut random = Random(7);
+        let bytes: Vec<u8> = (0..side.pow(3)).map(|_| if random.below(6) == 0 { 200 } else { 0 }).collect();
+        fs::write(&raw, bytes).unwrap();
+    }
+    let model = folder.join(format!("noise-{surface}.oct"));
+    let dims = format!("{side}x{side}x{side}");
+    let asked = ["--dims", &dims, "--dtype", "u8", "--iso", "100", "--surface", surface, "--memory", "64MiB"];
+    let built = oct(&[&["build", &text(&raw), "-o", &text(&model)][..], &asked].concat());
+    assert_eq!(built.code, 0, "{built:?}");
+    model
+}
+
+/// Makes a picture under the smallest cap that works and under larger ones; each is held to.
+fn held_to(model: &Path, folder: &Path, size: &str, threads: &str, extra: &[&str]) {
+    // Code that is not optimised is larger than it is counted for; such a program is held to less, and shows less.
+    let (size, caps, allowed) = if is_slow() { ("64x48", &[0][..], 4 * MIB) } else { (size, &[0, 2][..], 0) };
+    let output = text(&folder.join("picture.png"));
+    let common = ["render", &text(model), "-o", &output, "--size", size, "--threads", threads];
+    let render = |cap: &str| oct(&[&common[..], extra, &["--json", "--memory", cap]].concat());
+    let name = format!("{} {size} {threads} {}", model.file_name().unwrap().display(), extra.join(" "));
+    let refused = render("2MiB");
+    refused.refused(4, &["--memory 2MiB", "too small for this picture", "smallest that works"]);
+    let least = parse_size(smallest_budget(&refused.stderr)).unwrap();
+    for more in caps {
+        let cap = least + more * MIB;
+        let report = render(&format!("{}KiB", cap / 1024)).json();
+        let peak = report["peak_rss_bytes"].as_u64().unwrap();
+        assert!(peak > 0, "the system does not tell the peak");
+        assert!(peak <= cap + allowed, "{name}: {peak} exceeds {cap} ({} over)", peak - cap);
+        println!("{name}: {peak} of {cap}");
+    }
+}
+
+#[test]
+fn pictures_keep_to_their_cap() {
+    let folder = tempfile::tempdir().unwrap();
+    let side = if is_slow() { 192 } else { 384 };
+    let (skin, cells) = (noise(folder.path(), side, "skin"), noise(folder.path(), side, "cells"));
+    let packed = folder.path().join("packed.oct");
+    assert_eq!(oct(&["pack", &text(&skin), "-o", &text(&packed)]).code, 0);
+    // Larger than what is kept of it, so that pages do come and go.
+    assert!(fs::metadata(&skin).unwrap().len() > 3 * MIB && fs::metadata(&cells).unwrap().len() > 5 * MIB);
+    for (model, threads) in [(&skin, "1"), (&skin, "2"), (&cells, "1"), (&cells, "2"), (&packed, "2")] {
+        held_to(model, folder.path(), "256x256", threads, &[]);
+    }
+    let large = if is_slow() { "400x400" } else { "1024x1024" };
+    held_to(&skin, folder.path(), large, "2", &[]);
+    held_to(&cells, folder.path(), "300x100", "5", &[]);
+    let wide = if is_slow() { "16384x9" } else { "16384x2048" };
+    held_to(&skin, folder.path(), wide, "1", &[]);
+    held_to(&cells, folder.path(), wide, "2", &[]);
+}
+
+#[test]
+fn pictures_of_every_kind_keep_to_their_cap() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = noise(folder.path(), if is_slow() { 192 } else { 384 }, "skin");
+    let layer = |name: &str| text(&folder.path().join(name));
+    let layers = ["--depth", &layer("d.png"), "--normals", &layer("n.png"), "--ids", &layer("i.png")];
+    held_to(&model, folder.path(), "300x300", "2", &layers);
+    held_to(&model, folder.path(), "300x300", "2", &["--coherence", "4"]);
+    held_to(&model, folder.path(), "200x200", "2", &["--shading", "blended"]);
+    held_to(&model, folder.path(), "64x64", "2", &["--shading", "ao"]);
+    held_to(&model, folder.path(), "300x300", "1", &["--lod", "on"]);
+    held_to(&model, folder.path(), "300x200", "2", &["--contact"]);
+    held_to(&model, folder.path(), "200x200", "2", &["--turntable", "2"]);
+}
+
+/// What is given back comes again, and shows the same.
+#[test]
+fn a_cap_changes_no_pixel() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = noise(folder.path(), 128, "cells");
+    let render = |name: &str, cap: &[&str]| {
+        let output = text(&folder.path().join(name));
+        let common = ["render", &text(&model), "-o", &output, "--size", "150x250", "--shading", "blended"];
+        oct(&[&common[..], cap].concat())
+    };
+    let refused = render("none.png", &["--memory", "1MiB"]);
+    refused.refused(4, &["too small for this picture"]);
+    let least = smallest_budget(&refused.stderr).to_owned();
+    for (name, cap) in [("a.png", &[][..]), ("b.png", &["--memory", &least])] {
+        let run = render(name, cap);
+        assert_eq!(run.code, 0, "{run:?}");
+    }
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(read("a.png"), read("b.png"));
+    assert_eq!(command::names(folder.path()).iter().filter(|name| name.ends_with(".png")).count(), 2);
+}

@@ -1,0 +1,124 @@
+//! `oct report` measures the same errors on every run and tells them in three forms. Would break: a figure that hangs on
+//! threads or on time, a page that needs the network, a row that is lost between page and table, temporary models that
+//! stay behind.
+
+use crate::common::command;
+
+use std::fs;
+use std::path::Path;
+
+use command::{names, oct, text};
+use serde_json::Value;
+
+fn run(out: &Path, subjects: &[&str], threads: &str) -> Value {
+    let out = text(out);
+    let mut args = vec!["report", "--out", &out, "--pixels", "40", "--threads", threads, "--json"];
+    subjects.iter().for_each(|s| args.extend(["--synthetic", s]));
+    oct(&args).json()
+}
+
+/// All errors with what they are errors of.
+fn errors(report: &Value) -> Vec<String> {
+    let experiments = report["experiments"].as_array().unwrap();
+    let rows = experiments.iter().flat_map(|e| {
+        // The numbers of threads that are tried hang on how many there may be.
+        let rows = e["rows"].as_array().unwrap().iter().filter(move |_| e["id"] != "threads");
+        rows.map(move |r| {
+            format!("{} {} {} {} {}", e["id"], r["subject"], r["choice"], r["default"], r["errors"])
+        })
+    });
+    rows.collect()
+}
+
+fn row<'a>(report: &'a Value, experiment: &str, choice: &str) -> &'a Value {
+    let experiments = report["experiments"].as_array().unwrap();
+    let of = experiments.iter().find(|e| e["id"] == experiment).unwrap_or_else(|| panic!("no {experiment}"));
+    of["rows"].as_array().unwrap().iter().find(|r| r["choice"] == choice).unwrap()
+}
+
+#[test]
+fn errors_are_the_same_on_every_run_and_as_they_should_be() {
+    let folder = tempfile::tempdir().unwrap();
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    let subjects = ["torus@40", "box@40?noise=0.02"];
+    let (first, second) = (run(&a, &subjects, "1"), run(&b, &subjects, "2"));
+    assert_eq!(errors(&first), errors(&second));
+    let skin = &row(&first, "surface", "skin")["errors"];
+    let of = |key: &str| skin[key].as_f64().unwrap();
+    assert!((0.2..0.4).contains(&of("depth_rms_voxels")), "{skin}");
+    assert!(
+        of("depth_max_voxels") < 1.2 && of("wrong_pixels_percent") < 25.0 && of("normal_mean_deg") < 6.0,
+        "{skin}"
+    );
+    // Coarser boxes are less true; every budget gives the same bytes.
+    let rms = |choice: &str| row(&first, "detail", choice)["errors"]["depth_rms_voxels"].as_f64().unwrap();
+    assert!(rms("voxels") < rms("boxes of 2") && rms("boxes of 2") < rms("boxes of 4"));
+    let budgets = first["experiments"].as_array().unwrap().iter().find(|e| e["id"] == "budget").unwrap();
+    let budgets = budgets["rows"].as_array().unwrap();
+    assert!(
+        budgets.len() >= 4 && budgets.iter().all(|r| r["errors"]["different_bytes"] == 0.0),
+        "{budgets:?}"
+    );
+    assert_eq!(row(&first, "gradient", "isotropic5")["default"], true);
+}
+
+#[test]
+fn page_table_and_json_tell_the_same_rows_and_need_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("new").join("report");
+    let report = run(&out, &["sphere@32", "head@48"], "2");
+    let (drawings, tables): (Vec<_>, Vec<_>) = names(&out).into_iter().partition(|n| n.ends_with(".svg"));
+    assert_eq!(tables, ["report.csv", "report.html", "report.json", "report.md"]);
+    assert!(drawings.contains(&"surface.svg".to_owned()), "{drawings:?}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    for outside in ["http", "src=", "<link", "@import", "url("] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    assert!(
+        page.contains("prefers-color-scheme:dark") && page.contains("<svg") && page.contains("oct report")
+    );
+    let rows: usize =
+        report["experiments"].as_array().unwrap().iter().map(|e| e["rows"].as_array().unwrap().len()).sum();
+    let csv = fs::read_to_string(out.join("report.csv")).unwrap();
+    assert_eq!(csv.lines().count(), rows + 1);
+    assert_eq!(page.matches("<tr").count() - page.matches("<thead><tr").count(), rows);
+    let written: Value = serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
+    assert_eq!(written["experiments"], report["experiments"]);
+    // What is left out cannot be seen, and exact traversals agree.
+    for (experiment, choice) in [
+        ("sight", "seen from outside"),
+        ("sight", "seen from the front"),
+        ("traversal", "exact, best instructions"),
+    ] {
+        let errors = &row(&report, experiment, choice)["errors"];
+        assert_eq!(
+            (&errors["depth_max_voxels"], &errors["wrong_pixels_percent"]),
+            (&0.0.into(), &0.0.into())
+        );
+    }
+    // Of the head the truth is not known: it is held against its own frame.
+    let voxels = &row(&report, "detail_of_frame", "voxels")["errors"];
+    assert_eq!((&voxels["depth_max_voxels"], &voxels["wrong_pixels_percent"]), (&0.0.into(), &0.0.into()));
+}
+
+#[test]
+fn a_model_is_held_against_its_full_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let (model, out) = (text(&folder.path().join("a.oct")), text(&folder.path().join("out")));
+    oct(&["build", "synthetic:torus@48", "-o", &model, "--iso", "0.5", "--json"]).json();
+    let report = oct(&["report", &model, "--out", &out, "--pixels", "64", "--json"]).json();
+    let coarse = &row(&report, "detail_of_frame", "boxes of 4")["errors"];
+    assert!(coarse["depth_rms_voxels"].as_f64().unwrap() > 0.3, "{coarse}");
+    assert_eq!(row(&report, "detail_of_frame", "voxels")["subject"], "a.oct");
+}
+
+#[test]
+fn wrong_requests_are_told_before_anything_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = text(&folder.path().join("out"));
+    oct(&["report", "--out", &out]).refused(2, &["MODEL.oct"]);
+    oct(&["report", "--synthetic", "sphere@32", "--synthetic", "spere", "--out", &out])
+        .refused(2, &["'spere'"]);
+    oct(&["report", "nothing.oct", "--out", &out]).refused(3, &["nothing.oct"]);
+    assert!(names(out.as_ref()).is_empty(), "{:?}", names(out.as_ref()));
+}

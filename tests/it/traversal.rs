@@ -1,0 +1,363 @@
+//! The promise: the traversal's first hit is the exact one. If this file fails, pictures differ between
+//! machines, rays slip between touching voxels, or a ray never returns.
+//!
+//! Every ray is compared with a walk over plain bits in exact rationals that knows no octree; small volumes
+//! also with the intersection of the ray with every skin voxel. The rays that others stumbled over are in
+//! `hard_cases`.
+
+use crate::common::scenes as support;
+
+use infobyte::geom::Dims;
+use infobyte::load::{MemoryTree, NodeView};
+use infobyte::render::form::Form;
+use infobyte::render::ray::{BadRay, Ray};
+use infobyte::render::reference::{self, BitVolume};
+use infobyte::render::selfcheck::{Mismatches, Random, mismatches, random_ray};
+use infobyte::render::single;
+use infobyte::render::surface::Skin;
+use infobyte::render::traverse::{Hit, first_hit, first_hit_sealed, step_limit};
+use support::{Garbage, Scene, Symmetry, in_ball, in_gyroid, in_torus, noise, plane};
+
+/// Volumes of every kind that traversals were seen to fail on.
+fn scenes() -> Vec<Scene> {
+    let mut scenes = vec![
+        Scene::skin("ball 64", [64; 3], |c| in_ball(c, 64)),
+        Scene::skin("ball 128", [128; 3], |c| in_ball(c, 128)),
+        Scene::skin("torus 128", [128; 3], |c| in_torus(c, 128)),
+        Scene::skin("gyroid 64", [64; 3], |c| in_gyroid(c, 64)),
+        noise("noise 0.1 %", [64; 3], 0.001, 1),
+        noise("noise 1 %", [64; 3], 0.01, 2),
+        noise("noise 10 %", [32; 3], 0.1, 3),
+        noise("noise in 37x5x64", [37, 5, 64], 0.03, 4),
+        Scene::set("checkerboard", [16; 3], |[x, y, z]| (x + y + z) % 2 == 0),
+        Scene::set("full solid", [16; 3], |_| true),
+        Scene::skin("full box 37x5x64", [37, 5, 64], |_| true),
+        Scene::set("comb", [32; 3], |[x, y, z]| (x % 2 == 0 && z < 31) || (z == 31 && y == 5)),
+        Scene::set("1x1x1", [1; 3], |_| true),
+        Scene::set("1x1x9", [1, 1, 9], |[_, _, z]| z % 4 == 3),
+        Scene::set("empty", [32; 3], |_| false),
+    ];
+    for corner in 0..8_u32 {
+        let at: [u32; 3] = std::array::from_fn(|a| (corner >> a & 1) * 31);
+        scenes.push(Scene::new(format!("one voxel in corner {corner}"), [32; 3], vec![at]));
+    }
+    for (i, a) in [
+        [1.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [1.0, 1.0, 1.0],
+        [1.0, 0.3, -0.2],
+        [-0.1, 0.05, 1.0],
+        [2.0, 1.0, 0.0],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        scenes.push(plane(format!("plane {i}"), 64, a));
+    }
+    for depth in 0..=7_u32 {
+        let n = 1 << depth;
+        scenes.push(noise(&format!("depth {depth}"), [n; 3], 2.0 / f64::from(n), u64::from(depth) + 50));
+    }
+    scenes
+}
+
+/// The sealed hit of a ray, which every form of the traversal must have, too.
+fn sealed_hit(tree: &MemoryTree, ray: &Ray, lod_edge_log2: u32) -> Option<Hit> {
+    let want = first_hit_sealed(tree, ray, lod_edge_log2).hit;
+    for form in Form::available() {
+        assert_eq!(
+            single::trace(form, &tree.view(), &Skin, ray, lod_edge_log2).hit,
+            want,
+            "{form:?} {ray:?}"
+        );
+    }
+    want
+}
+
+/// Rays per scene from the environment, for longer runs than a test should take.
+fn rays_asked() -> Option<u64> {
+    std::env::var("INFOBYTE_RAYS").ok().map(|n| n.parse().expect("INFOBYTE_RAYS is a number of rays"))
+}
+
+#[test]
+fn a_million_random_rays_hit_what_the_reference_hits() {
+    let rays_each = rays_asked().unwrap_or(30_000);
+    let mut all = Mismatches::default();
+    for (i, scene) in scenes().iter().enumerate() {
+        let seed = 1000 + i as u64;
+        let counts = mismatches(&scene.tree.view(), &scene.bits, rays_each, seed);
+        assert_eq!(counts.total(), 0, "{} (seed {seed}): {counts:?}", scene.name);
+        all = all.plus(counts);
+    }
+    println!("{all:?}");
+    assert!(all.rays >= 1_000_000 && all.hits > all.rays / 5, "too few rays or hits: {all:?}");
+}
+
+#[test]
+fn parallel_bundles_hit_what_the_reference_hits() {
+    let scenes = [
+        Scene::skin("torus 64", [64; 3], |c| in_torus(c, 64)),
+        plane("plane".into(), 64, [1.0, 1.0, 0.0]),
+        Scene::set("checkerboard", [16; 3], |[x, y, z]| (x + y + z) % 2 == 0),
+    ];
+    let mut counts = Mismatches::default();
+    for scene in &scenes {
+        let side = f64::from(1_u32 << scene.tree.depth());
+        for direction in [
+            [1.0, 0.0, 0.0],
+            [0.0, -1.0, 0.0],
+            [0.0, 0.0, 1.0],
+            [1.0, 1.0, 0.0],
+            [-1.0, 0.0, 1.0],
+            [1.0, -1.0, 1.0],
+            [2.0, 1.0, -1.0],
+            [0.3, -0.7, 0.1],
+        ] {
+            // A lattice of origins in half cells, so that half of the rays run along edges and corners.
+            for i in 0..80 {
+                for j in 0..80 {
+                    let (u, v) = (f64::from(i) * side / 80.0, f64::from(j) * side / 80.0);
+                    let at: [f64; 3] = [u, v, side / 2.0];
+                    let origin = std::array::from_fn(|a| {
+                        at[(a + i as usize) % 3] - 2.0 * side * direction[a] * f64::from(i % 2)
+                    });
+                    if let Some(ray) = Ray::new(scene.tree.depth(), origin, direction, 0.0).unwrap() {
+                        counts.compare(&scene.tree.view(), &scene.bits, &ray);
+                    }
+                }
+            }
+        }
+    }
+    assert_eq!(counts.total(), 0, "{counts:?}");
+    assert!(counts.hits > 40_000, "{counts:?}");
+}
+
+#[test]
+fn walk_and_slabs_are_of_one_opinion() {
+    let scenes = [
+        noise("noise 1 %", [16; 3], 0.01, 7),
+        noise("noise 10 %", [16; 3], 0.1, 8),
+        Scene::skin("ball 16", [16; 3], |c| in_ball(c, 16)),
+        Scene::set("checkerboard 8", [8; 3], |[x, y, z]| (x + y + z) % 2 == 0),
+    ];
+    let mut random = Random::new(11);
+    let (mut rays, mut hits) = (0, 0);
+    for scene in &scenes {
+        for _ in 0..20_000 {
+            let Some(ray) = random_ray(&mut random, scene.tree.depth()) else { continue };
+            let walked = reference::walk(&scene.bits, &ray, false, |_| {});
+            let slabs = reference::nearest_by_slabs(scene.cells.iter().copied(), &ray);
+            assert_eq!(walked, slabs, "{} {ray:?}", scene.name);
+            rays += 1;
+            hits += u32::from(slabs.is_some());
+        }
+    }
+    assert!(rays > 40_000 && hits > 10_000, "{rays} rays, {hits} hits");
+}
+
+#[test]
+fn quantising_a_ray_rarely_changes_its_hit_and_never_by_far() {
+    // Ideal rays: origins in units of 2^-30 cell, also outside the grid, directions of 2^-40. Their exact
+    // hits are compared with those of the quantised rays; traversal itself has no part in the difference.
+    let scene = Scene::skin("ball", [32; 3], |c| in_ball(c, 32));
+    let (unit, fine) = ((1_i64 << 30) as f64, (1_i64 << 40) as f64);
+    let mut random = Random::new(77);
+    let (mut rays, mut hits, mut other, mut far) = (0_u32, 0_u32, 0_u32, 0_u32);
+    for _ in 0..30_000 {
+        let origin = [0; 3].map(|_| (random.range(-32.0, 64.0) * unit).round() / unit);
+        let goal = [0.0; 3].map(|_: f64| random.range(0.0, 32.0));
+        let direction: [f64; 3] = std::array::from_fn(|a| ((goal[a] - origin[a]) * fine).round() / fine);
+        #[expect(clippy::cast_possible_truncation, reason = "whole numbers")]
+        let whole = |v: [f64; 3], unit: f64| v.map(|v| (v * unit) as i128);
+        let ideal = reference::nearest_ideal(
+            scene.cells.iter().copied(),
+            whole(origin, unit),
+            whole(direction, fine),
+            1 << 30,
+            None,
+        );
+        let ray = Ray::new(5, origin, direction, 0.0).unwrap();
+        let hit = ray.and_then(|ray| first_hit(&scene.tree, &ray, 0).hit).map(|h| h.cell);
+        rays += 1;
+        hits += u32::from(hit.is_some());
+        if hit != ideal.map(|h| h.cell) {
+            other += 1;
+            if let (Some(a), Some(b)) = (hit, ideal) {
+                far += u32::from((0..3).any(|i| a[i].abs_diff(b.cell[i]) > 1));
+            }
+        }
+    }
+    println!(
+        "quantised against ideal: {rays} rays, {hits} hits, {other} differ, {far} by more than a neighbour"
+    );
+    assert!(hits > 15_000 && other <= rays / 3_000 && far == 0, "{rays} {hits} {other} {far}");
+}
+
+#[test]
+fn random_rays_turn_with_the_scene() {
+    let scene = noise("noise 3 %", [32; 3], 0.03, 21);
+    let mut random = Random::new(22);
+    for symmetry in Symmetry::all() {
+        let turned =
+            Scene::new("turned", [32; 3], scene.cells.iter().map(|c| symmetry.cell(*c, 32)).collect());
+        for _ in 0..2_000 {
+            // Multiples of 2^-16 turn without rounding; the rest of the set-up is symmetric.
+            let origin = [0; 3].map(|_| (random.range(-40.0, 70.0) * 65536.0).round() / 65536.0);
+            let direction = [0; 3].map(|_| random.range(-1.0, 1.0));
+            let hit = |scene: &Scene, o, d| {
+                let ray = Ray::new(5, o, d, 0.0).unwrap()?;
+                sealed_hit(&scene.tree, &ray, 0);
+                first_hit(&scene.tree, &ray, 0).hit.map(|h| (h.cell, h.t))
+            };
+            let straight = hit(&scene, origin, direction).map(|(c, t)| (symmetry.cell(c, 32), t));
+            let after = hit(&turned, symmetry.point(origin, 32.0), symmetry.vector(direction));
+            assert_eq!(after, straight, "{symmetry:?} {origin:?} {direction:?}");
+        }
+    }
+}
+
+#[test]
+fn rays_that_are_no_rays_are_refused() {
+    let o = [1.0; 3];
+    assert_eq!(Ray::new(4, o, [0.0, -0.0, 0.0], 0.0), Err(BadRay::NoDirection));
+    assert_eq!(Ray::new(4, o, [f64::NAN, 1.0, 0.0], 0.0), Err(BadRay::NotFinite));
+    assert_eq!(Ray::new(4, [f64::INFINITY, 1.0, 0.0], o, 0.0), Err(BadRay::NotFinite));
+}
+
+/// Rays from outside to a point inside that meet no skin on their way.
+fn passes(scene: &Scene, inside: impl Fn([u32; 3]) -> bool, rays: u32, seed: u64) -> u32 {
+    let side = f64::from(1_u32 << scene.tree.depth());
+    let goals: Vec<[u32; 3]> =
+        support::all_cells(scene.dims.to_array()).filter(|c| inside(*c) && !scene.bits.get(*c)).collect();
+    assert!(!goals.is_empty(), "{} has no inside", scene.name);
+    let mut random = Random::new(seed);
+    let mut passed = 0;
+    for i in 0..rays {
+        let goal = goals[usize::try_from(random.bits()).unwrap() % goals.len()].map(|c| f64::from(c) + 0.5);
+        let mut origin = [0.0; 3].map(|_: f64| random.range(-side, 2.0 * side));
+        origin[i as usize % 3] = if i % 2 == 0 { -1.0 - random.unit() } else { side + 1.0 + random.unit() };
+        let on_lattice = i % 4 == 0;
+        if on_lattice {
+            // Towards a voxel's centre along whole-number slopes: through edges and corners.
+            let slope = [0.0; 3].map(|_: f64| random.range(-3.0, 3.0).round());
+            let far = if slope == [0.0; 3] { [2.0 * side, 0.0, 0.0] } else { slope.map(|s| s * side) };
+            origin = std::array::from_fn(|a| goal[a] + far[a]);
+        }
+        let direction = std::array::from_fn(|a| goal[a] - origin[a]);
+        let ray = Ray::new(scene.tree.depth(), origin, direction, 0.0).unwrap().expect("aims at the grid");
+        // Exactly tied rays are the sealed walk's affair; on all others both must stop.
+        let stops = |hit: Option<Hit>| hit.is_some_and(|hit| hit.t < 1.0);
+        let sealed = stops(sealed_hit(&scene.tree, &ray, 0));
+        passed += u32::from(!sealed || (!on_lattice && !stops(first_hit(&scene.tree, &ray, 0).hit)));
+    }
+    passed
+}
+
+#[test]
+fn closed_thin_skins_have_no_tunnels_and_a_holed_one_is_caught() {
+    let ball = |c| in_ball(c, 64);
+    let torus = |c| in_torus(c, 64);
+    let gyroid = |c| in_gyroid(c, 64);
+    assert_eq!(passes(&Scene::skin("ball", [64; 3], ball), ball, 200_000, 1), 0);
+    assert_eq!(passes(&Scene::skin("torus", [64; 3], torus), torus, 200_000, 2), 0);
+    assert_eq!(passes(&Scene::skin("gyroid", [64; 3], gyroid), gyroid, 200_000, 3), 0);
+    let mut random = Random::new(4);
+    for i in 0..1_000 {
+        let a = [0.0; 3].map(|_: f64| random.range(-1.0, 1.0));
+        let length = a.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let slab = |c: [u32; 3]| {
+            let at: f64 = (0..3).map(|k| a[k] / length * (f64::from(c[k]) - 15.5)).sum();
+            at.abs() < 4.0
+        };
+        assert_eq!(passes(&Scene::skin("slab", [32; 3], slab), slab, 400, i), 0, "slab {a:?}");
+    }
+    // Every second voxel of the skin missing: still 18-connected, but 6-connected paths cross it.
+    let whole = Scene::skin("ball", [64; 3], ball);
+    let half = whole.cells.into_iter().filter(|[x, y, z]| (x + y + z) % 2 == 0).collect();
+    let holed = Scene::new("holed ball", [64; 3], half);
+    assert!(passes(&holed, ball, 20_000, 5) > 1_000, "the tunnel test does not see holes");
+}
+
+#[test]
+fn an_edge_between_two_voxels_is_open_by_definition_and_sealed_for_pictures() {
+    // Looking down z: a ray from (2, 2) along (1, 1) between voxels (3, 2) and (2, 3), touching both.
+    let scene = Scene::new("two voxels", [8; 3], vec![[3, 2, 4], [2, 3, 4]]);
+    let ray = Ray::new(3, [2.0, 2.0, 4.5], [1.0, 1.0, 0.0], 0.0).unwrap().unwrap();
+    assert_eq!(first_hit(&scene.tree, &ray, 0).hit, None);
+    let hit = sealed_hit(&scene.tree, &ray, 0).unwrap();
+    assert_eq!((hit.cell, hit.t), ([3, 2, 4], 1.0));
+    // One unit of 2^-16 beside the edge both definitions agree.
+    let ray = Ray::new(3, [2.0, 2.0 + 1.0 / 65536.0, 4.5], [1.0, 1.0, 0.0], 0.0).unwrap().unwrap();
+    assert_eq!(first_hit(&scene.tree, &ray, 0), first_hit_sealed(&scene.tree, &ray, 0));
+    assert_eq!(first_hit(&scene.tree, &ray, 0).hit.map(|h| h.cell), Some([2, 3, 4]));
+}
+
+#[test]
+fn level_of_detail_stops_at_the_first_non_empty_node() {
+    let scene = Scene::skin("torus", [64; 3], |c| in_torus(c, 64));
+    let empty = BitVolume::new(6).unwrap();
+    for k in 0..=6_u32 {
+        let parents: std::collections::HashSet<[u32; 3]> =
+            scene.cells.iter().map(|c| c.map(|v| v >> k)).collect();
+        let mut random = Random::new(u64::from(k));
+        for _ in 0..5_000 {
+            let Some(ray) = random_ray(&mut random, 6) else { continue };
+            let mut first = None;
+            reference::walk(&empty, &ray, false, |cell| {
+                let parent = cell.map(|v| v >> k);
+                if first.is_none() && parents.contains(&parent) {
+                    first = Some(parent);
+                }
+            });
+            let hit = first_hit(&scene.tree, &ray, k).hit;
+            sealed_hit(&scene.tree, &ray, k);
+            assert_eq!(hit.map(|h| h.cell.map(|v| v >> k)), first, "{k} {ray:?}");
+            assert!(hit.is_none_or(|h| h.edge_log2 == k && h.voxel(&scene.tree).is_some() == (k == 0)));
+        }
+    }
+}
+
+#[test]
+fn damaged_trees_neither_panic_nor_hold_a_ray() {
+    let mut random = Random::new(9);
+    for seed in 0..1_000 {
+        let garbage = Garbage::new(seed);
+        let view = garbage.view(u32::MAX);
+        for depth in [0, 1, 5, 9, 16] {
+            if let Some(ray) = random_ray(&mut random, depth) {
+                assert!(first_hit(&view, &ray, 0).steps <= step_limit(depth));
+                for form in Form::available() {
+                    let _ = single::trace(form, &view, &Skin, &ray, 0);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_deepest_grid_is_walked_exactly() {
+    // 65536 cells a side cannot be decoded; the slabs of a few voxels can be.
+    let mut random = Random::new(31);
+    let cells: Vec<[u32; 3]> =
+        (0..300).map(|_| [0; 3].map(|_| 32_700 + u32::try_from(random.bits() % 64).unwrap())).collect();
+    let dims = Dims::new(65_536, 65_536, 65_536).unwrap();
+    let codes: Vec<u64> = cells.iter().map(|c| infobyte::geom::morton::encode(c[0], c[1], c[2])).collect();
+    let tree = MemoryTree::new(dims, &codes).unwrap();
+    let mut hits = 0;
+    for i in 0..3_000 {
+        let goal = cells[i % cells.len()].map(f64::from);
+        let goal = goal.map(|v| v + if i % 3 == 0 { 0.5 } else { random.unit() });
+        let mut origin = [0.0; 3].map(|_: f64| random.range(-1e5, 2e5));
+        if i % 5 == 0 {
+            origin = goal.map(|v| v + if random.bits() & 1 == 0 { 30_000.0 } else { -30_000.0 });
+        }
+        let direction = std::array::from_fn(|a| goal[a] - origin[a]);
+        let Some(ray) = Ray::new(16, origin, direction, 0.0).unwrap() else { continue };
+        let trace = first_hit(&tree, &ray, 0);
+        sealed_hit(&tree, &ray, 0);
+        let want = reference::nearest_by_slabs(cells.iter().copied(), &ray);
+        assert_eq!(trace.hit.map(|h| (h.cell, h.face)), want.map(|h| (h.cell, h.face)), "{ray:?}");
+        hits += u32::from(want.is_some());
+    }
+    assert!(hits > 2_000, "{hits}");
+}

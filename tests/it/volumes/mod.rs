@@ -1,0 +1,13 @@
+//! Volumes in files other than DICOM. One program for all of it, as linking costs more than most of these tests.
+//!
+//! | file | promise |
+//! |---|---|
+//! | `formats_read` | every format gives the values, type and place of what was written |
+//! | `formats_hostile` | no bytes make a reader panic, loop, or allocate much |
+//! | `headerless` | raw files, whole or one for each slice |
+//! | `placement` | spacing and directions, stated by the file, beside it, or by the caller |
+
+mod formats_hostile;
+mod formats_read;
+mod headerless;
+mod placement;
