@@ -5,8 +5,8 @@ use std::sync::{Mutex, Once, PoisonError};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use infobyte::jobs::batch::{Cause, Item, NOTICE, Status, Watcher};
-use infobyte::jobs::shown;
 use infobyte::progress::Progress;
+use infobyte::text::shown;
 
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())

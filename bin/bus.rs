@@ -9,8 +9,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use infobyte::ExitKind;
-use infobyte::jobs::shown;
-use infobyte::jobs::wording::foreign;
+use infobyte::text;
+use infobyte::text::shown;
 use signal_hook::consts::SIGBUS;
 use signal_hook::low_level;
 
@@ -27,7 +27,7 @@ pub(crate) fn tell_of(path: &Path, as_json: bool) {
         shown(path)
     );
     let object =
-        if as_json { foreign::json(&json_of(&sentence, ExitKind::Input)) + "\n" } else { String::new() };
+        if as_json { text::json(&json_of(&sentence, ExitKind::Input)) + "\n" } else { String::new() };
     let told: [(i32, Box<[u8]>); 2] = [
         (libc::STDOUT_FILENO, object.into_bytes().into()),
         (libc::STDERR_FILENO, format!("oct: {sentence}\n").into_bytes().into()),

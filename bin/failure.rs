@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use infobyte::export::ExportForm;
-use infobyte::jobs::shown;
-use infobyte::jobs::wording::foreign;
+use infobyte::text;
+use infobyte::text::shown;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
 
@@ -217,7 +217,7 @@ pub(crate) fn json_of(sentence: &str, kind: ExitKind) -> Value {
 pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
     let sentence = one_line(sentence);
     if as_json {
-        let _ = writeln!(io::stdout(), "{}", foreign::json(&json_of(&sentence, kind)));
+        let _ = writeln!(io::stdout(), "{}", text::json(&json_of(&sentence, kind)));
     }
     let _ = writeln!(io::stderr(), "oct: {sentence}");
     ExitCode::from(kind.code())

@@ -9,7 +9,7 @@ use clap::CommandFactory;
 use clap_complete::{Shell, generate};
 use clap_mangen::Man;
 use infobyte::Error;
-use infobyte::jobs::shown;
+use infobyte::text::shown;
 
 use crate::args::Cli;
 

@@ -3,6 +3,7 @@
 mod args;
 mod bars;
 mod bus;
+mod cure;
 mod failure;
 mod manual;
 mod pictures;
@@ -27,9 +28,9 @@ use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::scene::is_scene;
-use infobyte::jobs::wording::foreign::{self, data, plain, shown};
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::source::{OpenOptions, RawOptions};
+use infobyte::text::{self, data, plain, shown};
 use infobyte::volume::Placement;
 use infobyte::{Error, ExitKind};
 use serde_json::{Value, json};
@@ -50,6 +51,7 @@ fn main() -> ExitCode {
         signal_hook::consts::SIGXFSZ,
         std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false)),
     );
+    text::spell(cure::spelled);
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(e) => return refuse(&e),
@@ -355,7 +357,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
             (true, false) => ",\n",
             (false, _) => "",
         };
-        let text = if args.json { foreign::json(&listed.json()) } else { listed.text() };
+        let text = if args.json { text::json(&listed.json()) } else { listed.text() };
         print(false, || Value::Null, || format!("{before}{text}")).map(|_| ())
     });
     let report = match report {
@@ -384,7 +386,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     };
     let json = || {
         let head = if first { &begin } else { "" };
-        let rest = foreign::json(&report.json());
+        let rest = text::json(&report.json());
         format!("{head}\n],{}\n", rest.strip_prefix('{').unwrap_or(&rest))
     };
     Ok(print(false, || Value::Null, || if args.json { json() } else { text() })?)
@@ -597,7 +599,7 @@ pub(crate) fn print(
     json: impl FnOnce() -> Value,
     text: impl FnOnce() -> String,
 ) -> Result<ExitCode, Error> {
-    let output = if as_json { foreign::json(&json()) + "\n" } else { plain(&text(), true).into_owned() };
+    let output = if as_json { text::json(&json()) + "\n" } else { plain(&text(), true).into_owned() };
     let mut stdout = io::stdout().lock();
     match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
         Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use infobyte::Error;
 use infobyte::jobs::render::RenderReport;
 use infobyte::jobs::scene::SceneReport;
-use infobyte::jobs::wording::foreign::{data, shown};
+use infobyte::text::{data, shown};
 use serde_json::{Value, json};
 
 use crate::print;

@@ -11,20 +11,20 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, CWD, Mode, OFlags};
 
+use thiserror::Error;
+
 /// Why a target cannot be written that the system itself would not refuse; held by an [`io::Error`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub(crate) enum TargetFault {
-    /// It is a link to a place that does not exist.
+    #[error("it is a link to a place that does not exist")]
     DanglingLink,
-    /// It is a folder or a device.
+    #[error("it exists and is not a regular file")]
     NotRegular,
-    /// Its path does not end in a name.
+    #[error("it is not a file name")]
     NoFileName,
-    /// Its folder has no free name for a temporary file.
+    #[error("no free temporary name in the folder")]
     NoFreeName,
 }
-
-impl std::error::Error for TargetFault {}
 
 impl From<TargetFault> for io::Error {
     fn from(fault: TargetFault) -> Self {

@@ -1,8 +1,11 @@
-//! The errors of every boundary gathered once, as values, and the exit code that each kind of failure has.
-//! The sentences are written in `jobs`.
+//! The errors of every boundary gathered once, and the exit code that each kind of failure has.
+
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
 
 use std::io;
 use std::path::PathBuf;
+
+use thiserror::Error as Sentence;
 
 use crate::builder::BuildError;
 use crate::clean::CleanError;
@@ -13,166 +16,79 @@ use crate::format::{Channel, FormatError};
 use crate::load::LoadError;
 use crate::render::RenderError;
 use crate::scene::SceneError;
+use crate::text::names::{CHANNELS, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, SKIN, VISIBLE_FROM};
+use crate::text::{shown, writing};
 
 /// Anything that can stop a job.
 #[non_exhaustive]
-#[derive(Debug)]
+#[derive(Debug, Sentence)]
 pub enum Error {
-    /// The request itself is wrong.
-    Usage(UsageError),
-    /// Reading the volume failed.
-    Source(SourceError),
-    /// Building the octree failed.
-    Build(BuildError),
-    /// Cleaning the volume failed.
-    Clean(CleanError),
-    /// The bytes of an `.oct` are wrong.
-    Format(FormatError),
-    /// Opening an `.oct` failed.
-    Load(LoadError),
-    /// Making or writing a picture failed.
-    Render(RenderError),
-    /// The text of a scene is wrong.
-    Scene(SceneError),
-    /// Another batch writes into the output folder.
-    Busy {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// An output file cannot be written.
+    #[error(transparent)]
+    Usage(#[from] UsageError),
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    #[error(transparent)]
+    Clean(#[from] CleanError),
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error("{}: another batch is writing into this folder; wait until it has finished, or choose another folder with {OUT}", shown(.path))]
+    Busy { path: PathBuf },
+    #[error("{}: cannot be written ({cause}); {}", shown(.path), writing(.cause))]
     Output {
-        /// The target.
         path: PathBuf,
-        /// The system's reason.
+        #[source]
         cause: io::Error,
     },
-    /// A defect of this program stopped the conversion of one volume of a batch.
+    #[error("an internal error stopped its conversion; please report it with the file")]
     Internal,
 }
 
 /// A request that cannot be met, whatever the input holds.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Sentence)]
 pub enum UsageError {
-    /// The model keeps only what can be seen from somewhere, and its inside was asked for.
-    KeepsPart {
-        /// The model.
-        path: PathBuf,
-        /// From where.
-        seen_from: String,
-    },
-    /// A model or packed file would take the place of its input.
-    ReplacesInput {
-        /// The output.
-        path: PathBuf,
-        /// Can the input be a folder, of which the output would be a part?
-        folder: bool,
-    },
-    /// A picture would take the place of the model.
-    ReplacesModel {
-        /// The picture.
-        path: PathBuf,
-    },
-    /// Two pictures have one name.
-    NamedTwice {
-        /// The picture.
-        path: PathBuf,
-    },
-    /// What is to be left out of a model cannot be.
-    Strip {
-        /// The model.
-        path: PathBuf,
-        /// Why not.
-        fault: StripFault,
-    },
-    /// A format cannot hold a model.
-    Export {
-        /// The output.
-        path: PathBuf,
-        /// Why not.
-        fault: ExportFault,
-    },
-    /// A placement turns a model into something without a volume.
-    FlatPlacement {
-        /// The model.
-        path: PathBuf,
-    },
-    /// A synthetic head of this size cannot be made.
-    HeadSize {
-        /// Voxels a side.
-        side: u32,
-    },
+    #[error("{}: keeps only what can be seen ({VISIBLE_FROM} {seen_from}), so that its inside is not known; build it without {VISIBLE_FROM}, or write its skin with {FORM} points, or a mask with {SKIN}", shown(.path))]
+    KeepsPart { path: PathBuf, seen_from: String },
+    #[error("{}: is the input, {}; name another file with {OUTPUT}", shown(.path), if *.folder { "or part of it, and would be replaced by the model" } else { "and would be replaced" })]
+    ReplacesInput { path: PathBuf, folder: bool },
+    #[error("{}: is the model and would be replaced by a picture; name another file", shown(.path))]
+    ReplacesModel { path: PathBuf },
+    #[error("{}: two pictures would be written to it; name another file for one of them", shown(.path))]
+    NamedTwice { path: PathBuf },
+    #[error("{}: {fault}", shown(.path))]
+    Strip { path: PathBuf, fault: StripFault },
+    #[error("{}: {fault}", shown(.path))]
+    Export { path: PathBuf, fault: ExportFault },
+    #[error("{}: the placement leaves it without a volume; give three rows that are not parallel, as in 1,0,0,0,0,1,0,0,0,0,1,0", shown(.path))]
+    FlatPlacement { path: PathBuf },
+    #[error("a head of {side} voxels a side cannot be made; choose 1 to 65536")]
+    HeadSize { side: u32 },
 }
 
 /// Why something cannot be left out of a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Sentence)]
 pub enum StripFault {
-    /// Of cells normals, offsets and corners are the surface, and only the finest level has them.
+    #[error(
+        "of cells the channels are the surface, and coarse boxes do not have it; only {LOD} off leaves something out"
+    )]
     Cells,
-    /// The model does not have so many levels.
-    Levels {
-        /// Levels that were to go.
-        asked: u32,
-        /// Most that can.
-        most: u32,
-    },
-    /// Coarse boxes cannot have this channel.
-    NoMeans {
-        /// The channel.
-        channel: Channel,
-    },
-    /// Fine parts of normals without the normals.
+    #[error("does not have {asked} levels to leave out; choose {LEVELS} 0 to {most}")]
+    Levels { asked: u32, most: u32 },
+    #[error("coarse boxes have no mean of the channel '{channel}'; leave it out with {CHANNELS}")]
+    NoMeans { channel: Channel },
+    #[error("the channel 'fine' refines 'normal'; keep both, or leave out both")]
     FineAlone,
-    /// The model does not have this channel.
-    NoChannel {
-        /// The channel.
-        channel: Channel,
-    },
+    #[error("does not have the channel '{channel}'; {INFO} names those that it has")]
+    NoChannel { channel: Channel },
 }
-
-impl From<UsageError> for Error {
-    fn from(cause: UsageError) -> Self {
-        Self::Usage(cause)
-    }
-}
-
-impl std::error::Error for UsageError {}
-
-impl std::error::Error for Error {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        match self {
-            Self::Source(inner) => inner.source(),
-            Self::Build(inner) => inner.source(),
-            Self::Clean(inner) => inner.source(),
-            Self::Format(inner) => inner.source(),
-            Self::Load(inner) => inner.source(),
-            Self::Render(inner) => inner.source(),
-            Self::Output { cause, .. } => Some(cause),
-            Self::Usage(_) | Self::Scene(_) | Self::Busy { .. } | Self::Internal => None,
-        }
-    }
-}
-
-/// An error of one boundary becomes the variant of the same name.
-macro_rules! gathers {
-    ($($variant:ident($inner:ty)),*) => {$(
-        impl From<$inner> for Error {
-            fn from(cause: $inner) -> Self {
-                Self::$variant(cause)
-            }
-        }
-    )*};
-}
-
-gathers!(
-    Source(SourceError),
-    Build(BuildError),
-    Clean(CleanError),
-    Format(FormatError),
-    Load(LoadError),
-    Render(RenderError),
-    Scene(SceneError)
-);
 
 impl Error {
     /// The kind of failure, hence the exit code.

@@ -113,6 +113,7 @@ mod scratch;
 pub mod source;
 mod stamp;
 pub mod synthetic;
+pub mod text;
 pub mod volume;
 
 pub use budget::MemoryCap;

@@ -1,6 +1,8 @@
 //! Nameless files for what does not fit into memory: gone with their last descriptor, even when the
 //! process is killed.
 
+use crate::budget::Bytes;
+use std::fmt;
 use std::fs::File;
 use std::io;
 use std::path::Path;
@@ -12,6 +14,12 @@ pub(crate) struct NoRoom {
     pub needed_bytes: u64,
     /// Bytes that are free.
     pub free_bytes: u64,
+}
+
+impl fmt::Display for NoRoom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} are needed, and {} are free", Bytes(self.needed_bytes), Bytes(self.free_bytes))
+    }
 }
 
 impl std::error::Error for NoRoom {}

@@ -1,6 +1,8 @@
-//! Why a build stops, as values; the sentences are written in `jobs`.
+//! Why a build stops, as a value with its sentence.
 
-use std::error::Error;
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
+
+use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
@@ -8,98 +10,83 @@ use crate::exit::ExitKind;
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
 use crate::volume::SourceError;
 
+use crate::budget::{ExactSize, SizeArgument};
+use crate::text::names::{
+    DTYPE, ISO, MEMORY, NORMAL_BITS, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
+};
+use crate::text::{Short, reading, shown, writing};
+use thiserror::Error;
+
 /// A build that cannot be finished; the old target, if any, is untouched.
 #[non_exhaustive]
-#[derive(Debug)]
+#[derive(Debug, Error)]
 pub enum BuildError {
-    /// The volume cannot be read.
-    Source(SourceError),
-    /// The cap is too small even for one thread.
-    BudgetTooSmall {
-        /// The input.
-        name: String,
-        /// The cap.
-        limit_bytes: u64,
-        /// The smallest cap that works.
-        minimum_bytes: u64,
-    },
-    /// No voxel lies in the range.
-    EmptyResult {
-        /// The input.
-        name: String,
-        /// What was asked for.
-        sought: Sought,
-        /// Smallest value.
-        min: f64,
-        /// Largest value.
-        max: f64,
-    },
-    /// No voxel of the solid is inside.
-    NothingInside {
-        /// The solid.
-        name: String,
-    },
-    /// Nothing of the surface can be seen from where the model will be looked at.
-    NothingVisible {
-        /// The input.
-        name: String,
-        /// Boxes of the surface.
-        boxes: u64,
-    },
-    /// The solid does not have a channel that was asked for.
-    NoChannel {
-        /// The solid.
-        name: String,
-        /// The channel.
-        channel: Channel,
-        /// What was to be built.
-        surface: SurfaceKind,
-    },
-    /// Normals of 12 or 24 bits were asked for where there are only those of 16.
-    NormalBits {
-        /// The input.
-        name: String,
-    },
-    /// Cells are one more than voxels along each axis, and the volume has as many as can be.
-    NoRoomForCells {
-        /// The input.
-        name: String,
-    },
-    /// Every sample is NaN or infinite.
-    NoNumbers {
-        /// The input.
-        name: String,
-    },
-    /// The range ends before it begins, or a limit is NaN.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    #[error("{name}: {MEMORY} {} is too small; the smallest that works is {MEMORY} {}", ExactSize(*.limit_bytes), SizeArgument(*.minimum_bytes))]
+    BudgetTooSmall { name: String, limit_bytes: u64, minimum_bytes: u64 },
+    #[error("{name}: no voxel lies in {sought}; the values of this volume run from {} to {}: choose {ISO} or {RANGE} within them", Short(*.min), Short(*.max))]
+    EmptyResult { name: String, sought: Sought, min: f64, max: f64 },
+    #[error("{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it")]
+    NothingInside { name: String },
+    #[error(
+        "{name}: none of the {boxes} boxes of its surface can be seen from there; give another {VISIBLE_FROM}"
+    )]
+    NothingVisible { name: String, boxes: u64 },
+    #[error("{name}: {}", no_channel(*.channel, *.surface))]
+    NoChannel { name: String, channel: Channel, surface: SurfaceKind },
+    #[error(
+        "{name}: only skin voxels of volumes have normals of 12 or 24 bits; leave out {NORMAL_BITS}, or use {SURFACE} skin"
+    )]
+    NormalBits { name: String },
+    #[error(
+        "{name}: a side of 65536 voxels is too long for cells; use {SURFACE} skin, or a part of the volume with {ROI}"
+    )]
+    NoRoomForCells { name: String },
+    #[error(
+        "{name}: holds no finite value; check that it is the right file, and of headerless voxels check {DTYPE}"
+    )]
+    NoNumbers { name: String },
+    #[error("the range is empty: write it as LO..HI with LO <= HI")]
     EmptyRange {
         /// Lowest value asked for.
         lo: f64,
         /// Highest value asked for.
         hi: f64,
     },
-    /// The scratch file cannot be written.
+    #[error("scratch file in {}: {cause}; {}", shown(.path), reading(.cause, format_args!("free some space or choose another folder with {SCRATCH}")))]
     Scratch {
-        /// The folder.
         path: PathBuf,
-        /// The system's reason, or a [`ScratchFault`].
+        #[source]
         cause: io::Error,
     },
-    /// The output cannot be written.
+    #[error("{}: cannot be written ({cause}); {}", shown(.path), writing(.cause))]
     Output {
-        /// The target.
         path: PathBuf,
-        /// The system's reason.
+        #[source]
         cause: io::Error,
     },
-    /// The metadata cannot be encoded.
-    Format(FormatError),
-    /// Threads cannot be started.
+    #[error(transparent)]
+    Format(#[from] FormatError),
+    #[error("worker threads cannot be started ({cause}); try {THREADS} 1")]
     Threads {
         /// How many.
         threads: usize,
-        /// The system's reason.
+        #[source]
         cause: io::Error,
     },
+}
+
+fn no_channel(channel: Channel, surface: SurfaceKind) -> String {
+    match (channel, surface) {
+        (Channel::Value, SurfaceKind::Cells) => format!(
+            "cells lie where the value is the threshold, so there is no channel 'value'; leave it out, or use {SURFACE} skin"
+        ),
+        (Channel::Color | Channel::Material, SurfaceKind::Cells) => format!(
+            "cells hold the shape of a surface alone, so there is no channel '{channel}'; leave it out, or use {SURFACE} skin"
+        ),
+        _ => format!("does not have the channel '{channel}'; leave it out"),
+    }
 }
 
 impl BuildError {
@@ -119,62 +106,39 @@ impl BuildError {
     }
 }
 
-/// What a range without voxels was.
+/// A range without voxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sought {
-    /// Otsu's threshold, which needs two different values.
+    /// Otsu's method does not give a range, because all values are equal.
     Split,
-    /// The voxels of this range.
+    /// No value lies within the range.
     Within(Selection),
 }
 
-/// What is wrong with a scratch file that can be read; held by the [`io::Error`] of [`BuildError::Scratch`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ScratchFault {
-    /// Its contents are not those that were written.
-    Changed,
-    /// It would have more bricks than the machine can address.
-    TooManyBricks,
-}
-
-impl Error for ScratchFault {}
-
-impl From<ScratchFault> for io::Error {
-    fn from(fault: ScratchFault) -> Self {
-        Self::other(fault)
-    }
-}
-
-impl Error for BuildError {
-    fn source(&self) -> Option<&(dyn Error + 'static)> {
+impl fmt::Display for Sought {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Source(inner) => inner.source(),
-            Self::Format(inner) => inner.source(),
-            Self::Scratch { cause, .. } | Self::Output { cause, .. } | Self::Threads { cause, .. } => {
-                Some(cause)
+            Self::Split => f.write_str("a range by Otsu's method, which needs two different values"),
+            Self::Within(range) if range.hi.is_infinite() => {
+                write!(f, "the range from {} up", Short(range.lo))
             }
-            Self::BudgetTooSmall { .. }
-            | Self::EmptyResult { .. }
-            | Self::NothingInside { .. }
-            | Self::NothingVisible { .. }
-            | Self::NoChannel { .. }
-            | Self::NormalBits { .. }
-            | Self::NoRoomForCells { .. }
-            | Self::NoNumbers { .. }
-            | Self::EmptyRange { .. } => None,
+            Self::Within(range) => write!(f, "the range {}..{}", Short(range.lo), Short(range.hi)),
         }
     }
 }
 
-impl From<SourceError> for BuildError {
-    fn from(cause: SourceError) -> Self {
-        Self::Source(cause)
-    }
+/// What is wrong with a scratch file that can be read; held by the [`io::Error`] of [`BuildError::Scratch`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum ScratchFault {
+    #[error("its contents were changed by someone else")]
+    Changed,
+    #[error("the model has too many bricks for this machine")]
+    TooManyBricks,
 }
 
-impl From<FormatError> for BuildError {
-    fn from(cause: FormatError) -> Self {
-        Self::Format(cause)
+impl From<ScratchFault> for io::Error {
+    fn from(fault: ScratchFault) -> Self {
+        Self::other(fault)
     }
 }
 

@@ -1,6 +1,9 @@
 //! What was built and what it took.
 
+use std::fmt;
+
 use crate::format::Selection;
+use crate::text::names::{ISO, RANGE};
 
 /// What was built and what it took.
 #[derive(Clone, Debug)]
@@ -50,6 +53,18 @@ pub enum BuildNote {
         /// How many there are.
         voxels: u64,
     },
+}
+
+impl fmt::Display for BuildNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),
+            Self::AllInside { voxels } => write!(
+                f,
+                "all {voxels} voxels are inside, so that the model is the box of the volume; choose another {ISO} or {RANGE}"
+            ),
+        }
+    }
 }
 
 /// Wall time of the stages.

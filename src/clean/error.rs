@@ -1,52 +1,37 @@
-//! Why cleaning stops, as values; the sentences are written in `jobs`.
+//! Why cleaning stops, as a value with its sentence.
 
-use std::error::Error;
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
+
 use std::io;
 
+use super::MOST_LARGEST;
 use crate::builder::BuildError;
 use crate::exit::ExitKind;
 use crate::format::Selection;
 
+use crate::text::names::DROP_BELOW;
+use thiserror::Error;
+
 /// A volume that cannot be cleaned.
 #[non_exhaustive]
-#[derive(Debug)]
+#[derive(Debug, Error)]
 pub enum CleanError {
-    /// The volume cannot be read, the cap is too small, or scratch files fail: as in the build that follows.
-    Build(BuildError),
-    /// A closing of more than 2 voxels, or no components or too many to keep.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    #[error("gaps can be closed by 1 or 2 voxels, and 1 to {MOST_LARGEST} components kept")]
     Options {
         /// Radius of the closing.
         close: u32,
         /// Components to keep, if it was asked for.
         keep_largest: Option<u32>,
     },
-    /// The range lies between two samples of the volume's type.
+    #[error("the range holds no sample of this volume's type")]
     NoSample {
         /// The range.
         selection: Selection,
     },
-    /// Every component would be removed.
-    NothingKept {
-        /// The input.
-        name: String,
-        /// Voxels of the largest component.
-        largest: u64,
-    },
-}
-
-impl Error for CleanError {
-    fn source(&self) -> Option<&(dyn Error + 'static)> {
-        match self {
-            Self::Build(inner) => inner.source(),
-            Self::Options { .. } | Self::NoSample { .. } | Self::NothingKept { .. } => None,
-        }
-    }
-}
-
-impl From<BuildError> for CleanError {
-    fn from(cause: BuildError) -> Self {
-        Self::Build(cause)
-    }
+    #[error("{name}: no component is left; the largest has {largest} voxels: choose {DROP_BELOW} below that")]
+    NothingKept { name: String, largest: u64 },
 }
 
 impl CleanError {
@@ -61,10 +46,9 @@ impl CleanError {
 }
 
 /// A slice has more than 2^32 runs; held by the [`io::Error`] of a scratch file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("a slice has more than 2^32 runs")]
 pub struct TooManyRuns;
-
-impl Error for TooManyRuns {}
 
 impl From<TooManyRuns> for io::Error {
     fn from(fault: TooManyRuns) -> Self {

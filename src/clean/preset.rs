@@ -1,5 +1,7 @@
 //! Ranges of Hounsfield units under the names of tissues.
 
+use std::fmt;
+
 use crate::builder::Threshold;
 
 /// A tissue in CT, by its usual range.
@@ -82,6 +84,17 @@ pub struct PresetDoubt {
     pub preset: Preset,
     /// The input's modality, which is not CT; `None` where it states none.
     pub modality: Option<String>,
+}
+
+impl fmt::Display for PresetDoubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.preset.name();
+        write!(f, "the preset {name} is a range of Hounsfield units")?;
+        match &self.modality {
+            Some(other) => write!(f, ", and this is {other}, not CT"),
+            None => f.write_str("; the input does not say that its values are"),
+        }
+    }
 }
 
 #[cfg(test)]

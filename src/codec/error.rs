@@ -13,85 +13,60 @@ use super::rle::fault as rle;
 #[non_exhaustive]
 #[derive(Debug, Error)]
 pub enum CodecError {
-    /// The codestream is damaged, ends early, or is not what its receiver expects.
+    #[error("the compressed image is damaged: {0}")]
     Damaged(Damage),
-    /// The codestream is sound, but of a kind that is not decoded here.
+    #[error("the compressed image uses {0}, which is not supported")]
     Unsupported(Feature),
-    /// Decoding needs more memory than allowed.
-    Memory {
-        /// Bytes that decoding would take.
-        needed_bytes: u64,
-        /// Bytes that it may take.
-        allowed_bytes: u64,
-    },
-    /// The input failed, or the receiver did.
+    #[error("decoding the image needs {needed_bytes} bytes of memory, and {allowed_bytes} are allowed")]
+    Memory { needed_bytes: u64, allowed_bytes: u64 },
+    #[error("{0}")]
     Io(#[from] io::Error),
 }
 
 /// What is damaged in a frame.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Damage {
-    /// It is not the frame that its receiver expects.
+    #[error("{0}")]
     Frame(Mismatch),
-    /// In a JPEG image.
+    #[error("{0}")]
     Jpeg(jpeg::Damage),
-    /// In a JPEG-LS image.
+    #[error("{0}")]
     JpegLs(jpegls::Damage),
-    /// In a JPEG 2000 image.
+    #[error("{0}")]
     Jpeg2000(jpeg2000::Damage),
-    /// In an RLE frame.
+    #[error("{0}")]
     Rle(rle::Damage),
 }
 
 /// What a frame uses that is not decoded.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Feature {
-    /// Of JPEG.
+    #[error("{0}")]
     Jpeg(jpeg::Feature),
-    /// Of JPEG-LS.
+    #[error("{0}")]
     JpegLs(jpegls::Feature),
-    /// Of JPEG 2000.
+    #[error("{0}")]
     Jpeg2000(jpeg2000::Feature),
-    /// Of RLE.
+    #[error("{0}")]
     Rle(rle::Feature),
 }
 
 /// How a frame differs from what surrounds it.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Mismatch {
-    /// Columns and rows.
-    Size {
-        /// Of the frame.
-        size: [u32; 2],
-        /// Of the header around it.
-        stated: [u32; 2],
-    },
-    /// Samples per pixel.
-    Samples {
-        /// Of the frame.
-        samples: u8,
-        /// Of the header around it.
-        stated: u8,
-    },
-    /// More bits a sample than there is room for.
-    Bits {
-        /// Of the frame.
-        bits: u32,
-        /// Of the header around it.
-        allocated: u32,
-    },
-    /// More rows than the frame itself states.
+    #[error("it is {columns}x{rows}, and the header says {x}x{y}", columns = .size[0], rows = .size[1], x = .stated[0], y = .stated[1])]
+    Size { size: [u32; 2], stated: [u32; 2] },
+    #[error("it has {samples} samples a pixel, and the header says {stated}")]
+    Samples { samples: u8, stated: u8 },
+    #[error("it has {bits} bits a sample, and the header allocates {allocated}")]
+    Bits { bits: u32, allocated: u32 },
+    #[error("it has more rows than it says")]
     ManyRows,
-    /// Fewer rows than the frame itself states.
-    FewRows {
-        /// Rows that came.
-        rows: u32,
-        /// Rows that are stated.
-        stated: u32,
-    },
+    #[error("it has {rows} rows of {stated}")]
+    FewRows { rows: u32, stated: u32 },
 }
 
 impl From<Mismatch> for CodecError {

@@ -4,6 +4,8 @@
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
 
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
+
 mod error;
 mod frame;
 pub(crate) mod jpeg;

@@ -1,28 +1,24 @@
-//! Why a format cannot hold a model, as a value; the sentence is written in `jobs`.
+//! Why a format cannot hold a model, as a value with its sentence.
+
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
 
 use std::io;
 
-/// Why a format cannot hold a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ExportFault {
-    /// It counts triangles, corners or bytes in 32 bits.
-    TooLong {
-        /// How many there would be.
-        needed: u64,
-    },
-    /// A slice of blocks of samples would have more of them than are kept in memory.
-    TooBroad {
-        /// Blocks of a slice.
-        blocks: u64,
-    },
-    /// NIfTI-1 states sides in 15 bits.
-    TooWide {
-        /// Voxels of the longest side.
-        side: u32,
-    },
-}
+use crate::text::names::{LEVELS, SIMPLIFY, STRIP};
+use thiserror::Error;
 
-impl std::error::Error for ExportFault {}
+/// Why a format cannot hold a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum ExportFault {
+    #[error(
+        "{needed} corners, triangles or bytes are more than the format can count; leave fine levels out of the model first, with {STRIP} {LEVELS}"
+    )]
+    TooLong { needed: u64 },
+    #[error("a slice of {blocks} blocks is more than is kept in memory; choose a larger {SIMPLIFY}, or 0")]
+    TooBroad { blocks: u64 },
+    #[error("a side of {side} voxels is longer than NIfTI-1 can state (32767); write NRRD instead")]
+    TooWide { side: u32 },
+}
 
 impl From<ExportFault> for io::Error {
     fn from(fault: ExportFault) -> Self {

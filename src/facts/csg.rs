@@ -1,138 +1,118 @@
 //! What is found and refused about trees of solids, and about the text that they are read from.
 
+use std::fmt;
+
+use thiserror::Error;
+
+use super::mesh::length;
+use crate::text::names::{DIMS, FOLLOW_LINKS, GRID, ORIGIN, UNIT, VOXEL};
+use crate::text::shown;
+
+/// Modules of `.csg` files that are read.
+const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, multmatrix, offset3d, color and group";
+
 /// What is wrong with a tree, or with its text. Lines are counted from 1; 0 is a tree that was not read from text.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum CsgFault {
-    /// Something else stands where this belongs.
-    Expected {
-        /// Line.
-        line: u64,
-        /// What belongs there.
-        what: CsgToken,
-    },
-    /// A module that is not read.
-    Unsupported {
-        /// Line.
-        line: u64,
-        /// Its name, as far as it is told.
-        module: String,
-    },
-    /// An argument is missing, or of a kind that makes no sense.
-    Argument {
-        /// Line.
-        line: u64,
-        /// Module.
-        module: String,
-        /// Argument.
-        argument: &'static str,
-    },
-    /// An argument that the module does not take.
-    Surplus {
-        /// Line.
-        line: u64,
-        /// Which, and of what.
-        of: Box<SurplusArgument>,
-    },
-    /// A polygon, square or circle that is not extruded.
-    Flat {
-        /// Line.
-        line: u64,
-        /// Module.
-        module: String,
-    },
-    /// A solid where a flat shape is to be extruded.
-    NotFlat {
-        /// Line.
-        line: u64,
-        /// Module.
-        module: String,
-    },
-    /// An extrusion that twists or narrows.
-    Twisted {
-        /// Line.
-        line: u64,
-    },
-    /// A solid without a size, or with one that is not a number.
-    Size {
-        /// Line.
-        line: u64,
-    },
-    /// A matrix that makes a solid flat, or has no sound numbers.
-    Singular {
-        /// Line.
-        line: u64,
-    },
-    /// The faces of a polyhedron leave holes.
-    Open {
-        /// Line.
-        line: u64,
-    },
-    /// More facets than are made.
-    Facets {
-        /// Line.
-        line: u64,
-        /// The most.
-        most: u64,
-    },
-    /// It reaches beyond the lattice.
-    TooFar {
-        /// Line.
-        line: u64,
-        /// Most voxels from the corner of the grid.
-        most_voxels: u64,
-    },
-    /// More leaves than a tree may have.
-    TooMany {
-        /// The most.
-        most: u64,
-    },
-    /// Nothing bounds it, so that no grid can be put around it.
+    #[error("{}expected {what}; give a tree as `openscad -o tree.csg part.scad` writes it", At(*.line))]
+    Expected { line: u64, what: CsgToken },
+    #[error("{}{} is not supported; read are {READ}", At(*.line), shown(.module))]
+    Unsupported { line: u64, module: String },
+    #[error("{}{argument} of {} is missing or makes no sense{}", At(*.line), shown(.module), Example(.module))]
+    Argument { line: u64, module: String, argument: &'static str },
+    #[error("{}{of}", At(*.line))]
+    Surplus { line: u64, of: Box<SurplusArgument> },
+    #[error("{}{} is flat; put it into linear_extrude", At(*.line), shown(.module))]
+    Flat { line: u64, module: String },
+    #[error("{}{} is not flat and cannot be extruded", At(*.line), shown(.module))]
+    NotFlat { line: u64, module: String },
+    #[error("{}linear_extrude with twist, scale or a slanted direction is not supported; leave them out", At(*.line))]
+    Twisted { line: u64 },
+    #[error("{}a size is below 0, not a number or makes no solid; correct it", At(*.line))]
+    Size { line: u64 },
+    #[error("{}a matrix makes its solid flat or infinite; correct it", At(*.line))]
+    Singular { line: u64 },
+    #[error("{}the faces of the polyhedron leave holes; close it, or write it as a mesh and import that", At(*.line))]
+    Open { line: u64 },
+    #[error("{}$fn is more than {most}; leave it out for a smooth surface", At(*.line))]
+    Facets { line: u64, most: u64 },
+    #[error("{}reaches more than {most_voxels} voxels from the corner of the grid; choose larger voxels, or an origin nearer to it", At(*.line))]
+    TooFar { line: u64, most_voxels: u64 },
+    #[error("has more than {most} leaves")]
+    TooMany { most: u64 },
+    #[error(
+        "is not bounded, so that no grid can be put around it; give the grid in full with {VOXEL}, {ORIGIN} and {DIMS}"
+    )]
     Unbounded,
-    /// Its bounds leave nothing.
+    #[error("has nothing inside: what is left of its parts does not overlap")]
     Nothing,
-    /// A file that it names lies outside of its folder.
-    Outside {
-        /// The name.
-        name: String,
-    },
-    /// A file that it names is a link that leads out of its folder.
-    Linked {
-        /// The name.
-        name: String,
-    },
-    /// A solid that cannot be grown or shrunk exactly.
-    Offset {
-        /// Line of the solid, or of `offset3d`.
-        line: u64,
-        /// Why.
-        fault: OffsetFault,
-    },
-    /// Volumes on different grids.
+    #[error("names `{}`, which lies outside of its folder; put the file beside it or in a folder below", shown(.name))]
+    Outside { name: String },
+    #[error("names `{}`, a link that leads out of its folder; put the file there, or add {FOLLOW_LINKS}", shown(.name))]
+    Linked { name: String },
+    #[error("{}offset3d does not take {fault}; it grows and shrinks spheres, boxes, cylinders, cones, tori and half-spaces that are not stretched, grows unions of them, and shrinks their intersections and differences", At(*.line))]
+    Offset { line: u64, fault: OffsetFault },
+    #[error(
+        "has volumes that lie where their files say, on grids that differ; place all but one with multmatrix, or all, and choose the grid with {GRID} or {VOXEL}"
+    )]
     Volumes,
-    /// A grid is asked for beside a volume, which brings its own.
+    #[error(
+        "has a volume that lies where its file says, whose grid is the model's; leave out {GRID}, {VOXEL} and {UNIT}, or place it with multmatrix, and {UNIT} alone"
+    )]
     GridOfVolume,
+}
+
+/// The line of a text; nothing of a tree that was not read from one.
+struct At(u64);
+
+impl fmt::Display for At {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0 > 0 { write!(f, "line {}: ", self.0) } else { Ok(()) }
+    }
+}
+
+/// How a module is written, as the end of a sentence.
+struct Example<'a>(&'a str);
+
+impl fmt::Display for Example<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let example = match self.0 {
+            "cube" => "cube(size = [10, 20, 30], center = true);",
+            "sphere" => "sphere(r = 5);",
+            "ellipsoid" => "ellipsoid(radii = [5, 5, 9]);",
+            "cylinder" => "cylinder(h = 10, r1 = 5, r2 = 3);",
+            "torus" => "torus(major = 10, minor = 2);",
+            "halfspace" => "halfspace(normal = [0, 0, 1], offset = 5);",
+            "volume" => "volume(file = \"ct.nii.gz\", iso = 226);",
+            "mesh" => "mesh(file = \"part.stl\");",
+            "import" => "import(file = \"part.stl\"); of STL, PLY, OBJ and OFF",
+            "multmatrix" => "multmatrix([[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])",
+            _ => return Ok(()),
+        };
+        write!(f, "; write for example {example}")
+    }
 }
 
 /// Why a solid cannot be grown or shrunk exactly.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum OffsetFault {
-    /// It is stretched or sheared.
+    #[error("a solid that is stretched or sheared")]
     Stretched,
-    /// An ellipsoid.
+    #[error("an ellipsoid")]
     Ellipsoid,
-    /// Facets: a polyhedron, a prism, or a sphere or cylinder with `$fn`.
+    #[error("a solid of facets (a polyhedron, a prism, or $fn)")]
     Faces,
-    /// A mesh.
+    #[error("a mesh")]
     Mesh,
-    /// A volume.
+    #[error("a volume")]
     Volume,
-    /// An intersection, difference or complement of several parts that would be grown.
+    #[error("an intersection, difference or complement of several parts to grow it")]
     GrownDifference,
-    /// A union of several parts that would be shrunk.
+    #[error("a union of several parts to shrink it")]
     ShrunkUnion,
-    /// A tube of more than 16 times its ring.
+    #[error("a rim that would become wider than 16 of its radii")]
     Wide,
 }
 
@@ -147,27 +127,49 @@ pub struct SurplusArgument {
     pub known: &'static [&'static str],
 }
 
+impl fmt::Display for SurplusArgument {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { module, argument, known } = self;
+        let module = shown(module);
+        match argument {
+            Some(name) => write!(f, "{module} does not take {}", shown(name))?,
+            None => write!(f, "{module} has more values than it takes")?,
+        }
+        match known {
+            [] => f.write_str("; leave it out"),
+            _ => write!(f, "; it takes {}", known.join(", ")),
+        }
+    }
+}
+
 /// What can be missing from the text of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CsgToken {
-    /// A module's name.
     Module,
-    /// `(` behind a module's name.
     Open,
-    /// `,` or `)` between arguments.
     Close,
-    /// `;` or `{` behind a module.
     End,
-    /// `}` at the end of the text.
     Brace,
-    /// A value of an argument.
     Value,
-    /// The end of a list of values.
     List,
-    /// The end of a text in quotes.
     Quote,
-    /// The end of a comment.
     Comment,
+}
+
+impl fmt::Display for CsgToken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Module => "the name of a module",
+            Self::Open => "( behind the name of a module",
+            Self::Close => ", or ) behind an argument",
+            Self::End => "; or { behind a module",
+            Self::Brace => "} before the end of the file",
+            Self::Value => "a value",
+            Self::List => "the ] of a list",
+            Self::Quote => "the end of a text in quotes",
+            Self::Comment => "the end of a comment",
+        })
+    }
 }
 
 /// What was found about a tree.
@@ -184,4 +186,36 @@ pub struct CsgFacts {
     /// Sides on which the bounds of solids reach out of a volume's grid, where these are cut: at the low end of each
     /// axis of the grid, then at the high ends.
     pub cut: [[bool; 3]; 2],
+}
+
+impl fmt::Display for CsgFacts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { leaves, files, voxel_mm, origin_mm, cut } = self;
+        write!(f, "{leaves} {}", if *leaves == 1 { "leaf" } else { "leaves" })?;
+        if *files > 0 {
+            write!(f, ", {files} of them from files")?;
+        }
+        let short = |of: f64| length(of, of / 1000.0);
+        let smallest = voxel_mm.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+        let [x, y, z] = origin_mm.map(|at| length(at, smallest));
+        match voxel_mm {
+            [a, b, c] if a == b && b == c => write!(f, "; voxels of {} mm", short(*a))?,
+            [a, b, c] => write!(f, "; voxels of {} x {} x {} mm", short(*a), short(*b), short(*c))?,
+        }
+        write!(f, " from {x}, {y}, {z}")?;
+        if *cut == [[false; 3]; 2] {
+            return Ok(());
+        }
+        f.write_str(
+            "; the bounds of its solids reach out of the volume's grid, and what lies beyond is cut off (",
+        )?;
+        let mut before = "";
+        for (cut, end) in cut.iter().zip(["low", "high"]) {
+            for axis in ["x", "y", "z"].iter().zip(cut).filter_map(|(axis, cut)| cut.then_some(axis)) {
+                write!(f, "{before}{end} {axis}")?;
+                before = ", ";
+            }
+        }
+        f.write_str(")")
+    }
 }

@@ -1,5 +1,6 @@
 //! What can be wrong with an input volume.
 
+use std::fmt;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -23,108 +24,73 @@ use super::sidecar::SideCarFault;
 use super::stated::StatedBy;
 use super::synthetic::SyntheticFault;
 use super::tiff::TiffFault;
+use crate::budget::Bytes;
 use crate::exit::ExitKind;
 use crate::geom::Dims;
+use crate::text::names::{
+    DIMS, DOWNSAMPLE, DTYPE, GRID, MEMORY, ROI, SCAN, SCRATCH, SKIP, SPACING, VOLUME, VOXEL,
+};
+use crate::text::{reading, shown};
 
 /// A source that cannot be used: which file or folder, and why.
 #[non_exhaustive]
 #[derive(Debug, Error)]
 pub enum SourceError {
-    /// The operating system refused.
+    #[error("{}: cannot be read ({cause}); {}", shown(.path), reading(.cause, "check that it exists and that you may read it"))]
     Unreadable {
-        /// File or folder.
         path: PathBuf,
-        /// The system's reason.
         #[source]
         cause: io::Error,
     },
-    /// File size and stated dims disagree.
-    SizeMismatch {
-        /// The file.
-        path: PathBuf,
-        /// Bytes that dims, type and skip require.
-        expected: u64,
-        /// Bytes that are there.
-        got: u64,
-        /// What the file was said to hold.
-        layout: Box<RawLayout>,
-    },
-    /// The file shrank or failed while it was being read.
+    #[error("{}: has {got} bytes, but {expected} are needed for {layout}; check {DIMS}, {DTYPE} and {SKIP}", shown(.path))]
+    SizeMismatch { path: PathBuf, expected: u64, got: u64, layout: Box<RawLayout> },
+    #[error("{}: ended or failed while slice {slice} was read ({cause}); {}", shown(.path), reading(.cause, "was it changed during the build?"))]
     ReadFailed {
-        /// The file.
         path: PathBuf,
-        /// Slice index.
         slice: u32,
-        /// The system's reason.
         #[source]
         cause: io::Error,
     },
-    /// A folder without a usable image.
-    NoVolume {
-        /// The folder or file.
-        path: PathBuf,
-        /// What was found instead.
-        found: Instead,
-    },
-    /// The file is damaged, or of a kind that cannot be used.
-    Unusable {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        fault: Fault,
-    },
-    /// A DICOM file or series that cannot be used.
-    Dicom {
-        /// The file, or the folder of the files.
-        path: PathBuf,
-        /// Why.
-        fault: DicomFault,
-    },
-    /// The scratch file that a sequential input is unrolled into cannot be written.
+    #[error("{}: {found}", shown(.path))]
+    NoVolume { path: PathBuf, found: Instead },
+    #[error("{}: {fault}", shown(.path))]
+    Unusable { path: PathBuf, fault: Fault },
+    #[error("{}: {fault}", shown(.path))]
+    Dicom { path: PathBuf, fault: DicomFault },
+    #[error("scratch file in {}: {cause}; {}", shown(.path), reading(.cause, format_args!("free some space or choose another folder with {SCRATCH}")))]
     Scratch {
-        /// The folder.
         path: PathBuf,
-        /// The system's reason.
         #[source]
         cause: io::Error,
     },
-    /// Unrolling the input needs more memory than allowed.
-    Memory {
-        /// The file.
-        path: PathBuf,
-        /// Bytes that decoding takes.
-        needed_bytes: u64,
-        /// Bytes that it may take.
-        allowed_bytes: u64,
-    },
-    /// Putting the images of a series in order needs more memory than allowed.
-    ManyImages {
-        /// The series' first file.
-        path: PathBuf,
-        /// Files, or frames where files have several.
-        images: u64,
-        /// Bytes that ordering takes, about.
-        needed_bytes: u64,
-        /// Bytes that it may take.
-        allowed_bytes: u64,
-    },
-    /// The largest of several volumes lacks slices, and another one would be taken for it.
+    #[error("{}: needs {} to be decoded, and {MEMORY} leaves {} for that; allow at least {} more", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
+    Memory { path: PathBuf, needed_bytes: u64, allowed_bytes: u64 },
+    #[error("{}: has {images} images, which take {} to be put in order, where {} is left for that; allow at least {} more with {MEMORY}", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
+    ManyImages { path: PathBuf, images: u64, needed_bytes: u64, allowed_bytes: u64 },
+    #[error("{error}; or choose a volume: {VOLUME} {number} is this one, {VOLUME} {} the largest of the others ({other})", .other.number)]
     Gaps {
-        /// Why it is refused.
         #[source]
         error: Box<SourceError>,
-        /// Its number.
         number: usize,
-        /// The largest of the others.
         other: Box<OtherVolume>,
     },
-    /// The request does not fit the input (for example a headerless file of which nothing is said).
-    Usage {
-        /// The file or folder.
-        path: PathBuf,
-        /// What is wrong with the request.
-        misuse: Misuse,
-    },
+    #[error("{}: {misuse}", shown(.path))]
+    Usage { path: PathBuf, misuse: Misuse },
+}
+
+/// An error without its path, where that stands for itself before the reason.
+pub(super) struct Reason<'a>(pub(super) &'a SourceError);
+
+impl fmt::Display for Reason<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            SourceError::NoVolume { found, .. } => found.fmt(f),
+            SourceError::Unusable { fault, .. } => fault.fmt(f),
+            SourceError::Dicom { fault, .. } => fault.fmt(f),
+            SourceError::Usage { misuse, .. } => misuse.fmt(f),
+            other => other.fmt(f),
+        }
+    }
 }
 
 impl SourceError {
@@ -187,126 +153,142 @@ pub struct OtherVolume {
     pub size: Option<[u32; 3]>,
 }
 
+impl fmt::Display for OtherVolume {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { kind, part, size, .. } = self;
+        describe(f, kind, part.as_deref(), *size)
+    }
+}
+
+/// Kind, part and size of a volume.
+pub(super) fn describe(
+    f: &mut fmt::Formatter<'_>,
+    kind: &str,
+    part: Option<&str>,
+    size: Option<[u32; 3]>,
+) -> fmt::Result {
+    f.write_str(kind)?;
+    if let Some(part) = part {
+        write!(f, " {part}")?;
+    }
+    size.map_or(Ok(()), |[x, y, z]| write!(f, " {x}x{y}x{z}"))
+}
+
 /// What was found where a volume was looked for.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq)]
 pub enum Instead {
-    /// No file at all.
     EmptyFolder,
-    /// No file that could be a slice without a header.
     NoSlices,
-    /// Files of one kind only.
-    Only {
-        /// How many.
-        files: u64,
-        /// Their kind.
-        kind: NotVolume,
-    },
-    /// Files of which none is known.
-    Unknown {
-        /// How many.
-        files: u64,
-    },
-    /// A single file that is something else.
+    Only { files: u64, kind: NotVolume },
+    Unknown { files: u64 },
     File(NotVolume),
-    /// Nothing below several inputs.
     Nothing,
+}
+
+impl fmt::Display for Instead {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::EmptyFolder => f.write_str("the folder holds no file"),
+            Self::NoSlices => f.write_str("the folder holds no file; give the folder of the slice files"),
+            Self::Only { files, kind } => {
+                write!(f, "none of the {files} file(s) is a volume: {kind}")
+            }
+            Self::Unknown { files } => write!(
+                f,
+                "no volume is among the {files} file(s); for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}"
+            ),
+            Self::File(kind) => kind.fmt(f),
+            Self::Nothing => write!(f, "no volume was found below it; `{SCAN}` says what is there"),
+        }
+    }
 }
 
 /// What is wrong with a file.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Fault {
-    /// It ends within its header.
+    #[error("ends early; it was cut short, copy it again")]
     EndsEarly,
-    /// It has no bytes.
+    #[error("is empty; give a DICOM series or headerless voxels")]
     Empty,
-    /// It is neither a file nor a folder.
+    #[error("is neither a file nor a folder; name one of these")]
     NotAFile,
-    /// It was changed after it was found.
+    #[error("was changed while the folders were searched; start again")]
     Changed,
-    /// It was changed, cut, grown or replaced while samples were read.
+    #[error(
+        "was changed or replaced while it was read, so that nothing was made of it; start again once it is complete"
+    )]
     ChangedInUse,
-    /// It is of a kind that is known, but not read.
+    #[error(
+        "is {0}; DICOM, NRRD, NIfTI, MetaImage, .npy, TIFF and PNG are read, and headerless voxels with {DIMS} NXxNYxNZ and {DTYPE}"
+    )]
     Known(Known),
-    /// It is named like DICOM only.
+    #[error("is not DICOM, in spite of its name; for headerless voxels add {DIMS} and {DTYPE}")]
     NotDicom,
-    /// It is named like a mesh.
+    #[error(
+        "is a mesh by its name, and is not read as a volume; meshes (STL, PLY, OBJ, OFF, glTF, 3MF) are built by themselves, with {GRID} N or {VOXEL} MM"
+    )]
     Mesh,
-    /// A mesh that cannot be used.
+    #[error("{0}")]
     MeshFile(MeshFault),
-    /// A tree of solids that cannot be used.
+    #[error("{0}")]
     Csg(CsgFault),
-    /// Files without a header do not fit what is said of them.
+    #[error("{0}")]
     Raw(RawFault),
-    /// What formats with headers of text share.
+    #[error("{0}")]
     Header(HeaderFault),
-    /// Samples that do not fit their header.
+    #[error("{0}")]
     Stored(StoredFault),
-    /// NRRD.
+    #[error("{0}")]
     Nrrd(NrrdFault),
-    /// NIfTI.
+    #[error("{0}")]
     Nifti(NiftiFault),
-    /// MetaImage.
+    #[error("{0}")]
     MetaImage(MetaImageFault),
-    /// NumPy arrays.
+    #[error("{0}")]
     Npy(NpyFault),
-    /// TIFF.
+    #[error("{0}")]
     Tiff(TiffFault),
-    /// PNG.
+    #[error("{0}")]
     Png(PngFault),
-    /// Side-cars.
+    #[error("{0}")]
     SideCar(SideCarFault),
-    /// Slices numbered by their names.
+    #[error("{0}")]
     Numbers(NumberFault),
 }
 
 /// What is wrong with a request.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum Misuse {
-    /// Nothing is given.
+    #[error("no input file is given")]
     NoInput,
-    /// A folder is given beside other inputs.
+    #[error("is a folder among several inputs; give one folder, or files only")]
     FolderAmongFiles,
-    /// Nothing is said of a file without a header.
+    #[error(
+        "is not a file of a known kind; for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}, or put a side-car with dims and dtype beside it, as NAME.json"
+    )]
     Undescribed,
-    /// What is said of a file without a header is impossible.
+    #[error("{0}")]
     Raw(RawFault),
-    /// The box of a crop is empty, or not within the volume.
-    Roi {
-        /// The box, along x, y, z.
-        roi: [Range<u32>; 3],
-        /// Size of the volume.
-        dims: Dims,
-    },
-    /// A volume cannot be made that many times smaller.
-    Downsample {
-        /// How many times.
-        factor: u32,
-    },
-    /// A spacing gives no sound affine.
-    Spacing {
-        /// Who stated it.
-        by: StatedBy,
-    },
-    /// Another volume than the only one is asked for.
-    SingleVolume {
-        /// Its number.
-        wanted: usize,
-    },
-    /// A volume is asked for that is not there.
-    NoSuchVolume {
-        /// Its number.
-        wanted: usize,
-        /// How many there are.
-        found: usize,
-    },
-    /// Nothing says how fine the grid of a mesh is to be.
+    #[error("{ROI} {x:?},{y:?},{z:?} is empty or not within the volume of {dims} voxels; write X0..X1,Y0..Y1,Z0..Z1 with each end at most the side", x = .roi[0], y = .roi[1], z = .roi[2])]
+    Roi { roi: [Range<u32>; 3], dims: Dims },
+    #[error("a volume cannot be made {factor} times smaller; choose {DOWNSAMPLE} 2 or 4")]
+    Downsample { factor: u32 },
+    #[error("{} is out of range; give the distance of voxels in mm", .by.named(SPACING, "spacing"))]
+    Spacing { by: StatedBy },
+    #[error("there is no volume {wanted}: it is a single one")]
+    SingleVolume { wanted: usize },
+    #[error("there is no volume {wanted} among the {found} that were found; {SCAN} lists them")]
+    NoSuchVolume { wanted: usize, found: usize },
+    #[error(
+        "is a mesh or a tree of solids; say how fine its grid is with {GRID} N (voxels along its longest side) or {VOXEL} MM"
+    )]
     NoGrid,
-    /// There is no volume at all.
+    #[error("no volume was found")]
     NoneFound,
-    /// The description of a synthetic volume is wrong.
+    #[error("{0}")]
     Synthetic(SyntheticFault),
 }
 

@@ -1,8 +1,9 @@
 //! What files below a folder are, where they are not the volume that was looked for.
 
+use std::fmt;
 use std::sync::Arc;
 
-use super::error::SourceError;
+use super::error::{Reason, SourceError, describe};
 
 /// Which of several volumes was taken.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +20,18 @@ pub struct Choice {
     pub more: usize,
 }
 
+impl fmt::Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { found, asked_for, used, others, more } = self;
+        let why = if *asked_for { "the chosen one" } else { "the largest that forms a volume" };
+        write!(f, "{found} sets of images were found; {why} is used ({used}); not used: ")?;
+        for (i, other) in others.iter().enumerate() {
+            write!(f, "{}{other}", if i > 0 { "; " } else { "" })?;
+        }
+        if *more > 0 { write!(f, "; and {more} more") } else { Ok(()) }
+    }
+}
+
 /// A volume among several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
@@ -30,6 +43,16 @@ pub struct Candidate {
     pub size: Option<[u32; 3]>,
     /// Why it cannot be used.
     pub refused: Option<Refusal>,
+}
+
+impl fmt::Display for Candidate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        describe(f, &self.kind, self.part.as_deref(), self.size)?;
+        match &self.refused {
+            Some(Refusal(error)) => write!(f, ", refused: {}", Reason(error)),
+            None => Ok(()),
+        }
+    }
 }
 
 /// Why a volume beside the one that is used cannot be used.

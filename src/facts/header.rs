@@ -1,49 +1,33 @@
 //! What can be wrong with headers of text, whatever the format.
 
+use thiserror::Error;
+
+use crate::budget::Bytes;
+use crate::text::names::FOLLOW_LINKS;
+
+/// The sentence about pictures that are not slices.
+pub(super) const SWEEP: &str = "is a list of pictures, each with a place of its own (a free-hand sweep), and these are no slices; reconstruct a volume from it first, and give that";
+
 /// What is wrong with a header of text, or with the data files that it names.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum HeaderFault {
-    /// A line does not end.
+    #[error("a line of the header has no end")]
     EndlessLine,
-    /// The header does not end within what is read of it.
-    TooLong {
-        /// The most bytes that a header has.
-        most_bytes: u64,
-    },
-    /// A line is no field.
-    NotAField {
-        /// The line.
-        line: String,
-    },
-    /// A data file is not in the folder of the header.
-    Outside {
-        /// Its name.
-        name: String,
-    },
-    /// A symbolic link leads from a data file out of the folder of the header.
-    Linked {
-        /// Its name.
-        name: String,
-    },
-    /// Too many data files are named.
-    TooManyFiles {
-        /// The most that are read.
-        most: u64,
-    },
-    /// The numbers of data files do not end.
-    EndlessNumbers {
-        /// First number, last number and step.
-        range: [i64; 3],
-    },
-    /// More data files are named than there are slices.
-    MoreFilesThanSlices {
-        /// Slices.
-        slices: u64,
-    },
-    /// A pattern of file names has not one number.
-    Pattern {
-        /// The pattern.
-        pattern: String,
-    },
+    #[error("its header does not end within {}; is it damaged, or full of comments?", Bytes(*.most_bytes))]
+    TooLong { most_bytes: u64 },
+    #[error("the line `{}` of its header is no field", .line.escape_debug())]
+    NotAField { line: String },
+    #[error("its data file `{}` is not in the folder of the header; put both into one folder and name it without a path", .name.escape_debug())]
+    Outside { name: String },
+    #[error("its data file `{}` is a link that leads out of the folder of the header; put the data there, or add {FOLLOW_LINKS}", .name.escape_debug())]
+    Linked { name: String },
+    #[error("it names more than {most} data files")]
+    TooManyFiles { most: u64 },
+    #[error("its data files from {first} to {last} in steps of {step} have no end", first = .range[0], last = .range[1], step = .range[2])]
+    EndlessNumbers { range: [i64; 3] },
+    #[error("it names more data files than its {slices} slices")]
+    MoreFilesThanSlices { slices: u64 },
+    #[error("`{}` is no pattern with one number", .pattern.escape_debug())]
+    Pattern { pattern: String },
 }

@@ -1,214 +1,167 @@
 //! What is found, assumed and refused about triangle meshes.
 
+use std::fmt;
+
+use thiserror::Error;
+
+use crate::budget::Bytes;
+use crate::text::names::{CHANNELS, FILL, FOLLOW_LINKS, GRID, KEEP_THIN, MEMORY, VOXEL};
+use crate::text::shown;
+
 /// What is wrong with a mesh or with the grid that it is to be built on.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum MeshFault {
-    /// It is of no format that is known.
+    #[error("is no mesh of a known format; STL, PLY, OBJ, OFF, glTF and 3MF are read")]
     Unknown,
-    /// It does not hold a triangle.
+    #[error("does not hold a triangle")]
     NoTriangles,
-    /// Its size and the number of triangles that it states disagree.
-    CountLies {
-        /// What it states.
-        stated: u64,
-        /// Most that its bytes can hold.
-        held: u64,
-    },
-    /// It ends before all that it states was read.
+    #[error(
+        "states {stated} elements where its bytes hold {held} at most; it was cut short or damaged, copy it again"
+    )]
+    CountLies { stated: u64, held: u64 },
+    #[error("ends before all that it states; it was cut short, copy it again")]
     CutShort,
-    /// A coordinate is infinite or not a number.
-    NotFinite {
-        /// Triangle, counted from 1.
-        triangle: u64,
-    },
-    /// A face names a vertex that does not exist.
-    BadIndex {
-        /// Face, counted from 1.
-        face: u64,
-        /// Vertices that there are.
-        vertices: u64,
-    },
-    /// A word stands where a number or a keyword belongs.
-    BadText {
-        /// Line, counted from 1.
-        line: u64,
-    },
-    /// The header cannot be understood.
-    BadHeader {
-        /// Line, counted from 1.
-        line: u64,
-    },
-    /// Vertices have no x, y and z.
+    #[error("triangle {triangle} has a coordinate that is infinite or not a number; repair the mesh")]
+    NotFinite { triangle: u64 },
+    #[error("face {face} names a vertex that does not exist ({vertices} are stated); repair the mesh")]
+    BadIndex { face: u64, vertices: u64 },
+    #[error("line {line} cannot be understood; repair the file")]
+    BadText { line: u64 },
+    #[error("line {line} of its header cannot be understood")]
+    BadHeader { line: u64 },
+    #[error("its vertices have no x, y and z")]
     NoCoordinates,
-    /// Faces stand before the vertices, or are stored in another way than as lists of vertices.
+    #[error("its faces are not lists of vertices that come after the vertices; write it as triangles")]
     NoFaces,
-    /// All of it lies in one point.
+    #[error("lies in one point; give a mesh with an extent")]
     Point,
-    /// It is so large on this grid that it leaves the lattice.
-    TooLarge {
-        /// Most voxels from the grid's corner.
-        most_voxels: u64,
-    },
-    /// So many edges are open that they cannot be closed.
-    TooOpen {
-        /// The most that can be.
-        most_edges: u64,
-    },
-    /// It states more bytes of data than there are.
-    BufferLies {
-        /// Bytes that it states.
-        stated: u64,
-        /// Bytes that there are.
-        held: u64,
-    },
-    /// It is of another version of glTF than 2.
-    GltfVersion {
-        /// What it states.
-        version: String,
-    },
-    /// It names something by a number or a name that does not exist.
-    BadReference {
-        /// What it names.
-        part: Part,
-    },
-    /// It cannot be read without something that is not supported.
+    #[error(
+        "reaches more than {most_voxels} voxels from the corner of the grid; choose larger voxels, or an origin nearer to the mesh"
+    )]
+    TooLarge { most_voxels: u64 },
+    #[error(
+        "has more than {most_edges} open edges, too many to close; repair the mesh, or say what is inside with {FILL} winding or {FILL} parity"
+    )]
+    TooOpen { most_edges: u64 },
+    #[error(
+        "states {stated} bytes of data where there are {held}; it was cut short or damaged, copy it again"
+    )]
+    BufferLies { stated: u64, held: u64 },
+    #[error("is glTF of version {}; write it as glTF 2.0", shown(.version))]
+    GltfVersion { version: String },
+    #[error("names {part} that does not exist or cannot hold; repair the file")]
+    BadReference { part: Part },
+    #[error("{0}")]
     Unsupported(Feature),
-    /// Its parts contain themselves, or nest too deep.
+    #[error("has parts that contain themselves, or nest too deep; repair the file")]
     Recursion,
-    /// A part is placed by numbers that are infinite.
+    #[error("places a part by numbers that are infinite; repair the file")]
     Transform,
-    /// It has more triangles than its size justifies, as it repeats its parts.
-    TooManyTriangles {
-        /// The most.
-        most: u64,
-    },
-    /// What it says of its parts takes more memory than there is.
-    Description {
-        /// Bytes that it takes.
-        needed_bytes: u64,
-        /// Bytes that there are.
-        allowed_bytes: u64,
-    },
-    /// The archive cannot be read.
+    #[error(
+        "repeats its parts to more than {most} triangles, far more than its size justifies; write the parts out"
+    )]
+    TooManyTriangles { most: u64 },
+    #[error("describes so many parts that {} of memory are needed for them, and {} are there; raise {MEMORY}, or join parts", Bytes(*.needed_bytes), Bytes(*.allowed_bytes))]
+    Description { needed_bytes: u64, allowed_bytes: u64 },
+    #[error("is an archive that is damaged or cut short; copy it again")]
     BadArchive,
-    /// A part of the archive would grow to far more than its bytes.
-    Bomb {
-        /// Bytes that it states.
-        stated: u64,
-        /// Bytes that it takes in the archive.
-        stored: u64,
-    },
-    /// It names a file outside its folder.
-    Outside {
-        /// The name.
-        name: String,
-    },
-    /// A link leads from a file that it names out of its folder.
-    Linked {
-        /// The name.
-        name: String,
-    },
-    /// A file that it names cannot be read.
-    Missing {
-        /// The name.
-        name: String,
-        /// What the system said.
-        why: std::io::ErrorKind,
-    },
-    /// An image that it names, or holds, cannot be read.
-    Image {
-        /// What it is called.
-        name: String,
-        /// What is wrong with it.
-        fault: ImageFault,
-    },
-    /// Cells are asked for, together with voxels that its centre lines cross.
+    #[error("holds a part that would grow from {} to {}, which no mesh does; it is refused", Bytes(*.stored), Bytes(*.stated))]
+    Bomb { stated: u64, stored: u64 },
+    #[error("names {}, which is not below its own folder; copy it there", shown(.name))]
+    Outside { name: String },
+    #[error("names {}, from which a link leads out of its folder; {FOLLOW_LINKS} reads it", shown(.name))]
+    Linked { name: String },
+    #[error("names {}, which cannot be read: {why}; put it beside the file", shown(.name))]
+    Missing { name: String, why: std::io::ErrorKind },
+    #[error("has a texture, {}, which {fault}, or build it with {CHANNELS} normal", shown(.name))]
+    Image { name: String, fault: ImageFault },
+    #[error(
+        "cannot be built as cells with {KEEP_THIN} or {FILL} surface, which add voxels that lie outside; leave one of them out"
+    )]
     ThinCells,
-    /// The grid would have this many voxels along a side.
-    GridSize {
-        /// Along the longest side.
-        side: f64,
-    },
+    #[error("its grid would be {side} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}")]
+    GridSize { side: f64 },
 }
 
 /// What is wrong with the image of a texture.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ImageFault {
-    /// It is neither PNG nor JPEG, or of a kind of these that is not read.
+    #[error("is not read: it is no PNG or JPEG of 8 bits in grey or colour; convert it")]
     Unknown,
-    /// It is damaged or cut short.
+    #[error("is damaged or cut short; copy it again")]
     Damaged,
-    /// It has more texels than its size justifies, or than are read.
-    TooLarge {
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-    },
+    #[error(
+        "would have {width} x {height} texels, which is more than 32768 along a side or than its bytes justify; make it smaller"
+    )]
+    TooLarge { width: u32, height: u32 },
 }
 
 /// What a mesh names.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// A chunk of a binary file.
     Chunk,
-    /// A buffer.
     Buffer,
-    /// A view of a buffer.
     View,
-    /// An accessor.
     Accessor,
-    /// A mesh.
     Mesh,
-    /// A node.
     Node,
-    /// A scene.
     Scene,
-    /// A material, or a value of one.
     Material,
-    /// A texture.
     Texture,
-    /// An image.
     Image,
-    /// An object.
     Object,
-    /// A text of the archive.
     Text,
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Chunk => "a chunk",
+            Self::Buffer => "a buffer",
+            Self::View => "a view of a buffer",
+            Self::Accessor => "an accessor",
+            Self::Mesh => "a mesh",
+            Self::Node => "a node",
+            Self::Scene => "a scene",
+            Self::Material => "a material",
+            Self::Texture => "a texture",
+            Self::Image => "an image",
+            Self::Object => "an object",
+            Self::Text => "a part of the archive",
+        })
+    }
 }
 
 /// What is not supported.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Feature {
-    /// Draco compression.
+    #[error("is compressed with Draco, which is not read; export it without compression")]
     Draco,
-    /// Meshopt compression.
+    #[error("is compressed with meshopt, which is not read; export it without compression")]
     Meshopt,
-    /// KTX2 textures with Basis Universal.
+    #[error("has KTX2 textures, which are not read; write them as PNG or JPEG")]
     Basis,
-    /// Accessors of which some items stand elsewhere.
+    #[error("has sparse accessors, which are not read; write them out")]
     SparseAccessor,
-    /// Accessors without bytes.
+    #[error("has accessors without bytes, which are not read; write them out")]
     EmptyAccessor,
-    /// Data in a text in another way than base64.
+    #[error("holds data that are not well-formed base64; write them to a file beside it, or as GLB")]
     DataUri,
-    /// Another extension that the file requires.
+    #[error("requires the extension {}, which is not read; write it without", shown(.0))]
     Extension(String),
-    /// Beams in place of triangles.
+    #[error("is made of beams, which are not read; write it as triangles")]
     BeamLattice,
-    /// Archives of more than 4 GiB or 65,534 members.
+    #[error("is an archive of more than 4 GiB, which is not read; write several")]
     Zip64,
-    /// Encrypted archives.
+    #[error("is encrypted; decrypt it first")]
     Encrypted,
-    /// Archives packed otherwise than by deflate.
-    Packing {
-        /// The method's number.
-        method: u16,
-    },
-    /// Texts in 16 bits a character.
+    #[error("is an archive packed by method {method}, which is not read; pack it by deflate")]
+    Packing { method: u16 },
+    #[error("is written in UTF-16, which is not read; write it in UTF-8")]
     Utf16,
 }
 
@@ -245,13 +198,20 @@ pub enum Fill {
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MeshNote {
-    /// A file with its colours is not there, or not below its folder.
-    NoColors {
-        /// Name of the mesh.
-        mesh: String,
-        /// The file that it names.
-        name: String,
-    },
+    NoColors { mesh: String, name: String },
+}
+
+impl fmt::Display for MeshNote {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoColors { mesh, name } => write!(
+                f,
+                "{} takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
+                shown(mesh),
+                shown(name)
+            ),
+        }
+    }
 }
 
 /// What was found about a mesh, and what was chosen.
@@ -277,4 +237,48 @@ pub struct MeshFacts {
     pub voxel_mm: f64,
     /// Corner of the grid in mm.
     pub origin_mm: [f64; 3],
+}
+
+impl fmt::Display for MeshFacts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { triangles, flat, files, parts, boundary, fill, asked_for, keep_thin, voxel_mm, origin_mm } =
+            self;
+        write!(f, "{triangles} triangles")?;
+        if *files > 1 {
+            write!(f, " of {files} files")?;
+        }
+        if parts > files {
+            write!(f, " in {parts} parts")?;
+        }
+        if *flat > 0 {
+            write!(f, " ({flat} without area)")?;
+        }
+        match boundary {
+            Boundary::Oriented => f.write_str(", closed, directions agree")?,
+            Boundary::Mixed => f.write_str(", closed, directions of neighbours disagree")?,
+            Boundary::Open { edges, loops } => {
+                write!(f, ", open: {edges} edges in {loops} loops were closed by caps")?;
+            }
+            Boundary::Sheet => f.write_str(", open")?,
+        }
+        let rule = match fill {
+            Fill::Winding => "inside is what the mesh winds around",
+            Fill::Parity => "inside is where a ray meets the mesh an odd number of times",
+            Fill::Surface => "inside are the voxels that the mesh itself crosses",
+        };
+        write!(f, "; {rule}{}", if *asked_for { ", as asked for" } else { "" })?;
+        if *keep_thin {
+            f.write_str("; walls thinner than a voxel are kept")?;
+        }
+        let [x, y, z] = origin_mm.map(|at| length(at, *voxel_mm));
+        write!(f, "; voxels of {} mm from {x}, {y}, {z}", length(*voxel_mm, *voxel_mm / 1000.0))
+    }
+}
+
+/// A length to a thousandth of another one.
+pub(super) fn length(length: f64, of: f64) -> String {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few places")]
+    let places = (3.0 - of.log10().floor()).clamp(0.0, 30.0) as usize;
+    let text = format!("{length:.places$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

@@ -1,39 +1,29 @@
 //! What can be wrong with MetaImage headers.
 
+use thiserror::Error;
+
+use super::header::SWEEP;
+
 /// Why a MetaImage header is refused.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum MetaImageFault {
-    /// A field makes no sense.
-    Field {
-        /// Its line.
-        line: String,
-    },
-    /// The header does not name the samples.
+    #[error("its field `{}` makes no sense", .line.escape_debug())]
+    Field { line: String },
+    #[error("its header ends without ElementDataFile, which names the samples")]
     NoDataFile,
-    /// A number of dimensions that is not read, or not one size for each.
-    Dimensions {
-        /// Dimensions.
-        count: usize,
-        /// Sizes.
-        sizes: usize,
-    },
-    /// A voxel has several values.
-    Channels {
-        /// How many.
-        count: u64,
-    },
-    /// A sample type that is not read.
-    Type {
-        /// Its name.
-        name: String,
-    },
-    /// Spacing, offset or matrix has too few numbers.
+    #[error("its header states NDims = {count} and {sizes} sizes; volumes of 2 to 4 dimensions are read")]
+    Dimensions { count: usize, sizes: usize },
+    #[error("has {count} channels a voxel; extract one into a file of its own")]
+    Channels { count: u64 },
+    #[error("its ElementType `{}` is not read", .name.escape_debug())]
+    Type { name: String },
+    #[error("its spacing, offset or matrix has fewer numbers than the volume has dimensions")]
     FewNumbers,
-    /// Pictures in a list, each with a place of its own: a free-hand sweep, not slices.
+    #[error("{SWEEP}")]
     Sweep,
-    /// Samples are compressed text.
+    #[error("compressed text is not read")]
     CompressedText,
-    /// All but the samples is to be skipped, of samples that are packed.
+    #[error("HeaderSize = -1 is for uncompressed samples only")]
     SkipAllButSamples,
 }

@@ -1,6 +1,6 @@
 //! Notes and refusals of readers, as values with their fields.
 //!
-//! Sentences are made of them in [`crate::jobs::wording`], and nowhere else.
+//! Each has its sentence beside it; no code reads a sentence.
 //!
 //! | part | what it holds |
 //! |---|---|
@@ -17,6 +17,8 @@
 //! | [`numbered`] | slices numbered by the names of their files |
 //! | [`sidecar`] | faults of side-cars |
 //! | [`SyntheticFault`] | why a text describes no synthetic volume |
+
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
 
 pub mod codec;
 mod csg;
@@ -47,7 +49,7 @@ pub use error::{Fault, Instead, Misuse, OtherVolume, SourceError};
 pub use found::{Candidate, Choice, Refusal};
 pub use left_out::{Known, NotVolume};
 pub use mesh::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, MeshNote, Part};
-pub use note::Note;
+pub use note::{Note, sentences};
 pub use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
 pub use synthetic::{SyntheticFault, SyntheticValue};
 pub use system::SystemError;

@@ -1,11 +1,16 @@
 //! What was guessed, left out, replaced or odd about a volume that can be used all the same.
 
+use std::fmt;
+
 use super::DicomNote;
+use super::error::Reason;
 use super::found::{Choice, Refusal};
 use super::left_out::NotVolume;
 use super::numbered::NumberNote;
 use super::stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
 use crate::geom::Orientation;
+use crate::text::names::{ALL_VOLUMES, ORIENTATION, SPACING};
+use crate::text::shown;
 
 /// One thing that whoever uses a volume should know of it.
 #[non_exhaustive]
@@ -16,30 +21,22 @@ pub enum Note {
         /// What does not state it.
         by: Carrier,
     },
-    /// No spacing is stated along some axis; 1 mm is assumed there.
     AssumedAxisSpacing,
     /// No directions are stated; the axes are taken as LPS.
     AssumedDirections {
         /// What does not state them.
         by: Carrier,
     },
-    /// Directions are stated in a space that is not a patient's, or in none that has a name; they are taken as LPS.
     AssumedSpace {
         /// Name of the space, where it has one.
         space: Option<String>,
     },
-    /// No orientation is stated; the axes are taken as right, anterior, superior.
     AssumedRas,
-    /// No origin is stated; the first voxel is taken for it.
     AssumedOrigin,
-    /// No unit of length is stated; mm is assumed.
     AssumedUnit,
-    /// A unit of length that is not known is taken for mm.
     UnknownUnit {
-        /// As the file has it.
         unit: String,
     },
-    /// No byte order is stated; little-endian is assumed.
     AssumedByteOrder,
     /// Columns or rows are stored from the other end; they are placed so.
     StoredBackwards {
@@ -64,7 +61,6 @@ pub enum Note {
         /// Letters of the file's axes, each of the direction that it runs along most.
         stated: String,
     },
-    /// The sform and the qform of a NIfTI header place the volume differently; the sform is used.
     FormsDiffer,
     /// An affine of a NIfTI header is singular, and is not used.
     SingularForm {
@@ -73,75 +69,173 @@ pub enum Note {
     },
     /// A number of the header is infinite, or not one, and is not used.
     NotFinite(StatedNumber),
-    /// 0 is white; the numbers are kept.
     WhiteIsZero,
-    /// Pages of reduced size are left out.
     Thumbnails {
-        /// How many.
         count: usize,
     },
-    /// Samples of fewer than 8 bits are scaled to 0..255.
     BitsScaled {
-        /// Bits of a sample.
         bits: u8,
     },
-    /// Integers of 64 bits are read as double precision.
     LongIntegers,
-    /// The file holds several volumes.
     VolumeOf {
-        /// Which of them this is, from 1.
         number: u64,
-        /// How many there are.
         count: u64,
     },
-    /// The file of samples is longer than the header says; the rest is ignored.
     LongerFile,
-    /// Some of the files of samples are longer than the header says; the rest is ignored.
     LongerFiles {
-        /// How many of them.
         count: u64,
     },
-    /// A stream of samples is longer than the header says; the rest is ignored.
     LongerStream {
-        /// How it is packed.
         packing: Packing,
-        /// Unpacked bytes that the header says.
         promised: u64,
     },
-    /// A side-car has keys that mean nothing.
     UnknownKeys {
-        /// Some of these, escaped.
         unknown: Vec<String>,
-        /// Those that would mean something.
         known: &'static [&'static str],
     },
-    /// Something about a DICOM series.
     Dicom(DicomNote),
-    /// Numbers in the names of slices do not follow each other.
     Numbers(NumberNote),
-    /// It stands for very many volumes of its input that are alike.
     FirstOfMany {
-        /// How many, with this one.
         volumes: usize,
     },
-    /// Several volumes were found.
     Chosen(Box<Choice>),
     /// A volume beside the one that is used is damaged.
     DamagedBeside(Refusal),
-    /// Files were left out.
     LeftOut {
-        /// How many.
         count: u64,
-        /// Why.
         why: NotVolume,
-        /// Name of the first of them.
         first: String,
     },
-    /// More files were left out, for other reasons.
     MoreLeftOut {
-        /// How many.
         count: u64,
     },
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::AssumedSpacing { by } => {
+                let what = match by {
+                    Carrier::Header => "the header",
+                    Carrier::Tiff => "this TIFF",
+                    Carrier::Png => "PNG",
+                    Carrier::Npy => "an .npy file",
+                };
+                write!(f, "{what} states no spacing; 1 mm is assumed")
+            }
+            Self::AssumedAxisSpacing => {
+                f.write_str("the header states no spacing along some axis; 1 mm is assumed")
+            }
+            Self::AssumedDirections { by } => {
+                let what = match by {
+                    Carrier::Header => "the header",
+                    Carrier::Tiff => "TIFF",
+                    Carrier::Png => "PNG",
+                    Carrier::Npy => "an .npy file",
+                };
+                write!(f, "{what} states no directions; its axes are taken as LPS")
+            }
+            Self::AssumedSpace { space: None } => {
+                f.write_str("the header states no space; its directions are taken as LPS")
+            }
+            Self::AssumedSpace { space: Some(space) } => {
+                let space = space.escape_debug();
+                write!(f, "the space `{space}` is no patient's; its directions are taken as LPS")
+            }
+            Self::AssumedRas => f.write_str(
+                "the header states no orientation; its axes are taken as right, anterior, superior, so left and right may be swapped",
+            ),
+            Self::AssumedOrigin => {
+                f.write_str("the header states no origin; the first voxel is taken for it")
+            }
+            Self::AssumedUnit => f.write_str("the header states no unit of length; mm is assumed"),
+            Self::UnknownUnit { unit } => write!(f, "the unit `{}` is taken for mm", unit.escape_debug()),
+            Self::AssumedByteOrder => {
+                f.write_str("the header states no byte order; little-endian is assumed")
+            }
+            Self::StoredBackwards { axis } => {
+                let what = match axis {
+                    0 => "columns are stored from right to left",
+                    _ => "rows are stored from the bottom up",
+                };
+                write!(f, "{what} (Orientation), and are placed so")
+            }
+            Self::SpacingReplaced { by, given_mm, stated_mm } => {
+                let who = by.named(SPACING, "spacing");
+                let (given, stated) = (mm(*given_mm), mm(*stated_mm));
+                write!(f, "{who} gives {given}; the file states {stated}, which is not used")
+            }
+            Self::DirectionsReplaced { by, given, stated } => {
+                let who = by.named(ORIENTATION, "orientation");
+                write!(
+                    f,
+                    "{who} gives {given}; the directions that the file states, about {stated}, are not used"
+                )
+            }
+            Self::FormsDiffer => f.write_str(
+                "sform and qform of the header place the volume differently; the sform is used, and other programs may use the qform",
+            ),
+            Self::SingularForm { form } => {
+                write!(f, "the {form} of the header is singular and is not used")
+            }
+            Self::NotFinite(StatedNumber::Spacing { axis, stated }) => write!(
+                f,
+                "the header states a spacing of {stated} along axis {}; 1 mm is assumed there",
+                axis + 1
+            ),
+            Self::NotFinite(StatedNumber::Slope { stated }) => write!(
+                f,
+                "the header states a slope of {stated}, which is taken for none: values are as they are stored"
+            ),
+            Self::NotFinite(StatedNumber::Form(form)) => {
+                write!(f, "the {form} of the header has numbers that are not finite, and is not used")
+            }
+            Self::WhiteIsZero => {
+                f.write_str("0 is white in these pictures; the numbers are kept as they are")
+            }
+            Self::Thumbnails { count } => {
+                write!(f, "{count} pages of reduced size (thumbnails) are left out")
+            }
+            Self::BitsScaled { bits } => write!(f, "samples of {bits} bits are scaled to 0..255"),
+            Self::LongIntegers => {
+                f.write_str("64-bit integers are read as double precision, which is exact up to 2^53")
+            }
+            Self::VolumeOf { number, count } => write!(f, "this is volume {number} of {count} in the file"),
+            Self::LongerFile => {
+                f.write_str("the file held more than the header promises; the rest is ignored")
+            }
+            Self::LongerFiles { count } => {
+                write!(f, "{count} of the data files held more than the header promises; the rest is ignored")
+            }
+            Self::LongerStream { packing, promised } => write!(
+                f,
+                "the {packing} stream holds more than the {promised} bytes that the header promises; the rest is ignored"
+            ),
+            Self::UnknownKeys { unknown, known } => write!(
+                f,
+                "the side-car has keys that are not known: {}; known are {}",
+                unknown.join(", "),
+                known.join(", ")
+            ),
+            Self::Dicom(note) => note.fmt(f),
+            Self::Numbers(note) => note.fmt(f),
+            Self::FirstOfMany { volumes } => write!(
+                f,
+                "this is the first of {volumes} volumes that are alike; {ALL_VOLUMES} takes the others, too"
+            ),
+            Self::Chosen(choice) => choice.fmt(f),
+            Self::DamagedBeside(Refusal(error)) => {
+                let name = shown(error.path().file_name().unwrap_or_default());
+                write!(f, "another series, which is not used, is damaged: {name}: {}", Reason(error))
+            }
+            Self::LeftOut { count, why, first } => {
+                write!(f, "{count} file(s) left out: {why} (first: {first})")
+            }
+            Self::MoreLeftOut { count } => {
+                write!(f, "{count} more file(s) left out for other reasons")
+            }
+        }
+    }
 }
 
 impl Note {
@@ -165,4 +259,21 @@ impl From<DicomNote> for Note {
     fn from(note: DicomNote) -> Self {
         Self::Dicom(note)
     }
+}
+
+/// A spacing for people: six digits, as headers print it.
+fn mm(spacing_mm: [f64; 3]) -> String {
+    let [x, y, z] = spacing_mm.map(|mm| format!("{mm:.5e}").parse().unwrap_or(mm));
+    format!("{x} x {y} x {z} mm")
+}
+
+/// The sentences of notes in their order, each once.
+pub fn sentences(notes: &[Note]) -> Vec<String> {
+    let mut kept: Vec<String> = Vec::new();
+    for sentence in notes.iter().map(|note| shown(&note.to_string()).to_string()) {
+        if !kept.contains(&sentence) {
+            kept.push(sentence);
+        }
+    }
+    kept
 }

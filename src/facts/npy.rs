@@ -1,33 +1,23 @@
 //! What can be wrong with NumPy arrays.
 
+use thiserror::Error;
+
 /// Why a NumPy array is refused.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum NpyFault {
-    /// The file ends within its header.
+    #[error("ends within its header; copy the file again")]
     Short,
-    /// A version that is not read.
-    Version {
-        /// Its number.
-        version: u8,
-    },
-    /// A header too long for an array of numbers.
-    LongHeader {
-        /// Its bytes.
-        bytes: u64,
-    },
-    /// Too few or too many dimensions.
-    Dimensions {
-        /// How many.
-        count: usize,
-    },
-    /// The header describes no array.
+    #[error("is .npy of version {version}; 1 to 3 are read")]
+    Version { version: u8 },
+    #[error("its header of {bytes} bytes is no array of numbers")]
+    LongHeader { bytes: u64 },
+    #[error("has {count} dimensions; arrays of 2 or 3 are read, save one volume")]
+    Dimensions { count: usize },
+    #[error("its header is no description of an array")]
     NoArray,
-    /// The elements are records.
+    #[error("is a structured array, whose elements are no numbers")]
     Structured,
-    /// Elements of a type that is not read.
-    Type {
-        /// NumPy's name of it.
-        descr: String,
-    },
+    #[error("its elements are of the type `{}`, which is not read; save real numbers of up to 64 bits", .descr.escape_debug())]
+    Type { descr: String },
 }

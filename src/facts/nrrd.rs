@@ -1,91 +1,51 @@
 //! What can be wrong with NRRD headers.
 
+use thiserror::Error;
+
+use super::header::SWEEP;
+
 /// Why an NRRD header is refused.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum NrrdFault {
-    /// A version that is not read.
-    Version {
-        /// Its first line.
-        magic: String,
-    },
-    /// A field makes no sense.
-    Field {
-        /// Its name.
-        field: String,
-        /// Its value.
-        value: String,
-    },
-    /// No sample type is stated.
+    #[error("`{}` is no version of NRRD that is read (1 to 5)", .magic.escape_debug())]
+    Version { magic: String },
+    #[error("its field `{field}: {}` makes no sense", .value.escape_debug())]
+    Field { field: String, value: String },
+    #[error("its header states no sample type")]
     NoType,
-    /// A sample type that is not read.
-    Type {
-        /// Its name.
-        name: String,
-    },
-    /// No encoding is stated.
+    #[error("its sample type `{}` is not read", .name.escape_debug())]
+    Type { name: String },
+    #[error("its header states no encoding")]
     NoEncoding,
-    /// An encoding that is not read.
-    Encoding {
-        /// Its name.
-        name: String,
-    },
-    /// A byte order that is not known.
-    ByteOrder {
-        /// Its name.
-        name: String,
-    },
-    /// Not one size for each dimension.
-    Sizes {
-        /// How many sizes.
-        sizes: usize,
-        /// How many dimensions.
-        dimensions: usize,
-    },
-    /// A field of which each axis has an entry has another number of them.
-    Entries {
-        /// Name of the field.
-        field: &'static str,
-        /// Its entries.
-        entries: usize,
-        /// Axes.
-        axes: usize,
-    },
-    /// The file ends before the blank line.
-    NoBlankLine {
-        /// Name of the file.
-        name: String,
-    },
-    /// Lines are to be skipped in several data files.
+    #[error("its encoding `{}` is not read", .name.escape_debug())]
+    Encoding { name: String },
+    #[error("its byte order `{}` is unknown", .name.escape_debug())]
+    ByteOrder { name: String },
+    #[error("its header states {sizes} sizes for {dimensions} dimensions")]
+    Sizes { sizes: usize, dimensions: usize },
+    #[error("its header has {entries} {field} for {axes} axes")]
+    Entries { field: &'static str, entries: usize, axes: usize },
+    #[error("{name} ends within its header, before the blank line")]
+    NoBlankLine { name: String },
+    #[error("lines are to be skipped in several data files, which is not read")]
     LinesOfSeveral,
-    /// There are fewer lines than are to be skipped.
-    FewLines {
-        /// How many are to be skipped.
-        skip: u64,
-    },
-    /// All but the samples is to be skipped, of samples that are packed.
+    #[error("there are fewer than the {skip} lines to skip")]
+    FewLines { skip: u64 },
+    #[error("a byte skip of -1 is for raw samples only")]
     SkipAllButSamples,
-    /// The numbers of data files make no sense.
-    DataFiles {
-        /// As the header has them.
-        value: String,
-    },
-    /// An axis that is no direction in space runs faster than space.
-    Components {
-        /// Index of the axis.
-        axis: usize,
-        /// How many axes there are.
-        axes: usize,
-        /// Its kind, empty where none is stated.
-        kind: String,
-    },
-    /// Too few axes are in space.
-    SpatialAxes {
-        /// How many.
-        count: usize,
-    },
-    /// An axis in space has no direction.
+    #[error("its data files `{}` make no sense", .value.escape_debug())]
+    DataFiles { value: String },
+    #[error("axis {axis} of its {axes} is {} and runs faster than space, so a voxel has several values; extract one component into a file of its own", quoted(.kind))]
+    Components { axis: usize, axes: usize, kind: String },
+    #[error("it has {count} axes in space, and a volume needs two or three")]
+    SpatialAxes { count: usize },
+    #[error("an axis has no direction")]
     NoDirection,
-    /// Pictures in a list, each with a place of its own: a free-hand sweep, not slices.
+    #[error("{SWEEP}")]
     Sweep,
+}
+
+fn quoted(kind: &str) -> String {
+    if kind.is_empty() { "no direction in space".to_owned() } else { format!("`{kind}`") }
 }

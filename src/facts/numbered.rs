@@ -1,6 +1,11 @@
 //! What can be odd or wrong about slices that are numbered by the names of their files.
 
+use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
+
+use crate::text::names::GAPS;
+use crate::text::shown;
+use thiserror::Error;
 
 /// Numbers of slices that lack some.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,39 +22,59 @@ pub struct NumberGaps {
     pub can_fill: bool,
 }
 
+impl NumberGaps {
+    fn choice(&self) -> String {
+        if self.can_fill { format!("{GAPS} fill or {GAPS} keep") } else { format!("{GAPS} keep") }
+    }
+}
+
+impl Display for NumberGaps {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self { files, missing, places, first: [a, b], .. } = self;
+        match missing {
+            Some(slices) => write!(
+                f,
+                "{slices} slice(s) seem to be missing in {places} place(s) among {files} numbered files"
+            )?,
+            None => write!(f, "the numbers of {files} files do not follow each other evenly")?,
+        }
+        write!(f, ", first between {} and {}", shown(a), shown(b))
+    }
+}
+
 /// Why numbered slices are refused.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum NumberFault {
-    /// Some numbers are missing.
+    #[error("{}; add the missing slices, or choose {}", .0, .0.choice())]
     Gaps(Box<NumberGaps>),
-    /// Two files have one number.
-    Repeated {
-        /// The first such files.
-        files: Box<[PathBuf; 2]>,
-    },
-    /// So many slices are missing that most would be made.
-    TooFar {
-        /// Slices of the whole.
-        slices: u64,
-        /// Files.
-        files: usize,
-    },
+    #[error("{} and {} have the same number; rename one of them, or move it away", shown(&.files[0]), shown(&.files[1]))]
+    Repeated { files: Box<[PathBuf; 2]> },
+    #[error(
+        "the numbers of {files} files span {slices} slices, so that most would be made; add the missing slices"
+    )]
+    TooFar { slices: u64, files: usize },
 }
 
 /// What was done about numbers that are missing.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq)]
 pub enum NumberNote {
-    /// Missing slices were made between their neighbours.
-    Filled {
-        /// How many.
-        made: u64,
-        /// Slices of the whole.
-        slices: usize,
-        /// The files on both sides of the first gap.
-        first: [PathBuf; 2],
-    },
-    /// The files were taken as if they followed each other evenly.
+    Filled { made: u64, slices: usize, first: [PathBuf; 2] },
     Kept(NumberGaps),
+}
+
+impl Display for NumberNote {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Filled { made, slices, first: [a, b] } => write!(
+                f,
+                "gaps in the numbers of the files were filled: {made} of {slices} slices were made by interpolation \
+                 between neighbours, the first between {} and {}",
+                shown(a),
+                shown(b)
+            ),
+            Self::Kept(gaps) => write!(f, "{gaps}; the files are taken as evenly spaced slices"),
+        }
+    }
 }

@@ -8,90 +8,49 @@ use thiserror::Error;
 use super::error::Fault;
 pub use super::raw::{RawFault, RawLayout};
 use super::stated::Packing;
+use crate::geom::Dims;
 
 /// Why the samples that a header describes cannot be read.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum StoredFault {
-    /// A side is out of range.
-    Size {
-        /// Voxels along the axes.
-        size: [u64; 3],
-    },
-    /// Too many volumes, or none.
-    Volumes {
-        /// How many.
-        count: u64,
-        /// The most that are read.
-        most: u64,
-    },
-    /// The axes span no space.
+    #[error("its size of {x}x{y}x{z} voxels is out of range; a side has 1 to {} of them", Dims::MAX_SIDE, x = .size[0], y = .size[1], z = .size[2])]
+    Size { size: [u64; 3] },
+    #[error("holds {count} volumes, and 1 to {most} are read; split the file")]
+    Volumes { count: u64, most: u64 },
+    #[error("its axes are flat, parallel or no numbers; correct spacing and directions")]
     Axes,
-    /// Slope and intercept give no values.
-    Rescale {
-        /// The slope.
-        slope: f64,
-        /// The intercept.
-        intercept: f64,
-    },
-    /// Slices cannot be shared out evenly to the data files.
-    Files {
-        /// How many files.
-        files: u64,
-        /// How many slices.
-        slices: u64,
-    },
-    /// Samples begin elsewhere than in the first file.
+    #[error("slope {slope} and intercept {intercept} give no values")]
+    Rescale { slope: f64, intercept: f64 },
+    #[error("{files} data files are named for {slices} slices, which cannot be shared out evenly")]
+    Files { files: u64, slices: u64 },
+    #[error("its samples begin elsewhere than those of the first file")]
     Begin,
-    /// The file is shorter than the header says.
-    Short {
-        /// Bytes that the header says.
-        promised: u64,
-        /// Bytes that are there.
-        there: u64,
-    },
-    /// The stream is too short to hold what the header says.
-    ShortStream {
-        /// Unpacked bytes that the header says.
-        promised: u64,
-        /// Packed bytes that are there.
-        there: u64,
-        /// How they are packed.
-        packing: Packing,
-    },
-    /// The stream ended early.
-    StreamEnds {
-        /// Unpacked bytes that the header says.
-        promised: u64,
-        /// Unpacked bytes that came.
-        got: u64,
-        /// How it is packed.
-        packing: Packing,
-    },
-    /// The system failed while the stream was read.
-    StreamUnreadable {
-        /// The system's number of the failure.
-        code: i32,
-    },
-    /// The stream cannot be unpacked.
-    StreamDamaged {
-        /// How it is packed.
-        packing: Packing,
-        /// What is wrong.
-        damage: Damage,
-    },
-    /// A device, a pipe or a folder.
+    #[error(
+        "the header promises {promised} bytes of samples, the file has {there}; it was cut short or its header is wrong"
+    )]
+    Short { promised: u64, there: u64 },
+    #[error(
+        "the header promises {promised} bytes of samples, more than {there} bytes of {packing} can hold; it was cut short or its header is wrong"
+    )]
+    ShortStream { promised: u64, there: u64, packing: Packing },
+    #[error(
+        "the header promises {promised} bytes, the {packing} stream ends after {got}; the file was cut short, copy it again"
+    )]
+    StreamEnds { promised: u64, got: u64, packing: Packing },
+    #[error("cannot be read ({})", io::Error::from_raw_os_error(*.code))]
+    StreamUnreadable { code: i32 },
+    #[error("the {packing} stream is damaged ({damage}); copy the file again")]
+    StreamDamaged { packing: Packing, damage: Damage },
+    #[error("is no regular file, so it cannot hold samples")]
     NotRegular,
-    /// A number of text is too long.
+    #[error("a number is too long")]
     LongNumber,
-    /// A number of text does not fit its type.
-    Number {
-        /// The number.
-        text: String,
-    },
-    /// Hexadecimal text ends within a byte.
+    #[error("`{}` is no number of its type", .text.escape_default())]
+    Number { text: String },
+    #[error("half a byte at the end")]
     HalfByte,
-    /// A character of hexadecimal text is no digit.
+    #[error("a character is no hexadecimal digit")]
     Digit,
 }
 
@@ -99,17 +58,10 @@ pub enum StoredFault {
 /// [`SourceError::ReadFailed`](super::SourceError::ReadFailed).
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ReadFault {
-    /// The volume has to be unrolled first.
+    #[error("it has not been unrolled")]
     NotUnrolled,
-    /// The rows are not within the volume, or the buffer is not as long as they are.
-    Outside {
-        /// Rows that were asked for.
-        rows: Range<u32>,
-        /// Columns that were asked for.
-        cols: Range<u32>,
-        /// Bytes of the buffer.
-        bytes: usize,
-    },
+    #[error("rows {rows:?}, columns {cols:?} into {bytes} bytes")]
+    Outside { rows: Range<u32>, cols: Range<u32>, bytes: usize },
 }
 
 impl From<ReadFault> for io::Error {
@@ -119,11 +71,11 @@ impl From<ReadFault> for io::Error {
 }
 
 /// What a decoder found wrong.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum Damage {
-    /// One of our own.
+    #[error("{0}")]
     Fault(Box<Fault>),
-    /// A library's, in its words.
+    #[error("{0}")]
     Decoder(String),
 }
 

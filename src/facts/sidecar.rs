@@ -1,55 +1,43 @@
 //! What can be wrong with side-cars.
 
-use super::raw::{RawFault, RawLayout};
+use std::fmt;
+
+use super::raw::{BySideCar, RawFault, RawLayout};
+
+use crate::text::names::FOLLOW_LINKS;
+use thiserror::Error;
 
 /// Why a side-car cannot be used.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum SideCarFault {
-    /// The dims are not three sizes in range.
+    #[error("its dims are not three sizes in range; write for example [256, 256, 113]")]
     Dims,
-    /// The dtype is not known.
+    #[error("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be")]
     Dtype,
-    /// The skip is not a number of bytes.
+    #[error("its skip is not a number of bytes")]
     Skip,
-    /// The file is not a plain name.
+    #[error("its file is not a plain name")]
     File,
-    /// The spacing is not three positive numbers.
+    #[error("its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]")]
     Spacing,
-    /// Both names of the spacing are stated, and differ.
+    #[error("its spacing and its spacing_mm differ; keep one of them")]
     SpacingsDiffer,
-    /// The orientation is not three letters.
+    #[error("its orientation is not three letters such as LPS or RAI")]
     Orientation,
-    /// It described a raw volume when it was found, and does not any more.
+    #[error("is no description of a raw volume any more")]
     Changed,
-    /// The data is not there.
+    #[error("describes a raw volume, but no file of the same stem is beside it; name it with the key file")]
     NoData,
-    /// A symbolic link leads from the data out of the folder of the side-car.
-    Linked {
-        /// Name of the data.
-        data: String,
-    },
-    /// The data has another size.
-    Size {
-        /// Name of the data.
-        data: String,
-        /// What it is described as.
-        layout: Box<RawLayout>,
-        /// Bytes that this takes.
-        expected: u64,
-        /// Bytes that it has.
-        got: u64,
-        /// The key that is wrong, as far as can be told.
-        key: &'static str,
-    },
-    /// The data cannot be what is said of it.
-    Raw {
-        /// Name of the data.
-        data: String,
-        /// Why.
-        fault: RawFault,
-    },
-    /// The text cannot be parsed.
+    #[error("its data `{}` is a link that leads out of the folder of the side-car; put the data there, or add {FOLLOW_LINKS}", .data.escape_debug())]
+    Linked { data: String },
+    #[error(
+        "describes {data} as {layout}, which takes {expected} bytes, but it has {got}; correct the key {key}, or copy {data} again"
+    )]
+    Size { data: String, layout: Box<RawLayout>, expected: u64, got: u64, key: &'static str },
+    #[error("describes {data}, but {}", BySideCar(.fault))]
+    Raw { data: String, fault: RawFault },
+    #[error("{0}")]
     Unparsed(Unparsed),
 }
 
@@ -60,6 +48,23 @@ pub struct Unparsed {
     pub raw: bool,
     /// What is wrong.
     pub at: ParseFault,
+}
+
+impl fmt::Display for Unparsed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = if self.raw { "side-car of raw data" } else { "side-car" };
+        if let ParseFault::Lacks { key } = &self.at {
+            return write!(f, "{what} without the key {key}; add it, and check how the others are spelt");
+        }
+        write!(f, "{what} that cannot be parsed: ")?;
+        match &self.at {
+            ParseFault::Value { key } => {
+                write!(f, "the value of {key} is neither a string nor a number nor a list of these")
+            }
+            ParseFault::Lacks { .. } => Ok(()),
+            ParseFault::Json(text) => f.write_str(text),
+        }
+    }
 }
 
 /// What is wrong with the text of a side-car.

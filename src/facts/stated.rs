@@ -1,5 +1,9 @@
 //! Who states what, in which form: small facts that notes and faults share.
 
+use std::fmt;
+
+use crate::text::Name;
+
 /// What carries samples, and states or does not state where they lie.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +27,16 @@ pub enum StatedBy {
     SideCar,
 }
 
+impl StatedBy {
+    /// What was stated: an option of the caller, or a key of the side-car.
+    pub(super) fn named(self, option: Name, key: &str) -> String {
+        match self {
+            Self::Caller => option.to_string(),
+            Self::SideCar => format!("{key} of the side-car"),
+        }
+    }
+}
+
 /// One of the two affines of a NIfTI header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
@@ -30,6 +44,15 @@ pub enum Form {
     Sform,
     /// The one of a quaternion.
     Qform,
+}
+
+impl fmt::Display for Form {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sform => "sform",
+            Self::Qform => "qform",
+        })
+    }
 }
 
 /// What a header states as a number that is infinite, or not one.
@@ -54,16 +77,23 @@ pub enum StatedNumber {
 /// How samples are packed in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
-    /// As they are.
     Raw,
-    /// Gzip.
     Gzip,
-    /// Zlib.
     Zlib,
-    /// Bzip2.
     Bzip2,
-    /// Numbers as text.
     Text,
-    /// Hexadecimal digits.
     Hex,
+}
+
+impl fmt::Display for Packing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Raw => "raw",
+            Self::Gzip => "gzip",
+            Self::Zlib => "zlib",
+            Self::Bzip2 => "bzip2",
+            Self::Text => "text",
+            Self::Hex => "hexadecimal",
+        })
+    }
 }

@@ -1,5 +1,6 @@
 //! What the operating system said, as a plain value.
 
+use std::fmt::{self, Display, Formatter};
 use std::io;
 
 use thiserror::Error;
@@ -13,6 +14,12 @@ pub struct SystemError {
     pub kind: io::ErrorKind,
     /// The system's number for it, where the system said so.
     pub code: Option<i32>,
+}
+
+impl Display for SystemError {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        io::Error::from(*self).fmt(f)
+    }
 }
 
 impl From<&io::Error> for SystemError {

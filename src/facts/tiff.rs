@@ -1,177 +1,108 @@
 //! What can be wrong with TIFF files.
 
+use std::fmt;
+
 use super::samples::Damage;
+
+use thiserror::Error;
 
 /// Why TIFF files are refused.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum TiffFault {
-    /// Not a TIFF.
+    #[error("it is no TIFF")]
     NotTiff,
-    /// The head of a BigTIFF is damaged.
+    #[error("its BigTIFF head is damaged")]
     BigHead,
-    /// A version that is not known.
-    Version {
-        /// Its number.
-        version: u64,
-    },
-    /// Too many entries for a directory.
-    Entries {
-        /// How many.
-        count: u64,
-    },
-    /// A field of an unknown type.
-    FieldType {
-        /// Its code.
-        code: u16,
-    },
-    /// A field has too few values.
-    FieldValues {
-        /// How many.
-        count: u64,
-    },
-    /// The pages follow each other in a circle.
+    #[error("it is TIFF of the unknown version {version}")]
+    Version { version: u64 },
+    #[error("a directory of {count} entries is none")]
+    Entries { count: u64 },
+    #[error("a field of the unknown type {code}")]
+    FieldType { code: u16 },
+    #[error("a field has {count} values where more are needed")]
+    FieldValues { count: u64 },
+    #[error("its pages follow each other in a circle")]
     Circle,
-    /// No page.
+    #[error("it has no page")]
     NoPage,
-    /// No page that is a slice.
+    #[error("has no page")]
     NoSlice,
-    /// An ImageJ hyperstack.
-    Hyperstack {
-        /// How many.
-        count: u64,
-        /// Of what: `channels`, `frames`.
-        of: &'static str,
-    },
-    /// An OME file of several volumes.
-    Ome {
-        /// How many.
-        count: u64,
-        /// Of what: `channels`, `time points`.
-        of: &'static str,
-    },
-    /// A page reaches beyond the file.
-    PageBytes {
-        /// Its number, from 1.
-        page: usize,
-        /// Bytes that it takes.
-        bytes: u64,
-        /// Where it begins.
-        at: u64,
-        /// Bytes of the file.
-        length: u64,
-    },
-    /// Too many pages in a file.
-    Pages {
-        /// The most.
-        most: u32,
-    },
-    /// Too many pages in a volume.
-    PagesOutOfRange {
-        /// How many.
-        count: u32,
-    },
-    /// A number of images that is out of range.
-    Images {
-        /// How many.
-        count: u64,
-    },
-    /// The images that the description promises reach beyond the file.
-    ImagesBytes {
-        /// How many.
-        count: u64,
-        /// Where they end.
-        end: u64,
-        /// Bytes of the file.
-        length: u64,
-    },
-    /// A page differs from the first in size or type.
-    Unlike {
-        /// The page.
-        page: TiffShape,
-        /// The first one.
-        first: TiffShape,
-    },
-    /// A page is stored from another corner than the first.
+    #[error("is an ImageJ hyperstack of {count} {of}; save one of them as a stack of its own")]
+    Hyperstack { count: u64, of: &'static str },
+    #[error("is an OME file of {count} {of}; save one of them as a stack of its own")]
+    Ome { count: u64, of: &'static str },
+    #[error("page {page} needs {bytes} bytes from byte {at} on, and the file has {length}; copy it again")]
+    PageBytes { page: usize, bytes: u64, at: u64, length: u64 },
+    #[error("it has more than {most} pages")]
+    Pages { most: u32 },
+    #[error("{count} pages are out of range")]
+    PagesOutOfRange { count: u32 },
+    #[error("its {count} images are out of range")]
+    Images { count: u64 },
+    #[error(
+        "its description promises {count} images up to byte {end}, and the file has {length}; copy it again"
+    )]
+    ImagesBytes { count: u64, end: u64, length: u64 },
+    #[error(
+        "a page is {page} where the first is {first}; slices of a volume are alike in size and type, move the other away"
+    )]
+    Unlike { page: TiffShape, first: TiffShape },
+    #[error("a page is stored from another corner than the first (Orientation); save all of them alike")]
     Corner,
-    /// Pages are turned by 90 degrees.
-    Turned {
-        /// The tag's value.
-        orientation: u64,
-    },
-    /// The pages promise more than the files can hold.
-    Promise {
-        /// Bytes of samples.
-        bytes: u64,
-        /// Bytes of files.
-        file_bytes: u64,
-    },
-    /// A page was changed after it was found.
+    #[error("its pictures are stored turned by 90 degrees (Orientation {orientation}); save them upright")]
+    Turned { orientation: u64 },
+    #[error("its pages promise {bytes} bytes, more than {file_bytes} bytes of file can hold")]
+    Promise { bytes: u64, file_bytes: u64 },
+    #[error("it is not the page that it was a moment ago")]
     Changed,
-    /// A page ends early.
-    PageEnds {
-        /// Its number, from 1.
-        page: u32,
-    },
-    /// A page cannot be decoded.
-    PageDamaged {
-        /// Its number, from 1.
-        page: u32,
-        /// What is wrong.
-        damage: Damage,
-    },
-    /// The size of a page is out of range.
-    PageSize {
-        /// Columns and rows.
-        size: [u64; 2],
-    },
-    /// Not one grey value a pixel.
-    Colours {
-        /// The photometric interpretation.
-        photometric: u64,
-        /// Samples a pixel.
-        samples: u64,
-    },
-    /// Samples of a type that is not read.
-    Samples {
-        /// Bits.
-        bits: u64,
-        /// Sample format.
-        format: u64,
-    },
-    /// A compression that is not read.
-    Compression {
-        /// Its code.
-        code: u64,
-    },
-    /// Compressed bits are reversed.
+    #[error("page {page} ends early; the file was cut short, copy it again")]
+    PageEnds { page: u32 },
+    #[error("page {page} is damaged ({damage}); copy the file again")]
+    PageDamaged { page: u32, damage: Damage },
+    #[error("a page of {x}x{y} pixels is out of range", x = .size[0], y = .size[1])]
+    PageSize { size: [u64; 2] },
+    #[error("it has {}, and grey values are needed; convert it to grey", colours(*.photometric, *.samples))]
+    Colours { photometric: u64, samples: u64 },
+    #[error("samples of {bits} bits in format {format} are not read; convert it to 8, 16 or 32 bits")]
+    Samples { bits: u64, format: u64 },
+    #[error("its compression {code} ({}) is not read; save it with LZW, deflate or none", compression(*.code))]
+    Compression { code: u64 },
+    #[error("its compressed bits are in reversed order, which is not read")]
     FillOrder,
-    /// A predictor that does not fit the samples.
-    Predictor {
-        /// Its code.
-        code: u64,
-    },
-    /// The size of tiles is out of range.
-    Tiles {
-        /// Columns and rows.
-        size: [u64; 2],
-    },
-    /// A page does not say where its strips are.
+    #[error("its predictor {code} does not fit its samples")]
+    Predictor { code: u64 },
+    #[error("tiles of {x}x{y} are out of range", x = .size[0], y = .size[1])]
+    Tiles { size: [u64; 2] },
+    #[error("a page names no strips")]
     NoStrips,
-    /// A page does not say how long its strips are.
+    #[error("a page does not state the lengths of its strips")]
     NoStripLengths,
-    /// A page has too few strips or tiles.
-    FewStrips {
-        /// How many.
-        count: u64,
-        /// How many it needs.
-        needed: u64,
-    },
-    /// LZW codes are wrong.
-    Lzw {
-        /// In words of the decoder.
-        decoder: String,
-    },
+    #[error("a page names {count} strips or tiles where it needs {needed}")]
+    FewStrips { count: u64, needed: u64 },
+    #[error("LZW: {decoder}")]
+    Lzw { decoder: String },
+}
+
+fn colours(photometric: u64, samples: u64) -> String {
+    match photometric {
+        2 => "RGB colours".to_owned(),
+        3 => "colours of a palette".to_owned(),
+        0 | 1 => format!("{samples} samples a pixel"),
+        other => format!("pixels of the photometric interpretation {other}"),
+    }
+}
+
+fn compression(code: u64) -> &'static str {
+    match code {
+        2..=4 => "fax",
+        6 | 7 => "JPEG",
+        33003 | 33005 | 34712 => "JPEG 2000",
+        50000 | 34926 => "Zstandard",
+        50001 | 34927 => "WebP",
+        34925 => "LZMA",
+        _ => "unknown",
+    }
 }
 
 /// Size and type of a page.
@@ -181,4 +112,11 @@ pub struct TiffShape {
     pub size: [u32; 2],
     /// Name of the samples' type, as they are delivered.
     pub dtype: &'static str,
+}
+
+impl fmt::Display for TiffShape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { size: [x, y], dtype } = self;
+        write!(f, "{x}x{y} {dtype}")
+    }
 }

@@ -1,4 +1,6 @@
-//! What can be wrong with the bytes of an `.oct`, as values; the sentences are written in `jobs`.
+//! What can be wrong with the bytes of an `.oct`, as a value with its sentence.
+
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
 
 use thiserror::Error;
 
@@ -6,6 +8,7 @@ use super::metadata::Selection;
 use super::packed::CodingError;
 use super::{Channel, SectionKind};
 use crate::geom::{Level, NodeIndex, VoxelIndex};
+use crate::text::names::{BUILD, UNPACK};
 
 /// A rule of SPEC.md that the bytes of a file, or what is to be written into one, break.
 ///
@@ -14,13 +17,18 @@ use crate::geom::{Level, NodeIndex, VoxelIndex};
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum FormatError {
     /// I1: another program's file, or an empty one.
+    #[error(
+        "is not an infobyte .oct file (it is empty, or begins as another format does); build one with `{BUILD}`"
+    )]
     BadMagic,
     /// I1: written by a newer program.
+    #[error("has format version {major}; this program reads version 1: update infobyte")]
     UnsupportedVersion {
         /// Major version found.
         major: u16,
     },
     /// I1: the header's bytes are not those that were written.
+    #[error("{DAMAGED}the checksum of the header does not match{AGAIN}")]
     HeaderChecksum {
         /// CRC that the header states.
         stated: u32,
@@ -28,11 +36,10 @@ pub enum FormatError {
         found: u32,
     },
     /// I1: neither mapped nor packed.
-    UnknownEncoding {
-        /// Code found.
-        code: u8,
-    },
+    #[error("{DAMAGED}encoding {code} is unknown{AGAIN}")]
+    UnknownEncoding { code: u8 },
     /// I2: too short for what its header says.
+    #[error("is cut short: {expected} bytes are needed and {got} are there; copy or build it again")]
     Truncated {
         /// Bytes needed.
         expected: u64,
@@ -40,23 +47,26 @@ pub enum FormatError {
         got: u64,
     },
     /// I2: longer than its header says.
+    #[error("has {extra} bytes after its end; copy or build it again")]
     TrailingBytes {
         /// Surplus.
         extra: u64,
     },
     /// I3: the section table's bytes are not those that were written.
+    #[error("{DAMAGED}the checksum of the section table does not match{AGAIN}")]
     TableChecksum {
         /// CRC that the header states.
         stated: u32,
         /// CRC of the table.
         found: u32,
     },
-    /// I3: a file has 1 to 64 sections.
+    #[error("{DAMAGED}the number of sections is outside 1..=64 (SPEC I3){AGAIN}")]
     SectionCount {
         /// Sections that the header states.
         sections: u16,
     },
     /// I3: a section does not start where it must.
+    #[error("{DAMAGED}sections do not follow each other without gaps{AGAIN}")]
     SectionGap {
         /// Which section.
         section: u16,
@@ -66,6 +76,7 @@ pub enum FormatError {
         found: u64,
     },
     /// I3: content bytes are not items times bytes per item.
+    #[error("{DAMAGED}a section's size is not items times bytes per item{AGAIN}")]
     SectionSize {
         /// Which section.
         section: u16,
@@ -77,6 +88,7 @@ pub enum FormatError {
         content_bytes: u64,
     },
     /// I3: a section without a codec states other bytes or another CRC than its content's.
+    #[error("{DAMAGED}an uncompressed section differs from its content{AGAIN}")]
     SectionNotPlain {
         /// Which section.
         section: u16,
@@ -86,6 +98,7 @@ pub enum FormatError {
         content_bytes: u64,
     },
     /// I3: a kind stands twice, or before one that it must follow.
+    #[error("{DAMAGED}sections are repeated or out of order{AGAIN}")]
     SectionOrder {
         /// Which section.
         section: u16,
@@ -95,61 +108,51 @@ pub enum FormatError {
         after: SectionKind,
     },
     /// I3: the last section ends before or after the file.
+    #[error("{DAMAGED}the last section does not end where the file ends{AGAIN}")]
     LastSectionEnd {
         /// End of the last section.
         end: u64,
         /// Length of the file.
         file_bytes: u64,
     },
-    /// I4: a required section is not there.
+    #[error("{DAMAGED}{}{AGAIN}", missing(*.0))]
     MissingSection(SectionKind),
-    /// I4: a packed file has a rank directory.
+    #[error("{DAMAGED}{}{AGAIN}", missing(SectionKind::Rank))]
     RankInPackedFile,
-    /// Fine parts of normals without the normals, or of cells.
+    #[error("{DAMAGED}fine parts of normals are there without normals of skin voxels (SPEC I4){AGAIN}")]
     LoneFine,
-    /// I4: coarse means without the voxels' own values.
+    #[error("{DAMAGED}coarse means are there without the voxels' own (SPEC I4){AGAIN}")]
     LoneMeans {
         /// The section of means.
         kind: SectionKind,
     },
-    /// I4: a model of skin voxels has a section that only cells have.
-    NotOfSkin {
-        /// The section.
-        kind: SectionKind,
-    },
-    /// I4: a section has a codec that must not have one.
+    #[error("{DAMAGED}a model of skin voxels has the {} section (SPEC I4){AGAIN}", .kind.name())]
+    NotOfSkin { kind: SectionKind },
+    #[error("{DAMAGED}a section is coded that must not be (SPEC I4){AGAIN}")]
     ForbiddenCodec {
         /// The section; `None` for an unknown kind.
         kind: Option<SectionKind>,
         /// Its codec.
         codec: u8,
     },
-    /// I4: a section that is read whole is longer than it may be, or has items of a wrong size.
+    #[error("{DAMAGED}the {} section is too long (SPEC I4){AGAIN}", .kind.name())]
     SectionTooLong {
-        /// `META` or `LEVL`.
         kind: SectionKind,
         /// Bytes per item.
         item_bytes: u8,
         /// Stored bytes.
         stored_bytes: u64,
     },
-    /// I4: a section has other items than the model needs.
-    SectionItems {
-        /// The section.
-        kind: SectionKind,
-        /// Bytes per item that the table states.
-        item_bytes: u8,
-        /// Items that the table states.
-        items: u64,
-        /// Items that are due.
-        due: u64,
-    },
+    #[error("{DAMAGED}the {} section has {items} items of {item_bytes} bytes where {due} are due (SPEC I4){AGAIN}", .kind.name())]
+    SectionItems { kind: SectionKind, item_bytes: u8, items: u64, due: u64 },
     /// I5: a side of the volume is not in 1..=65536.
+    #[error("{DAMAGED}dims are outside 1..=65536{AGAIN}")]
     DimsRange {
         /// The sides.
         dims: [u32; 3],
     },
     /// I5: the depth is not the least that holds the dims.
+    #[error("{DAMAGED}the depth does not belong to the dims{AGAIN}")]
     DepthMismatch {
         /// Depth that the header states.
         stated: u8,
@@ -157,6 +160,7 @@ pub enum FormatError {
         due: u32,
     },
     /// I5: no skin voxel, or more than the volume has.
+    #[error("{DAMAGED}the number of skin voxels is impossible for the dims{AGAIN}")]
     VoxelCount {
         /// Skin voxels that the header states.
         voxels: u64,
@@ -164,6 +168,7 @@ pub enum FormatError {
         most: u64,
     },
     /// I5: more nodes than the skin voxels can have, or nodes in a grid without any, or none where some are due.
+    #[error("{DAMAGED}the number of nodes is impossible for the skin voxels{AGAIN}")]
     NodeCount {
         /// Nodes that the header states.
         nodes: u64,
@@ -171,21 +176,22 @@ pub enum FormatError {
         most: u64,
     },
     /// I6: the metadata's strings or lengths cannot be read.
+    #[error("{DAMAGED}metadata cannot be read{AGAIN}")]
     MetadataUnreadable {
         /// Length of the section.
         bytes: u64,
     },
     /// I6: the metadata does not fill its section.
+    #[error("{DAMAGED}metadata has bytes left over{AGAIN}")]
     MetadataSurplus {
         /// Bytes after the record.
         extra: u64,
     },
     /// I6: the way in which the range was chosen is unknown.
-    UnknownSelection {
-        /// Code found.
-        code: u8,
-    },
+    #[error("{DAMAGED}selection kind {code} is unknown{AGAIN}")]
+    UnknownSelection { code: u8 },
     /// I6: an unknown sample type or connectivity.
+    #[error("{DAMAGED}metadata names an unknown sample type or connectivity{AGAIN}")]
     MetadataCodes {
         /// Code of the sample type.
         scalar: u8,
@@ -193,25 +199,28 @@ pub enum FormatError {
         connectivity: u8,
     },
     /// I6: affine, spacing or rescale are not finite, or the spacing is not positive.
+    #[error("{DAMAGED}metadata has a geometry that is not finite and positive{AGAIN}")]
     MetadataGeometry {
         /// The spacing.
         spacing_mm: [f64; 3],
     },
-    /// I6: metadata and header disagree about the dims.
+    #[error("{DAMAGED}metadata and header disagree about the dims (SPEC I6){AGAIN}")]
     MetadataDims {
         /// Dims of the metadata.
         metadata: [u32; 3],
         /// Dims of the header.
         header: [u32; 3],
     },
-    /// I7: the level table has a wrong number of items.
+    #[error("{DAMAGED}the level table is impossible: it has a wrong number of items (SPEC I7){AGAIN}")]
     LevelCount {
         /// Items found.
         found: u64,
         /// L + 1.
         due: u64,
     },
-    /// I7: the level table does not run from 0 to N.
+    #[error(
+        "{DAMAGED}the level table is impossible: it does not run from 0 to the number of nodes (SPEC I7){AGAIN}"
+    )]
     LevelEnds {
         /// First item.
         first: u64,
@@ -220,7 +229,9 @@ pub enum FormatError {
         /// Nodes N.
         nodes: u64,
     },
-    /// I7: a depth has more or fewer boxes than it can have.
+    #[error(
+        "{DAMAGED}the level table is impossible: a level has more or fewer boxes than it can have (SPEC I7){AGAIN}"
+    )]
     LevelBoxes {
         /// The level.
         level: Level,
@@ -228,6 +239,7 @@ pub enum FormatError {
         boxes: Option<u64>,
     },
     /// I6, I7, I8: a section's stored bytes are not those that were written.
+    #[error("{DAMAGED}the checksum of {} does not match{AGAIN}", .kind.map_or("a section of unknown kind", SectionKind::name))]
     SectionChecksum {
         /// The section; `None` for an unknown kind.
         kind: Option<SectionKind>,
@@ -239,39 +251,39 @@ pub enum FormatError {
         found: u32,
     },
     /// I9: the header's reserved bytes are not zero.
+    #[error("{DAMAGED}reserved header bytes are not zero{AGAIN}")]
     HeaderReserved {
         /// Their value.
         value: u32,
     },
     /// I9: reserved bytes of the section table are not zero.
+    #[error("{DAMAGED}reserved bytes of the section table are not zero{AGAIN}")]
     TableReserved {
         /// Which section.
         section: u16,
         /// Their value.
         value: u16,
     },
-    /// I9: a byte between the sections is not zero.
+    #[error("{DAMAGED}bytes between sections are not zero (SPEC I9){AGAIN}")]
     PaddingNotZero {
         /// Where it stands in the file.
         offset: u64,
     },
-    /// I10: an infobyte is 0.
+    #[error("{DAMAGED}a node at depth {} has no children (SPEC I10){AGAIN}", .level.get())]
     EmptyNode {
-        /// Level of the node.
         level: Level,
         /// Its number.
         node: NodeIndex,
         /// Its lowest cell.
         corner: [u32; 3],
     },
-    /// I11: a depth has fewer nodes than their parents have children.
+    #[error("{DAMAGED}depth {} has fewer nodes than their parents have children (SPEC I11){AGAIN}", .level.get())]
     MissingNode {
-        /// The level.
         level: Level,
         /// Lowest cell of the first node that is not there.
         corner: [u32; 3],
     },
-    /// I11: a depth has more boxes than their parents have children.
+    #[error("{DAMAGED}a depth has more boxes than their parents have children (SPEC I11){AGAIN}")]
     SurplusBoxes {
         /// The level; that of the voxels is L.
         level: Level,
@@ -280,19 +292,15 @@ pub enum FormatError {
         /// Boxes that the walk met.
         found: u64,
     },
-    /// I11: a channel ends before the voxels do, or the rank directory before the nodes.
-    MissingItem {
-        /// The voxels' own items or their coarse means, or `RANK`.
-        kind: SectionKind,
-    },
-    /// I11: a packed channel goes on after the last voxel.
+    #[error("{DAMAGED}{}{AGAIN}", too_few(*.kind))]
+    MissingItem { kind: SectionKind },
+    #[error("{DAMAGED}there are more {} than voxels (SPEC I11){AGAIN}", items_name(*.kind))]
     SurplusItems {
-        /// The channel.
         kind: SectionKind,
         /// Bytes that no voxel has filled.
         room: u64,
     },
-    /// I11, in packed files: the nodes of a depth of a subtree do not belong to their parents.
+    #[error("{DAMAGED}a depth has too many or too few nodes (SPEC I11){AGAIN}")]
     SubtreeNodes {
         /// The level.
         level: Level,
@@ -301,19 +309,18 @@ pub enum FormatError {
         /// Nodes that the subtrees bring.
         brought: u64,
     },
-    /// I10, I11: a subtree has an empty node, or ends before its parents' children do.
+    #[error("{DAMAGED}a depth has fewer nodes than their parents have children (SPEC I11){AGAIN}")]
     SubtreeCut {
         /// The level.
         level: Level,
     },
-    /// I12: a box lies outside the volume.
+    #[error("{DAMAGED}a box at depth {} lies outside the volume (SPEC I12){AGAIN}", .level.get())]
     OutsideVolume {
-        /// Level of the box.
         level: Level,
         /// Its lowest cell.
         corner: [u32; 3],
     },
-    /// I13: an entry of the rank directory is not what the infobytes give.
+    #[error("{DAMAGED}{}{AGAIN}", too_few(SectionKind::Rank))]
     RankMismatch {
         /// First node of the block or superblock.
         node: NodeIndex,
@@ -322,34 +329,25 @@ pub enum FormatError {
         /// What the directory says.
         found: u64,
     },
-    /// I14: an item is what none of its channel may be: a normal with a component of -128.
+    #[error("{DAMAGED}{}{AGAIN}", illegal(*.channel, *.voxel))]
     IllegalItem {
-        /// The channel.
         channel: Channel,
-        /// Number of the voxel.
         voxel: VoxelIndex,
         /// The item found, as a little-endian number.
         item: u64,
     },
-    /// I18: the corners are not as many as the offsets announce.
-    CornerCount {
-        /// Cells whose offset announces corners.
-        due: u64,
-        /// Items of corners.
-        found: u64,
-    },
-    /// I18: the directory of corners is not that of the offsets.
+    #[error("{DAMAGED}{found} cells have corners where the offsets announce {due} (SPEC I18){AGAIN}")]
+    CornerCount { due: u64, found: u64 },
+    #[error("{DAMAGED}the directory of corners does not match the offsets (SPEC I18){AGAIN}")]
     CornerRank {
         /// Block of the directory.
         block: u64,
         /// Cells with corners before it.
         due: u64,
     },
-    /// I15: a mean direction is not that of its voxels.
+    #[error("{DAMAGED}a mean {channel} at depth {} is not that of its voxels (SPEC I15){AGAIN}", .level.get())]
     MeanNormal {
-        /// The channel.
         channel: Channel,
-        /// Level of the node.
         level: Level,
         /// Its number.
         node: NodeIndex,
@@ -358,11 +356,9 @@ pub enum FormatError {
         /// Code found; `None` where the section has ended.
         found: Option<u16>,
     },
-    /// I16: a mean number is not that of its voxels.
+    #[error("{DAMAGED}a mean {channel} at depth {} is not that of its voxels (SPEC I16){AGAIN}", .level.get())]
     MeanValue {
-        /// The channel.
         channel: Channel,
-        /// Level of the node.
         level: Level,
         /// Its number.
         node: NodeIndex,
@@ -373,55 +369,79 @@ pub enum FormatError {
     },
     /// I17: the metadata speaks of a channel that is not there, or is silent of one that is: by the gradient's
     /// name of normals, by their scale of values.
+    #[error("{DAMAGED}metadata and sections disagree about {} (SPEC I17){AGAIN}", .channel.row().items_name)]
     ChannelStated {
-        /// The channel.
         channel: Channel,
         /// Does the metadata speak of it?
         stated: bool,
     },
-    /// I17: the range is empty or NaN, or ends although it is open.
+    #[error("{DAMAGED}metadata has an impossible range of values (SPEC I17){AGAIN}")]
     SelectionRange {
         /// The range found.
         selection: Selection,
     },
     /// SPEC 5: the coded bytes of a packed file are wrong.
-    Coding(CodingError),
+    #[error("{DAMAGED}{0}{AGAIN}")]
+    Coding(#[from] CodingError),
     /// A packed file where a mapped one is needed.
+    #[error("is packed; run `{UNPACK}` on it first")]
     Packed,
     /// A packed file where one is to be packed.
+    #[error("is packed already; there is nothing to do")]
     AlreadyPacked,
     /// A mapped file where one is to be unpacked.
+    #[error("is not packed; there is nothing to unpack")]
     AlreadyMapped,
-    /// Not to be packed: a section of unknown kind stands between nodes and rank directory.
+    #[error("{DAMAGED}a section of unknown kind parts nodes and rank{AGAIN}")]
     RankApart,
-    /// Not to be packed: a minor version that unpacking could not tell.
-    MinorApart {
-        /// The version.
-        minor: u16,
-    },
-    /// Not to be written: the metadata passes 1 MiB.
+    #[error("{DAMAGED}version 1.{minor} is not the lowest that suffices (SPEC 1){AGAIN}")]
+    MinorApart { minor: u16 },
+    #[error("{DAMAGED}metadata is longer than 1 MiB{AGAIN}")]
     MetadataTooLong {
         /// Its length.
         bytes: u64,
     },
-    /// Not to be written: the metadata cannot be encoded.
+    #[error("{DAMAGED}metadata cannot be written{AGAIN}")]
     MetadataUnwritable,
-    /// Not to be assembled: a value does not fit one byte.
+    #[error("{DAMAGED}a value does not fit one byte{AGAIN}")]
     ValueTooLarge {
         /// The value.
         value: u16,
     },
-    /// Not to be assembled: no voxels, one twice, or one outside the dims.
+    #[error("{DAMAGED}the voxels are none, repeated, or outside the dims{AGAIN}")]
     VoxelSet {
         /// How many were given.
         voxels: u64,
     },
 }
 
-impl From<CodingError> for FormatError {
-    fn from(cause: CodingError) -> Self {
-        Self::Coding(cause)
+const DAMAGED: &str = "is damaged: ";
+const AGAIN: &str = "; copy or build it again";
+
+fn missing(kind: SectionKind) -> String {
+    match kind {
+        SectionKind::Rank => "the rank section is missing, or present in a packed file (SPEC I4)".to_owned(),
+        kind => format!("the {} section is missing (SPEC I4)", kind.name()),
     }
+}
+
+fn too_few(kind: SectionKind) -> String {
+    match kind {
+        SectionKind::Rank => "the rank directory does not belong to the nodes (SPEC I13)".to_owned(),
+        kind => format!("there are more voxels than {} (SPEC I11)", items_name(kind)),
+    }
+}
+
+fn illegal(channel: Channel, voxel: VoxelIndex) -> String {
+    match channel {
+        Channel::Normal => "a normal has the illegal component -128 (SPEC I14)".to_owned(),
+        channel => format!("the {channel} of voxel {} is illegal (SPEC I14)", voxel.get()),
+    }
+}
+
+/// What a section has one of for each voxel or node.
+fn items_name(kind: SectionKind) -> &'static str {
+    kind.channel().map_or(kind.name(), |channel| channel.row().items_name)
 }
 
 // Readers return it from loops over every voxel.

@@ -7,17 +7,19 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
+use super::hint::Hint;
 use super::info::{Info, read_info, static_facts};
-use super::wording::foreign::{data, shown};
-use super::wording::{Hint, Short, sentences};
 use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
 use crate::clean::{CleanError, CleanOptions, CleanReport};
 use crate::error::{Error, UsageError};
+use crate::facts::sentences;
 use crate::format::{MAGIC, SurfaceKind};
 use crate::resident::give_back;
 use crate::source::OpenOptions;
+use crate::text::Short;
+use crate::text::{data, shown};
 use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
 
 /// What was built, from what, and what it took.

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use super::build::{BuildSummary, prepare, refuse_own_input};
 use super::info::read_info;
-use super::wording::foreign::data;
 use crate::budget::{Budget, costs};
 use crate::builder::{BuildOptions, Progress};
 use crate::catalogue;
@@ -14,6 +13,7 @@ use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, read
 use crate::error::Error;
 use crate::resident::give_back;
 use crate::source::{OpenOptions, stays};
+use crate::text::data;
 use crate::volume::VolumeSource;
 
 /// Is this a tree of solids, by its name?

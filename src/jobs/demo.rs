@@ -10,12 +10,12 @@ use super::build::{BuildSummary, build_source};
 use super::picture::{Outputs, refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
 use super::verify::verify_file;
-use super::wording::foreign::{data, shown};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::{BuildOptions, Progress};
 use crate::error::{Error, UsageError};
 use crate::synthetic::SyntheticHead;
+use crate::text::{data, shown};
 use crate::volume::{Endian, VolumeSource};
 
 /// Files that the demonstration writes: the model, and beside it a picture and a thumbnail.

@@ -8,7 +8,6 @@ use serde_json::{Value, json};
 
 use super::opened::open_model;
 use super::verify::{verify_file, verify_unless_packed};
-use super::wording::foreign::{data, shown};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
@@ -16,6 +15,7 @@ use crate::export::{ExportFault, ExportForm, ExportStop, Exporter};
 use crate::geom::{Affine, Dims};
 use crate::progress::Progress;
 use crate::render::GridSpace;
+use crate::text::{data, shown};
 
 /// Most that triangles can be simplified.
 pub const MOST_SIMPLIFIED: u32 = 6;

@@ -7,12 +7,12 @@ use serde_json::{Map, Value, json};
 
 use super::measure::{Measures, measure};
 use super::opened::open_model;
-use super::wording::foreign::{data, shown};
-use super::wording::{Short, WithError};
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{Encoding, Metadata, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
 use crate::load::{Frame, LoadError, open_regular};
+use crate::text::names::{MEASURE, VERIFY};
+use crate::text::{Short, WithError, data, shown};
 use crate::volume::ScalarType;
 
 /// Bytes a voxel of the paper's uniform volume: 2 bytes of density and 33 bits of normal, colour and
@@ -334,12 +334,12 @@ impl Measured {
             Self::Packed => {
                 return vec![(
                     "measures",
-                    "none of a packed model; --measure unpacks it for a moment".into(),
+                    format!("none of a packed model; {MEASURE} unpacks it for a moment"),
                 )];
             }
-            Self::Large => return vec![("measures", "take a while here; --measure takes them".into())],
+            Self::Large => return vec![("measures", format!("take a while here; {MEASURE} takes them"))],
             Self::Impossible => {
-                return vec![("measures", "the model has no volume, or is damaged; see `oct verify`".into())];
+                return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
             }
         };
         let [low, high] = measures.box_mm;

@@ -7,12 +7,12 @@ use serde_json::{Value, json};
 
 use super::opened::open_model;
 use super::verify::verify_file;
-use super::wording::Short;
-use super::wording::foreign::{data, shown};
 use crate::budget::peak_rss_bytes;
 use crate::contact::{Contact, Placed, contact};
 use crate::error::{Error, UsageError};
 use crate::geom::Affine;
+use crate::text::Short;
+use crate::text::{data, shown};
 
 /// Whether two models touch.
 #[derive(Clone, Debug, PartialEq)]

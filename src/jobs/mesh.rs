@@ -5,13 +5,13 @@ use std::time::Instant;
 
 use super::build::{BuildSummary, refuse_own_input};
 use super::info::read_info;
-use super::wording::foreign::data;
 use crate::builder::{BuildOptions, Progress};
 use crate::error::Error;
 use crate::facts::{Misuse, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::mesh::{MeshOptions, build_mesh};
 use crate::resident::give_back;
+use crate::text::data;
 
 /// Suffixes of the formats that are read.
 const SUFFIXES: [&str; 7] = ["stl", "ply", "obj", "off", "gltf", "glb", "3mf"];

@@ -9,6 +9,7 @@ pub mod build;
 pub mod csg;
 pub mod demo;
 pub mod export;
+mod hint;
 pub mod info;
 pub mod intersect;
 pub mod measure;
@@ -23,7 +24,5 @@ pub mod scan;
 pub mod scene;
 pub mod shots;
 pub mod verify;
-pub mod wording;
 
 pub use crate::resident::{give_back, map_large_buffers};
-pub use wording::foreign::shown;

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::batch::{Claim, Claims, NOTICE, copy_of, numbered};
-use super::wording::foreign::{data, shown};
-use super::wording::sentences;
 use crate::budget::peak_rss_bytes;
 use crate::catalogue::{Catalogue, LeftOut};
 use crate::error::Error;
+use crate::facts::sentences;
 use crate::source::{BurnedIn, Finding, OpenOptions};
+use crate::text::{data, shown};
 
 /// One volume that was found.
 #[derive(Clone, Debug)]

@@ -6,10 +6,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::opened::unpacked;
-use super::wording::foreign::{data, shown};
 use crate::error::Error;
 use crate::format::Encoding;
 use crate::load::{self, Fault, Frame, LoadError, open_regular};
+use crate::text::{data, shown};
 
 /// A file that passed.
 #[derive(Clone, Debug)]

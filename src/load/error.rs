@@ -1,38 +1,59 @@
-//! Why a file cannot be opened as a model, as values; the sentences are written in `jobs`.
+//! Why a file cannot be opened as a model, as a value with its sentence.
 
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
+
+use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use crate::exit::ExitKind;
 use crate::format::FormatError;
+use crate::text::names::{BUILD_MESH, BUILD_TREE, RENDER};
+use crate::text::{reading, shown};
 
 /// A model that cannot be used.
 #[non_exhaustive]
 #[derive(Debug, Error)]
 pub enum LoadError {
-    /// The operating system refused.
+    #[error("{}: cannot be read ({cause}); {}", shown(.path), reading(.cause, "check that it exists and that you may read it"))]
     Unreadable {
-        /// The file.
         path: PathBuf,
-        /// The system's reason, or [`NotRegular`].
         #[source]
         cause: io::Error,
     },
-    /// Its bytes are wrong.
+    #[error("{}: {}", shown(.path), Reason(.path, .cause))]
     Format {
-        /// The file.
         path: PathBuf,
-        /// What is wrong.
         #[source]
         cause: FormatError,
     },
-    /// It was written to while it was in use.
-    Changed {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: was changed while it was in use, so that nothing was made of it; start again once it is complete", shown(.path))]
+    Changed { path: PathBuf },
+}
+
+/// What is wrong with the bytes, or what the file is by its name instead of a model.
+struct Reason<'a>(&'a Path, &'a FormatError);
+
+impl fmt::Display for Reason<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(path, cause) = self;
+        let suffix = path.extension().and_then(|name| name.to_str()).unwrap_or_default().to_ascii_lowercase();
+        match (cause, suffix.as_str()) {
+            (FormatError::BadMagic, "csg") => {
+                write!(f, "is a tree of solids, not a model; build it first, with `{BUILD_TREE}`")
+            }
+            (FormatError::BadMagic, "stl" | "ply" | "obj" | "off" | "gltf" | "glb" | "3mf") => {
+                write!(f, "is a mesh, not a model; build it first, with `{BUILD_MESH}`")
+            }
+            (FormatError::BadMagic, "toml") => write!(
+                f,
+                "is not a model; a scene is shown by `{RENDER}` alone, and is not a part of another one"
+            ),
+            _ => cause.fmt(f),
+        }
+    }
 }
 
 impl LoadError {
@@ -44,4 +65,5 @@ impl LoadError {
 
 /// A folder or a device where a file is needed; held by an [`io::Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("it is not a regular file")]
 pub struct NotRegular;

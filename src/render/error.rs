@@ -1,65 +1,56 @@
-//! Why a picture cannot be made, as values; the sentences are written in `jobs`.
+//! Why a picture cannot be made, as a value with its sentence.
 
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
+
+use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
 use thiserror::Error;
 
 use super::ray::BadRay;
+use crate::budget::{ExactSize, SizeArgument};
 use crate::exit::ExitKind;
+use crate::text::names::{EYE, LOOK_AT, MEMORY, SURFACE, TRAVERSAL, UP};
+use crate::text::{shown, writing};
 
 /// A picture that cannot be made or written.
 #[non_exhaustive]
 #[derive(Debug, Error)]
 pub enum RenderError {
-    /// The camera makes no sense.
-    Camera(CameraFault),
-    /// A ray makes no sense.
-    Ray(BadRay),
-    /// A picture without pixels, or with too many.
-    Size {
-        /// Pixels in a row.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// Longest side.
-        most_side: u32,
-        /// Most pixels.
-        most_pixels: u64,
-    },
-    /// The picture was made without this layer.
+    #[error(transparent)]
+    Camera(#[from] CameraFault),
+    #[error(transparent)]
+    Ray(#[from] BadRay),
+    #[error(
+        "a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels"
+    )]
+    Size { width: u32, height: u32, most_side: u32, most_pixels: u64 },
+    #[error("the picture was made without {0}; ask for it")]
     NoLayer(Layer),
-    /// Threads cannot be started.
+    #[error("{threads} threads cannot be started ({cause}); choose fewer")]
     Threads {
-        /// How many.
         threads: usize,
-        /// The system's reason.
         #[source]
         cause: io::Error,
     },
-    /// The grid is too deep to be compared cell by cell.
-    TooDeep {
-        /// Its depth.
-        depth: u32,
-        /// The greatest depth that can be.
-        most: u32,
-    },
-    /// Discrete rays meet voxels, and the model has cells with a surface within.
+    #[error(
+        "a grid of 2^{depth} cells a side is too large to be compared cell by cell; choose a model of at most 2^{most}"
+    )]
+    TooDeep { depth: u32, most: u32 },
+    #[error(
+        "discrete rays meet voxels, and this model has cells with a surface within; leave {TRAVERSAL} exact, or build it with {SURFACE} skin"
+    )]
     DiscreteCells,
-    /// The model's affine cannot be inverted.
+    #[error(
+        "the model's axes are (nearly) parallel, so it has no volume to look at; check its spacing and orientation"
+    )]
     SingularAffine,
-    /// The memory allowed is too little for the picture.
-    Memory {
-        /// Bytes allowed.
-        limit_bytes: u64,
-        /// The fewest that do.
-        minimum_bytes: u64,
-    },
-    /// The image cannot be written.
+    #[error("{MEMORY} {} is too small for this picture; the smallest that works is {MEMORY} {}", ExactSize(*.limit_bytes), SizeArgument(*.minimum_bytes))]
+    Memory { limit_bytes: u64, minimum_bytes: u64 },
+    #[error("{}: cannot be written ({cause}); {}", shown(.path), writing(.cause))]
     Write {
-        /// The image.
         path: PathBuf,
-        /// The system's reason.
         #[source]
         cause: io::Error,
     },
@@ -67,39 +58,22 @@ pub enum RenderError {
 
 /// What is wrong with a camera.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum CameraFault {
-    /// The field of view is out of range.
-    FieldOfView {
-        /// Degrees asked for.
-        degrees: f64,
-        /// Least degrees.
-        least: f64,
-        /// Most degrees.
-        most: f64,
-    },
-    /// A coordinate is not a finite number.
+    #[error("the field of view is {degrees} degrees; choose {least} to {most}")]
+    FieldOfView { degrees: f64, least: f64, most: f64 },
+    #[error("a camera coordinate is not a finite number")]
     NotFinite,
-    /// The eye is in the point that it looks at.
+    #[error("the eye is in the point that it looks at; move one of them ({EYE}, {LOOK_AT})")]
     EyeInTarget,
-    /// The eye and the point that it looks at are farther apart than numbers go.
+    #[error(
+        "the eye is too far from the point that it looks at for any picture; give both in mm, near the model ({EYE}, {LOOK_AT})"
+    )]
     TooFar,
-    /// The up direction has no length.
+    #[error("the up direction has no length; give another ({UP})")]
     UpWithoutLength,
-    /// The up direction is along the line of sight.
+    #[error("the up direction is along the line of sight; give another ({UP})")]
     UpAlongSight,
-}
-
-impl From<CameraFault> for RenderError {
-    fn from(fault: CameraFault) -> Self {
-        Self::Camera(fault)
-    }
-}
-
-impl From<BadRay> for RenderError {
-    fn from(fault: BadRay) -> Self {
-        Self::Ray(fault)
-    }
 }
 
 /// What a picture may hold besides its colours.
@@ -111,6 +85,16 @@ pub enum Layer {
     Normals,
     /// Numbers of boxes.
     Ids,
+}
+
+impl fmt::Display for Layer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Depth => "depth",
+            Self::Normals => "normals",
+            Self::Ids => "numbers of boxes",
+        })
+    }
 }
 
 impl RenderError {

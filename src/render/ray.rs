@@ -3,6 +3,8 @@
 //! *Grid space* has cell (i, j, k) at `[i, i+1) x [j, j+1) x [k, k+1)`, 0..2^L along each axis; a voxel
 //! index of the affine is a cell's centre, so `grid = index + 0.5`.
 
+use thiserror::Error;
+
 /// Fraction bits of an origin coordinate: 1/65536 of a cell.
 pub const FRACTION_BITS: u32 = 16;
 
@@ -42,17 +44,16 @@ impl Face {
 }
 
 /// Why a ray is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[expect(missing_docs, reason = "the sentence of each variant says it")]
 pub enum BadRay {
-    /// A coordinate is NaN or infinite.
+    #[error("the ray has a coordinate that is not a finite number")]
     NotFinite,
-    /// The direction is the null vector.
+    #[error("the ray has no direction")]
     NoDirection,
-    /// The grid is deeper than the format allows.
+    #[error("the grid is deeper than 16 levels")]
     TooDeep,
 }
-
-impl std::error::Error for BadRay {}
 
 /// A ray as the traversal sees it: integers, starting in or on the grid.
 ///

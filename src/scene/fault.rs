@@ -1,21 +1,26 @@
-//! What is wrong with the text of a scene, as values; the sentences are written in `jobs`.
+//! What is wrong with the text of a scene, as a value with its sentence.
 
+#![expect(missing_docs, reason = "the sentence of each variant says it")]
+
+use std::fmt;
 use std::path::PathBuf;
 
 use crate::exit::ExitKind;
 use crate::format::Channel;
 use crate::render::CameraFault;
 
+use crate::text::{Short, shown};
+use thiserror::Error;
+
 /// A scene that cannot be shown.
-#[derive(Debug)]
+#[derive(Debug, Error)]
+#[error("{}: {fault}", shown(.path))]
 pub struct SceneError {
     /// The text's file.
     pub path: PathBuf,
     /// What is wrong.
     pub fault: SceneFault,
 }
-
-impl std::error::Error for SceneError {}
 
 impl SceneError {
     /// Exit kind.
@@ -29,20 +34,28 @@ impl SceneError {
 pub enum Table {
     /// None of them: the text's own keys.
     Top,
-    /// The camera.
     Camera,
-    /// Light from everywhere.
     Ambient,
-    /// What is cut from all models.
     Clip,
-    /// A model, counted from 1.
     Model(usize),
-    /// What is cut from a model, counted from 1.
     ModelClip(usize),
-    /// A light, counted from 1.
     Light(usize),
-    /// A material.
     Material(String),
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Top => Ok(()),
+            Self::Camera => f.write_str("[camera], "),
+            Self::Ambient => f.write_str("[ambient], "),
+            Self::Clip => f.write_str("[clip], "),
+            Self::Model(number) => write!(f, "[[model]] {number}, "),
+            Self::ModelClip(number) => write!(f, "[[model]] {number}, clip, "),
+            Self::Light(number) => write!(f, "[[light]] {number}, "),
+            Self::Material(name) => write!(f, "[material.{}], ", shown(name)),
+        }
+    }
 }
 
 /// A key of the text.
@@ -54,130 +67,71 @@ pub struct Key {
     pub name: &'static str,
 }
 
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", self.table, self.name)
+    }
+}
+
 /// What is wrong with the text of a scene.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum SceneFault {
-    /// It is longer than a scene may be.
-    TooLong {
-        /// Its bytes.
-        bytes: u64,
-        /// Most bytes.
-        most: u64,
-    },
-    /// It is not text.
+    #[error("{bytes} bytes are too long for a scene; write at most {most}")]
+    TooLong { bytes: u64, most: u64 },
+    #[error("is not text; a scene is a TOML file in UTF-8")]
     NotText,
-    /// It is not TOML, or a key is unknown, lacking or of the wrong kind.
-    Toml {
-        /// Line, counted from 1, if it is known.
-        line: Option<usize>,
-        /// In the words of the parser.
-        parser: String,
-    },
-    /// It names no model.
+    #[error("{}{}; SCENES.md lists every key", .line.map_or_else(String::new, |line| format!("line {line}: ")), shown(.parser))]
+    Toml { line: Option<usize>, parser: String },
+    #[error("names no model; add a table [[model]] with file = \"MODEL.oct\"")]
     NoModels,
-    /// It names too many of something.
-    TooMany {
-        /// Of what.
-        key: Key,
-        /// How many.
-        count: usize,
-        /// Most of them.
-        most: usize,
-    },
-    /// A number is not finite or not within its limits.
-    Range {
-        /// Which.
-        key: Key,
-        /// The number.
-        value: f64,
-        /// Least value.
-        least: f64,
-        /// Most.
-        most: f64,
-    },
-    /// Not a colour.
-    Color {
-        /// Which.
-        key: Key,
-        /// What is written.
-        text: String,
-    },
-    /// A name that does not stand for anything.
-    Unknown {
-        /// Which.
-        key: Key,
-        /// What is written.
-        name: String,
-        /// What could be.
-        known: Vec<String>,
-    },
-    /// A key that another one makes void.
-    Both {
-        /// Which.
-        key: Key,
-        /// The other.
-        other: &'static str,
-    },
-    /// A key that does not do without another one.
-    Needs {
-        /// Which.
-        key: Key,
-        /// The other.
-        other: &'static str,
-    },
-    /// A picture without pixels, or with too many.
-    Size {
-        /// Pixels in a row.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// Most of either.
-        most_side: u32,
-        /// Most pixels.
-        most_pixels: u64,
-    },
-    /// A direction of no length.
-    NoDirection {
-        /// Which.
-        key: Key,
-    },
-    /// A placement that leaves a model without a volume.
-    Flat {
-        /// The model.
-        key: Key,
-    },
-    /// A box without an inside.
-    EmptyBox {
-        /// Which.
-        key: Key,
-    },
-    /// A label that is not a whole number.
-    Label {
-        /// Which.
-        key: Key,
-        /// The number.
-        value: f64,
-    },
-    /// Values that do not rise, or lack.
-    Order {
-        /// Which.
-        key: Key,
-    },
-    /// A model lacks the channel that its colour is to come from.
-    NoChannel {
-        /// The model.
-        key: Key,
-        /// What it lacks.
-        channel: Channel,
-    },
-    /// A model's file cannot be used.
-    File {
-        /// The model.
-        key: Key,
-        /// Why, as a sentence.
-        told: String,
-    },
-    /// A camera that makes no sense.
+    #[error("{key}: {count} are too many; write at most {most}")]
+    TooMany { key: Key, count: usize, most: usize },
+    #[error("{key}: {value} is out of range; choose {} to {}", Short(*.least), Short(*.most))]
+    Range { key: Key, value: f64, least: f64, most: f64 },
+    #[error("{key}: '{}' is not a colour; write six hex digits for red, green and blue, such as \"#e8d8b0\"", shown(.text))]
+    Color { key: Key, text: String },
+    #[error("{key}: '{}' is unknown; choose {}", shown(.name), any_of(.known))]
+    Unknown { key: Key, name: String, known: Vec<String> },
+    #[error("{key}: does not go with {other}; leave one of them out")]
+    Both { key: Key, other: &'static str },
+    #[error("{key}: needs {other} as well; add it")]
+    Needs { key: Key, other: &'static str },
+    #[error(
+        "size: a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels"
+    )]
+    Size { width: u32, height: u32, most_side: u32, most_pixels: u64 },
+    #[error("{key}: {}", if .key.name == "planes" { "a row of which the first three numbers are 0 is not a direction; write rows such as [0, 0, 1, 40]" } else { "has no length, so it is not a direction; write one such as [0, -1, 1]" })]
+    NoDirection { key: Key },
+    #[error(
+        "{key}: leaves the model without a volume; choose factors that are not 0, or rows that are not parallel"
+    )]
+    Flat { key: Key },
+    #[error("{key}: holds nothing; write the low corner first, as in [[-50, -50, 0], [50, 50, 90]]")]
+    EmptyBox { key: Key },
+    #[error("{key}: {value} is not a label; labels are whole numbers from 0 to 255")]
+    Label { key: Key, value: f64 },
+    #[error(
+        "{key}: needs numbers that rise, each with its colour, as in [[-100, \"#e2b484\"], [400, \"#f0e8d8\"]]"
+    )]
+    Order { key: Key },
+    #[error("{key}: takes its colour from the channel {}, which the model lacks; build the model with it, or choose another material", .channel.name())]
+    NoChannel { key: Key, channel: Channel },
+    #[error("{key}: {told}")]
+    File { key: Key, told: String },
+    #[error("[camera]: {0}")]
     Camera(CameraFault),
+}
+
+fn any_of(names: &[String]) -> String {
+    let mut text = String::new();
+    for (at, name) in names.iter().enumerate() {
+        let before = match at {
+            0 => "",
+            _ if at + 1 == names.len() => " or ",
+            _ => ", ",
+        };
+        text += &format!("{before}{}", shown(name));
+    }
+    text
 }

@@ -20,13 +20,14 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("cpu", &[]),
     ("exit", &[]),
     ("geom", &[]),
-    ("format", &["cpu", "geom"]),
+    ("text", &["atomic"]),
+    ("format", &["cpu", "geom", "text"]),
     ("mark", &[]),
     ("progress", &[]),
     ("resident", &["budget"]),
-    ("scratch", &[]),
+    ("scratch", &["budget"]),
     ("stamp", &[]),
-    ("facts", &["budget", "codec", "exit", "geom"]),
+    ("facts", &["budget", "codec", "exit", "geom", "text"]),
     ("volume", &["budget", "exit", "facts", "geom", "progress", "scratch", "stamp"]),
     ("source", &["budget", "codec", "cpu", "exit", "facts", "geom", "mark", "progress", "scratch", "volume"]),
     ("synthetic", &["facts", "geom", "volume"]),
@@ -49,9 +50,12 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ),
     (
         "builder",
-        &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "resident", "scratch", "volume"],
+        &[
+            "atomic", "budget", "cpu", "exit", "format", "geom", "progress", "resident", "scratch", "text",
+            "volume",
+        ],
     ),
-    ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "volume"]),
+    ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "text", "volume"]),
     ("mesh", &["budget", "builder", "codec", "cpu", "facts", "format", "geom", "scratch", "source", "stamp"]),
     (
         "csg",
@@ -60,11 +64,11 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "stamp", "volume",
         ],
     ),
-    ("load", &["budget", "cpu", "exit", "format", "geom"]),
-    ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark"]),
-    ("scene", &["exit", "format", "geom", "load", "render"]),
+    ("load", &["budget", "cpu", "exit", "format", "geom", "text"]),
+    ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark", "text"]),
+    ("scene", &["exit", "format", "geom", "load", "render", "text"]),
     ("enclosed", &["format", "geom", "load"]),
-    ("export", &["enclosed", "format", "geom", "load", "progress", "render", "scratch"]),
+    ("export", &["enclosed", "format", "geom", "load", "progress", "render", "scratch", "text"]),
     (
         "jobs",
         &[
@@ -93,17 +97,15 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "scratch",
             "source",
             "synthetic",
+            "text",
             "volume",
         ],
     ),
-    ("error", &["builder", "clean", "exit", "export", "facts", "format", "load", "render", "scene"]),
+    ("error", &["builder", "clean", "exit", "export", "facts", "format", "load", "render", "scene", "text"]),
 ];
 
 /// Modules that may see the gathered `Error` itself; those below it name only `ExitKind`.
 const ABOVE_ERROR: &[&str] = &["jobs", "lib"];
-
-/// Where sentences are written and flags named.
-const SPEAKING: &[&str] = &["src/jobs/"];
 
 /// Names of what holds a message; besides them, whatever is bound to the text of a value.
 const MESSAGES: &[&str] = &[
@@ -334,7 +336,7 @@ fn the_command_knows_the_library_only_from_outside() {
     for source in sources("bin") {
         for (name, _) in crate_paths(&source.code) {
             assert!(
-                ["args", "bars", "bus", "failure", "manual", "pictures", "print", "streams"]
+                ["args", "bars", "bus", "cure", "failure", "manual", "pictures", "print", "streams"]
                     .contains(&name.as_str()),
                 "{}: crate::{name}",
                 source.path
@@ -343,23 +345,23 @@ fn the_command_knows_the_library_only_from_outside() {
     }
 }
 
-/// Flags named in a text of the code, and sentences in the definition of an error.
+/// Flags named in a text of the code; variables of style sheets (`--ink:`, `var(--ink)`) look alike.
 fn spoken(source: &Source) -> Vec<String> {
     let code = source.without_tests();
     let flag = |at: usize| {
         code[at + 2..].starts_with(|c: char| c.is_ascii_lowercase())
             && code[..at].ends_with(|c: char| c.is_whitespace() || "\"'`(".contains(c))
+            && !code[..at].ends_with("var(")
     };
     let flags = code.match_indices("--").map(|(at, _)| at).filter(|at| flag(*at));
-    let sentences = code.match_indices("#[error(").map(|(at, _)| at);
     let line = |at: usize| code[at..].lines().next().unwrap_or_default().to_owned();
-    flags.chain(sentences).map(|at| format!("{}: {}", source.path, line(at))).collect()
+    flags.map(|at| format!("{}: {}", source.path, line(at))).collect()
 }
 
 #[test]
-fn sentences_and_flags_are_written_in_jobs_only() {
+fn flags_are_written_in_the_command_only() {
     for source in sources("src") {
-        if SPEAKING.iter().any(|part| source.path.starts_with(part)) || source.path.ends_with("/tests.rs") {
+        if source.path.ends_with("/tests.rs") {
             continue;
         }
         let wrong = spoken(&source);
@@ -439,7 +441,8 @@ fn messages_are_seen_where_they_are_taken_apart() {
     ] {
         assert!(taken_apart(&source(sound)).is_empty(), "{sound}");
     }
-    assert_eq!(spoken(&source("let a = \"check --dims\";\n#[error(\"no\")]\nlet b = a--c; // --d")).len(), 2);
+    let code = "let a = \"check --dims\";\n#[error(\"no --a\")]\nlet b = a--c; // --d\nlet c = \"var(--e)\";";
+    assert_eq!(spoken(&source(code)).len(), 2);
 }
 
 #[test]
@@ -495,7 +498,7 @@ fn the_reader_of_this_test_sees_what_it_should() {
 }
 
 /// Where foreign text becomes printable.
-const FOREIGN: &str = "src/jobs/wording/foreign.rs";
+const FOREIGN: &str = "src/text/foreign.rs";
 
 #[test]
 fn foreign_text_is_printed_in_one_way() {

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use infobyte::catalogue::open_unprepared;
-use infobyte::jobs::wording::sentences;
+use infobyte::facts::sentences;
 use infobyte::source::OpenOptions;
 
 use crate::common::{command, dicom};

@@ -7,45 +7,40 @@ use super::scan::{DeflateFault, ScanError};
 use super::series::SeriesFault;
 use crate::codec::CodecError;
 
+/// The cure for a file that breaks off, or is damaged, among others.
+const WITHOUT_IT: &str = "; copy the file again, or move it away to build without it";
+
+/// The cure for a file that proved damaged when it was decoded.
+const LEAVE_OUT: &str = "; copy the file again, or leave it out";
+
 /// Why a DICOM file or series cannot be used.
 #[non_exhaustive]
 #[derive(Debug, Error)]
 pub enum DicomFault {
-    /// Its header cannot be read.
+    #[error("{0}")]
     Header(ScanError),
-    /// It was an image when the folders were searched, and is not any more.
+    #[error("{0}; was it changed while the folders were searched?")]
     Lost(ScanError),
-    /// It was changed after it was found.
+    #[error("was changed since it was found; start again")]
     Changed,
-    /// The only image cannot be used.
+    #[error("{}{}", .0, if .0.is_cut_short() { WITHOUT_IT } else { "" })]
     Image(ImageFault),
-    /// One image of several cannot be used: without it the volume would lack a slice.
+    #[error("{0}{WITHOUT_IT}")]
     OneImage(ImageFault),
-    /// None of the images can be used.
-    EveryImage {
-        /// How many.
-        images: usize,
-        /// What is wrong with the first.
-        first: ImageFault,
-    },
-    /// The images form no volume.
+    #[error("none of its {images} images can be used: {first}")]
+    EveryImage { images: usize, first: ImageFault },
+    #[error("{0}")]
     Series(SeriesFault),
-    /// Fragments or tables cannot be followed while frames are decoded.
+    #[error("{0}{LEAVE_OUT}")]
     Elements(ScanError),
-    /// The stream of a deflated file is wrong.
+    #[error("cannot be decoded: {0}")]
     Deflate(DeflateFault),
-    /// The pixels end early.
-    PixelsCut {
-        /// Bytes that they need.
-        needed: u64,
-        /// Bytes that are there.
-        got: u64,
-    },
-    /// A compressed frame cannot be decoded.
+    #[error("the pixels are cut short: {got} bytes of {needed}{LEAVE_OUT}")]
+    PixelsCut { needed: u64, got: u64 },
+    #[error("{}{error}", .frame.map_or_else(String::new, |frame| format!("in frame {} ", u64::from(frame) + 1)))]
     Frame {
         /// Its number, from 0, where there are several.
         frame: Option<u32>,
-        /// Why.
         error: CodecError,
     },
 }

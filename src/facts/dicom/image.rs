@@ -1,5 +1,7 @@
 //! Why an image cannot be a slice of a volume.
 
+use std::fmt::{self, Display, Formatter};
+
 use thiserror::Error;
 
 use super::attribute::Attribute;
@@ -10,17 +12,23 @@ use super::syntax::TransferSyntax;
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ImageFault {
-    /// Its pixels cannot be used.
+    #[error("{0}")]
     Pixels(Obstacle),
-    /// It is a mosaic that cannot be taken apart.
+    #[error("{0}")]
     Mosaic(MosaicFault),
-    /// Frames of nuclear medicine are views, detectors, energy windows or points in time.
+    #[error(
+        "its frames are views, detectors, energy windows or points in time, not slices (there is no Slice Vector (0054,0080)), so they form no volume"
+    )]
     FramesWithoutSlices,
-    /// Its frames cannot be told apart.
+    #[error("its frames cannot be told apart: {0}")]
     Frames(ScanError),
-    /// An attribute that places it, or scales its values, is infinite or not a number.
+    #[error(
+        "its {0} is infinite or not a number, so that neither place nor values are known; correct the header"
+    )]
     NotFinite(Attribute),
-    /// Its frames are tiles of a larger picture, as those of whole slides are.
+    #[error(
+        "its frames are tiles of a larger picture (a whole slide, or what was found on one), not slices, so they form no volume"
+    )]
     Tiles,
 }
 
@@ -35,88 +43,77 @@ impl ImageFault {
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Obstacle {
-    /// A report, a plan, a directory, ...
-    NoPixels {
-        /// What the object is.
-        object: String,
-    },
-    /// Compressed in a way that is not decoded here.
+    #[error("{object} without pixels")]
+    NoPixels { object: String },
+    #[error("compressed pixels ({}) cannot be read{}", .0, .0.remedy())]
     Codec(TransferSyntax),
-    /// A transfer syntax that is not known here.
+    #[error("pixels in an {0} cannot be read")]
     UnknownSyntax(TransferSyntax),
-    /// Pixels, but no word on what they are.
-    NoDescription {
-        /// Bytes of pixel data.
-        bytes: u64,
-    },
-    /// Native syntax, but no length.
+    #[error(
+        "there are {bytes} bytes of pixel data, but no image description: rows, columns and bits allocated are missing"
+    )]
+    NoDescription { bytes: u64 },
+    #[error("the pixels have no length, though {0} pixels must have one")]
     NoLength(TransferSyntax),
     /// Number of Frames is illegible or 0. It is not guessed from the length of the pixels: what else the
     /// header says may be as wrong.
+    #[error("the number of frames is not a positive number")]
     BadFrames,
-    /// More frames than could lie in the file.
-    TooManyFrames {
-        /// Number of Frames.
-        stated: u32,
-        /// Frames that the file could hold at most.
-        room: u64,
-    },
-    /// A photometric interpretation that cannot be reduced to one number a pixel.
-    Colour {
-        /// Photometric Interpretation.
-        photometric: String,
-        /// Samples per Pixel.
-        samples: u16,
-    },
-    /// A palette image without a palette that can be used.
+    #[error("{stated} frames are stated, and the file is too short for more than {room}")]
+    TooManyFrames { stated: u32, room: u64 },
+    #[error("colour images ({photometric}, {samples} samples a pixel) of this kind cannot be read")]
+    Colour { photometric: String, samples: u16 },
+    #[error("the palette is missing, or of a kind that cannot be read")]
     Palette,
-    /// A width other than 1, 8, 16 or 32.
+    #[error("pixels of {0} bits allocated cannot be read")]
     BitsAllocated(u16),
-    /// Bits stored and high bit do not fit the bits allocated.
-    BadBits {
-        /// Bits Allocated.
-        allocated: u16,
-        /// Bits Stored.
-        stored: u16,
-        /// High Bit.
-        high: u16,
-    },
-    /// A combination that the standard does not have.
+    #[error("{stored} bits stored with high bit {high} do not fit {allocated} bits allocated")]
+    BadBits { allocated: u16, stored: u16, high: u16 },
+    #[error("{0} cannot be read")]
     Combination(Combination),
-    /// An attribute that every image must have.
+    #[error("the image does not state its {0}")]
     Missing(Required),
-    /// The file ends, or its pixel element ends, before the last row.
-    Truncated {
-        /// Bytes that the size of the image needs.
-        needed: u64,
-        /// Bytes that are there.
-        got: u64,
-    },
+    #[error("the pixels are cut short: {got} bytes of {needed}")]
+    Truncated { needed: u64, got: u64 },
 }
 
 /// Pixels as the standard does not have them.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Combination {
-    /// Floating point, compressed.
     CompressedFloats,
-    /// One bit a pixel, compressed.
     CompressedBits,
-    /// Colour with signed samples.
     SignedColour,
-    /// Subsampled colour that is asked for component by component.
     SubsampledComponents,
+}
+
+impl Display for Combination {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::CompressedFloats => "compressed floating-point pixels",
+            Self::CompressedBits => "compressed pixels of one bit",
+            Self::SignedColour => "colour with signed samples",
+            Self::SubsampledComponents => "subsampled colour as components",
+        })
+    }
 }
 
 /// An attribute that every image must state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Required {
-    /// Rows.
     Rows,
-    /// Columns.
     Columns,
-    /// Bits Allocated.
     BitsAllocated,
+}
+
+impl Display for Required {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Rows => "rows",
+            Self::Columns => "columns",
+            Self::BitsAllocated => "bits allocated",
+        })
+    }
 }
 
 /// Why the slices in a Siemens mosaic cannot be found.
@@ -152,27 +149,57 @@ pub enum MosaicFault {
     OtherVendor,
 }
 
+impl Display for MosaicFault {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        if *self != Self::OtherVendor {
+            f.write_str("a Siemens mosaic ")?;
+        }
+        match self {
+            Self::OtherVendor => f.write_str(
+                "a frame set of United Imaging (VFRAME) holds its slices as tiles of one picture, which is not read; \
+                 export it with one file for each slice",
+            ),
+            Self::SeveralFrames => f.write_str("of several frames cannot be read"),
+            Self::SlicesDisagree { stated: [a, b] } => {
+                write!(f, "whose private elements state {a} slices, and {b} in another place")
+            }
+            Self::NoSliceNumber { header } => {
+                f.write_str(
+                    "does not state the number of its slices, which only the private header (0029,1010) has",
+                )?;
+                if let Some(fault) = header {
+                    write!(f, " (it cannot be read: {fault})")?;
+                }
+                f.write_str("; give the original files, or convert them on the scanner")
+            }
+            Self::Tiles { slices, across, columns, rows } => write!(
+                f,
+                "of {slices} slices has {across} x {across} tiles, and its {columns} x {rows} pixels cannot be \
+                 divided so"
+            ),
+            Self::OtherNormal => f.write_str(
+                "states a slice normal in its private header that is not perpendicular to its rows and columns",
+            ),
+        }
+    }
+}
+
 /// Why the private header of a Siemens image cannot be read.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum CsaFault {
-    /// Its bytes cannot be had.
+    #[error("{0}")]
     Read(ReadFault),
-    /// The element that holds it is damaged.
+    #[error("{0}")]
     Element(ScanError),
-    /// It ends before what it announces.
+    #[error("it ends {}too early", .lacking.map_or_else(String::new, |bytes| format!("{bytes} bytes ")))]
     EndsEarly {
         /// Bytes that it lacks; nothing where the file ends.
         lacking: Option<u64>,
     },
-    /// It states more of something than any header has.
-    Count {
-        /// Of what.
-        of: CsaCount,
-        /// How many.
-        stated: u32,
-    },
-    /// An item is longer than the rest of it.
+    #[error("it states {stated} {of}")]
+    Count { of: CsaCount, stated: u32 },
+    #[error("an item is longer than the rest of it")]
     LongItem,
 }
 
@@ -195,4 +222,13 @@ pub enum CsaCount {
     Tags,
     /// The items of a tag.
     Items,
+}
+
+impl Display for CsaCount {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Tags => "tags",
+            Self::Items => "items",
+        })
+    }
 }

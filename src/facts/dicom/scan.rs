@@ -1,5 +1,6 @@
 //! Why the elements of a file cannot be followed.
 
+use std::fmt::{self, Display, Formatter};
 use std::io;
 
 use thiserror::Error;
@@ -9,9 +10,9 @@ use crate::facts::SystemError;
 /// Why bytes of a file cannot be had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ReadFault {
-    /// The system refused.
+    #[error("{0}")]
     System(SystemError),
-    /// They lie in a deflate stream that is wrong.
+    #[error("{0}")]
     Deflate(DeflateFault),
 }
 
@@ -33,13 +34,10 @@ impl From<ReadFault> for io::Error {
 /// What is wrong with the stream of a deflated file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum DeflateFault {
-    /// It cannot be inflated.
+    #[error("its deflate stream is damaged")]
     Damaged,
-    /// So many bytes, and no pixels yet.
-    LongHeader {
-        /// Bytes that were inflated, those before the stream included.
-        bytes: u64,
-    },
+    #[error("its deflate stream is longer than {bytes} bytes before the pixels")]
+    LongHeader { bytes: u64 },
 }
 
 impl DeflateFault {
@@ -58,17 +56,12 @@ impl From<DeflateFault> for io::Error {
 /// Why a file yields no header.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ScanError {
-    /// It cannot be read.
+    #[error("cannot be read ({0})")]
     Io(ReadFault),
-    /// It does not look like DICOM at all.
+    #[error("is not a DICOM file")]
     NotDicom,
-    /// It begins as DICOM, but cannot be followed.
-    Damaged {
-        /// Offset of the element that is wrong.
-        offset: u64,
-        /// What is wrong there.
-        damage: Damage,
-    },
+    #[error("is a damaged DICOM file: {damage} (at byte {offset})")]
+    Damaged { offset: u64, damage: Damage },
 }
 
 impl From<io::Error> for ScanError {
@@ -79,78 +72,72 @@ impl From<io::Error> for ScanError {
 
 /// What is wrong with an element, or with what it holds; tags have the group in their high 16 bits.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Damage {
-    /// The file ends inside an element.
+    #[error("the file ends inside an element")]
     EndsInElement,
-    /// The file ends inside the head of this element.
+    #[error("the file ends inside the head of {}", Tag(*.0))]
     EndsInHead(u32),
-    /// An element is longer than the rest of the file.
-    LongElement {
-        /// Its tag.
-        tag: u32,
-        /// Bytes that it declares.
-        declared: u32,
-        /// Bytes that are left.
-        left: u64,
-    },
-    /// This element has an undefined length where it must not.
+    #[error("{} declares {declared} bytes, but {left} are left", Tag(*.tag))]
+    LongElement { tag: u32, declared: u32, left: u64 },
+    #[error("{} has no length where it needs one", Tag(*.0))]
     NoLength(u32),
-    /// This element stands where an item must.
+    #[error("{} stands where an item must", Tag(*.0))]
     NoItem(u32),
-    /// Sequences lie in each other, deeper than this.
-    Nesting {
-        /// Levels that are followed.
-        most: usize,
-    },
-    /// The file is deflated, and its stream is wrong.
+    #[error("sequences are nested more than {most} deep")]
+    Nesting { most: usize },
+    #[error("{0}")]
     Deflate(DeflateFault),
-    /// The Slice Vector is shorter than the frames are many.
-    SliceVector {
-        /// Frames that it numbers.
-        numbered: u32,
-        /// Frames that there are.
-        frames: u32,
-    },
-    /// The Grid Frame Offset Vector has no number for this frame, counted from 0.
+    #[error("the Slice Vector (0054,0080) numbers {numbered} of {frames} frames")]
+    SliceVector { numbered: u32, frames: u32 },
+    #[error("the grid frame offset vector has no number for frame {}", u64::from(*.0) + 1)]
     GridOffset(u32),
-    /// The Modality LUT has no LUT Descriptor before its data.
+    #[error("the modality LUT has no descriptor")]
     LutWithoutDescriptor,
-    /// The Modality LUT lacks its descriptor or its data.
+    #[error("the modality LUT is incomplete")]
     IncompleteLut,
-    /// The descriptors of the three palettes differ.
+    #[error("the palettes of red, green and blue differ in size")]
     PalettesDiffer,
-    /// A palette has no descriptor.
+    #[error("the palette has no descriptor")]
     PaletteWithoutDescriptor,
-    /// The descriptor of a table is cut short.
+    #[error("the descriptor of a table is cut short")]
     ShortDescriptor,
-    /// A table has entries of so many bits.
+    #[error("a table has entries of {0} bits")]
     EntryBits(u16),
-    /// A table has too few bytes.
-    ShortTable {
-        /// Entries that its descriptor states.
-        entries: usize,
-        /// Bytes that it has.
-        bytes: usize,
-    },
-    /// The file ends inside a table.
+    #[error("a table of {entries} entries has {bytes} bytes")]
+    ShortTable { entries: usize, bytes: usize },
+    #[error("the file ends inside a table")]
     EndsInTable,
-    /// Compressed pixels do not begin with an item.
+    #[error("the compressed pixels are not in items")]
     NotInItems,
-    /// Nothing tells which fragments make which frame.
-    Fragments {
-        /// Fragments that there are.
-        fragments: u64,
-        /// Fragments that begin as a compressed image does.
-        begun: u64,
-        /// Frames that are stated.
-        frames: u32,
-    },
-    /// No fragment is left for this frame, counted from 0.
+    #[error(
+        "the compressed pixels are {fragments} fragments with {begun} beginnings, which cannot be told apart into the {frames} frames stated"
+    )]
+    Fragments { fragments: u64, begun: u64, frames: u32 },
+    #[error("the compressed pixels end before frame {}", u64::from(*.0) + 1)]
     NoFragment(u32),
-    /// One frame has more fragments than this.
-    ManyFragments {
-        /// Fragments that are followed.
-        most: usize,
-    },
+    #[error("one frame is cut into more than {most} fragments")]
+    ManyFragments { most: usize },
+}
+
+/// A tag as the standard writes it.
+struct Tag(u32);
+
+impl Display for Tag {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "element ({:04X},{:04X})", self.0 >> 16, self.0 & 0xffff)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_system_says_comes_through() {
+        let missing = io::Error::from_raw_os_error(2);
+        assert_eq!(SystemError::from(&missing).to_string(), missing.to_string());
+        let fault: ReadFault = io::Error::from(DeflateFault::Damaged).into();
+        assert_eq!(fault, ReadFault::Deflate(DeflateFault::Damaged));
+    }
 }

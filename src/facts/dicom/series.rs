@@ -1,10 +1,13 @@
 //! Why images form no volume.
 
+use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::attribute::Attribute;
+use super::attribute::{Attribute, List};
+use crate::text::names::GAPS;
+use crate::text::shown;
 
 /// An image of a series.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -15,66 +18,59 @@ pub struct ImageName {
     pub frame: Option<u32>,
 }
 
+impl Display for ImageName {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        shown(&self.file).fmt(f)?;
+        match self.frame {
+            Some(frame) => write!(f, " (frame {})", u64::from(frame) + 1),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Why images form no volume.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SeriesFault {
-    /// No image at all.
+    #[error("no image")]
     NoImage,
-    /// All images lie at one position.
-    OnePosition {
-        /// How many.
-        images: usize,
-    },
-    /// Some positions occur more than once: perhaps several volumes in one series.
-    Repeated {
-        /// Images that lie where another does.
-        repeats: usize,
-        /// All images.
-        images: usize,
-        /// The first two at one position.
-        first: Box<[ImageName; 2]>,
-    },
-    /// Slices seem to be missing.
+    #[error(
+        "all {images} images are at one position; they form no volume: give the whole series, or build one image as a picture"
+    )]
+    OnePosition { images: usize },
+    #[error("{repeats} of {images} images repeat the position of another (first: {} and {}), and nothing in their headers tells them apart; give the files of one volume", .first[0], .first[1])]
+    Repeated { repeats: usize, images: usize, first: Box<[ImageName; 2]> },
+    #[error("{0}")]
     Uneven(Box<UnevenGaps>),
-    /// Far more slices would have to be made than there are images.
+    #[error("{slices} slices would have to be made out of {images}; give the files of an evenly spaced part")]
     TooFar {
         /// Slices of the volume; may be past any whole number.
         slices: f64,
-        /// Images.
         images: usize,
     },
-    /// Directions of rows and columns are not two perpendicular unit vectors.
+    #[error("the image orientation is not two perpendicular unit vectors")]
     Orientation,
-    /// Positions lie in one plane with the directions of rows and columns.
+    #[error("the positions do not span a volume")]
     Flat,
-    /// Neither positions nor distinct instance numbers.
+    #[error(
+        "the images state no positions and no distinct instance numbers, so their order is unknown; convert them to a raw volume in the right order"
+    )]
     NoOrder,
-    /// Some slices state no rescale slope and intercept, others do.
-    RescaleMissing {
-        /// Slices that do not.
-        lacking: usize,
-        /// All slices.
-        slices: usize,
-    },
-    /// The rescale slope is 0.
+    #[error(
+        "{lacking} of {slices} slices state no rescale slope and intercept, so their values cannot be compared"
+    )]
+    RescaleMissing { lacking: usize, slices: usize },
+    #[error("the rescale slope is 0, so every pixel would have the same value")]
     RescaleZero,
-    /// Samples of several types.
+    #[error("its images do not have one type of samples")]
     SampleTypes,
-    /// More padding values than can be numbered.
+    #[error("too many padding values")]
     ManyPaddings,
-    /// More files than can be numbered.
+    #[error("too many files")]
     ManyFiles,
-    /// The size of the volume is out of range.
-    Size {
-        /// Width.
-        columns: u32,
-        /// Height.
-        rows: u32,
-        /// Slices.
-        slices: usize,
-    },
-    /// A slice without a layout or a file of its own.
+    #[error("{columns}x{rows}x{slices} voxels are out of range")]
+    Size { columns: u32, rows: u32, slices: usize },
+    #[error("an image without layout or file")]
     Incomplete,
 }
 
@@ -95,6 +91,30 @@ pub struct UnevenGaps {
     pub set_apart: Option<SetApart>,
 }
 
+impl Display for UnevenGaps {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "the slices are unevenly spaced: {} gaps along the normal, ", self.gaps)?;
+        for (i, (times, mm)) in self.lengths.iter().enumerate() {
+            write!(f, "{}{times} x {mm:.3}", if i > 0 { ", " } else { "" })?;
+        }
+        if self.other_lengths > 0 {
+            write!(f, " and {} other lengths", self.other_lengths)?;
+        }
+        f.write_str(" mm; ")?;
+        if let Some(missing) = &self.missing {
+            let (slices, places) = (missing.slices, missing.places);
+            write!(f, "{slices} slice(s) seem to be missing in {places} place(s), ")?;
+        }
+        let [a, b] = &self.first;
+        write!(
+            f,
+            "first between {a} and {b}; add the missing slices, give the files of an evenly spaced part, or choose \
+             {GAPS} fill or {GAPS} keep"
+        )?;
+        self.set_apart.as_ref().map_or(Ok(()), |others| others.fmt(f))
+    }
+}
+
 /// Slices that seem to be missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MissingSlices {
@@ -113,4 +133,15 @@ pub struct SetApart {
     pub by: Vec<Attribute>,
     /// File of the first.
     pub first: PathBuf,
+}
+
+impl Display for SetApart {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self.images {
+            1 => f.write_str("; 1 other image of the series was")?,
+            many => write!(f, "; {many} other images of the series were")?,
+        }
+        let (by, first) = (List(&self.by), shown(&self.first));
+        write!(f, " set apart because of a different {by} (first: {first})")
+    }
 }

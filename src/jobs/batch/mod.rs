@@ -39,21 +39,21 @@ use serde_json::{Value, json};
 
 use super::build::{BuildSummary, convert_reshaped};
 use super::picture::thumbnail_file;
-use super::wording::foreign::data;
-use super::wording::sentences;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
 use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
 use crate::catalogue::Catalogue;
 use crate::clean::{CleanError, CleanOptions};
 use crate::error::Error;
-use crate::facts::{Fill, Instead, Note};
+use crate::facts::{Fill, Instead, Note, sentences};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::mesh::{MeshOptions, least_share};
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
 use crate::resident::give_back;
 use crate::source::{BurnedIn, Finding, OpenOptions};
+use crate::text::data;
+use crate::text::names::{MEMORY, MIN_SLICES, THUMBNAILS_OF_ALL};
 use crate::volume::{SourceError, VolumeSource};
 pub(super) use claims::{Claim, Claims};
 use key::Key;
@@ -292,9 +292,9 @@ fn told_of_text(counts: &[u64; BurnedIn::ALL.len()], request: &BatchRequest) -> 
     };
     let all: Vec<String> = BurnedIn::ALL.iter().zip(counts).filter_map(each).collect();
     let thumbnails = match (request.thumbnails, request.thumbnails_of_all) {
-        (0, _) => "",
-        (_, true) => "; their thumbnails were asked for",
-        (_, false) => "; their thumbnails are left out, --thumbnails-of-all makes them",
+        (0, _) => String::new(),
+        (_, true) => "; their thumbnails were asked for".to_owned(),
+        (_, false) => format!("; their thumbnails are left out, {THUMBNAILS_OF_ALL} makes them"),
     };
     (volumes > 0).then(|| {
         format!(
@@ -391,7 +391,7 @@ impl Run<'_> {
             item.status = Status::Skipped;
             item.cause = Some(Cause::FewSlices);
             item.reason =
-                Some(format!("has {slices} slice(s), fewer than --min-slices {}", self.request.min_slices));
+                Some(format!("has {slices} slice(s), fewer than {MIN_SLICES} {}", self.request.min_slices));
             return Named::Settled(item);
         }
         let notes: &[Note] = match &finding.volume {
@@ -559,7 +559,7 @@ impl Run<'_> {
     /// What is said where there is no memory for a thumbnail.
     fn no_thumbnail(&self, needed: u64) -> String {
         let enough = SizeArgument(self.with_all_jobs.smallest_limit_with(needed));
-        format!("there is no memory for its thumbnail; --memory {enough} is enough")
+        format!("there is no memory for its thumbnail; {MEMORY} {enough} is enough")
     }
 
     /// Model and thumbnail of one volume within the memory that it is granted.

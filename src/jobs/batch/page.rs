@@ -10,8 +10,8 @@ use std::path::Path;
 use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, status};
 use crate::budget::Bytes;
-use crate::jobs::wording::foreign::plain;
 use crate::source::BurnedIn;
+use crate::text::plain;
 
 /// Thumbnails up to this many are part of the page; larger batches refer to the files beside it, or the page
 /// could not be opened any more.

@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 
 use super::record::{Item, Journal, Status};
 use super::{page, write_whole};
-use crate::jobs::wording::foreign::{self, escaped, plain};
 use crate::source::BurnedIn;
+use crate::text::{self, escaped, plain};
 
 /// How many volumes came to which end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,7 +103,7 @@ impl BatchReport {
         write!(w, "{{\"notice\":{}", json!(format!("this report {NOTICE}")))?;
         if let Value::Object(facts) = self.json() {
             for (key, value) in facts {
-                write!(w, ",{}:{}", json!(key), foreign::json(&value))?;
+                write!(w, ",{}:{}", json!(key), text::json(&value))?;
             }
         }
         w.write_all(b",\"items\":[")?;

@@ -41,8 +41,8 @@ use crate::atomic::AtomicFile;
 use crate::builder::Progress;
 use crate::error::Error;
 use crate::jobs::opened::open_model;
-use crate::jobs::wording::foreign::shown;
 use crate::synthetic;
+use crate::text::shown;
 
 /// What is to be reported.
 #[derive(Clone, Debug)]

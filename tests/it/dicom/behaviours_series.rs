@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use infobyte::catalogue::{Catalogue, open_unprepared as open};
-use infobyte::jobs::wording::sentences;
+use infobyte::facts::sentences;
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
 use infobyte::volume::{ScalarType, SourceError, VolumeSource};
 

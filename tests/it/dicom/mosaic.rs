@@ -8,7 +8,7 @@ use std::path::Path;
 
 use infobyte::budget::Budget;
 use infobyte::catalogue::{Catalogue, open_unprepared as open};
-use infobyte::jobs::wording::sentences;
+use infobyte::facts::sentences;
 use infobyte::progress::Silent;
 use infobyte::source::{Finding, OpenOptions};
 use infobyte::volume::{SourceError, VolumeSource, Workspace};

@@ -5,7 +5,7 @@
 use std::fs;
 
 use infobyte::catalogue::Catalogue;
-use infobyte::jobs::wording::sentences;
+use infobyte::facts::sentences;
 use infobyte::source::{Finding, OpenOptions};
 use infobyte::volume::VolumeSource;
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use infobyte::budget::Budget;
 use infobyte::catalogue::{Catalogue, open_unprepared as open};
-use infobyte::jobs::wording::sentences;
+use infobyte::facts::sentences;
 use infobyte::progress::Silent;
 use infobyte::source::dicom::{Access, Image, ScanError, scan};
 use infobyte::source::{Finding, GapPolicy, OpenOptions};

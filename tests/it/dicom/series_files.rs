@@ -5,8 +5,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use infobyte::catalogue::open_unprepared as open;
+use infobyte::facts::sentences;
 use infobyte::geom::{Dims, Orientation};
-use infobyte::jobs::wording::sentences;
 use infobyte::source::{OpenOptions, RawOptions, RawVolume};
 use infobyte::volume::{Endian, ScalarType, VolumeSource};
 

@@ -5,7 +5,7 @@
 use std::fs;
 
 use infobyte::catalogue::open_unprepared as open;
-use infobyte::jobs::wording::sentences;
+use infobyte::facts::sentences;
 use infobyte::source::{GapPolicy, OpenOptions};
 use infobyte::volume::{SourceError, VolumeSource};
 

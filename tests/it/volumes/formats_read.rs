@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use infobyte::budget::Budget;
 use infobyte::catalogue::{Catalogue, open_unprepared as open};
+use infobyte::facts::sentences;
 use infobyte::format::{Channel, SectionKind};
-use infobyte::jobs::wording::sentences;
 use infobyte::load::Model;
 use infobyte::progress::Silent;
 use infobyte::source::{Finding, OpenOptions};

@@ -1,18 +1,34 @@
-//! What to do about what the operating system refuses.
+//! Cures for refusals of the operating system.
 
+use std::fmt;
 use std::io;
 
 use rustix::io::Errno;
 
 use crate::atomic::TargetFault;
 
-/// What to do where a file cannot be read; `usual` where the reason says no more.
-pub(super) fn reading<'a>(cause: &io::Error, usual: &'a str) -> &'a str {
-    if too_many_open(cause) { RAISE_LIMIT } else { usual }
+/// The cure where a file cannot be read; `usual` where the reason says no more.
+pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
+    if too_many_open(cause) { Cure::RaiseLimit } else { Cure::Usual(usual) }
 }
 
-/// What to do where an output file cannot be written.
-pub(super) fn writing(cause: &io::Error) -> &'static str {
+/// The end of a sentence about a file that cannot be read.
+pub(crate) enum Cure<T> {
+    RaiseLimit,
+    Usual(T),
+}
+
+impl<T: fmt::Display> fmt::Display for Cure<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::RaiseLimit => f.write_str(RAISE_LIMIT),
+            Self::Usual(cure) => cure.fmt(f),
+        }
+    }
+}
+
+/// The cure where an output file cannot be written.
+pub(crate) fn writing(cause: &io::Error) -> &'static str {
     use io::ErrorKind as Kind;
     if too_many_open(cause) {
         return RAISE_LIMIT;
@@ -49,8 +65,8 @@ mod tests {
     #[test]
     fn the_cure_fits_the_cause() {
         let of = |errno: Errno| io::Error::from_raw_os_error(errno.raw_os_error());
-        assert!(reading(&of(Errno::MFILE), "as usual").contains("ulimit"));
-        assert_eq!(reading(&of(Errno::NOENT), "as usual"), "as usual");
+        assert!(reading(&of(Errno::MFILE), "as usual").to_string().contains("ulimit"));
+        assert_eq!(reading(&of(Errno::NOENT), "as usual").to_string(), "as usual");
         for (errno, word) in [
             (Errno::NOENT, "does not exist"),
             (Errno::ACCESS, "may not write"),

@@ -2,12 +2,13 @@
 
 use std::fmt;
 
-use super::number::Short;
 use crate::clean::Preset;
+use crate::text::Short;
+use crate::text::names::{PRESET, SURFACE};
 
 /// Something to know of a model that was built as asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::jobs) enum Hint {
+pub(super) enum Hint {
     /// A CT was built by a threshold that nobody chose.
     Bone {
         /// Otsu's threshold, in HU.
@@ -29,7 +30,7 @@ impl fmt::Display for Hint {
         match self {
             Self::Bone { chosen } => write!(
                 f,
-                "Otsu's method found {} HU for this CT; for bone, `--preset {}` takes 226 HU and more",
+                "Otsu's method found {} HU for this CT; for bone, `{PRESET} {}` takes 226 HU and more",
                 Short(*chosen),
                 Preset::Bone.name()
             ),
@@ -37,7 +38,7 @@ impl fmt::Display for Hint {
                 let [x, y, z] = spacing_mm.map(Short);
                 write!(
                     f,
-                    "voxels of {x} x {y} x {z} mm are {} times longer along {} than along their shortest side: surfaces across it look like stairs; `--surface cells` makes them smooth",
+                    "voxels of {x} x {y} x {z} mm are {} times longer along {} than along their shortest side: surfaces across it look like stairs; `{SURFACE} cells` makes them smooth",
                     Short((times * 10.0).round() / 10.0),
                     ["x", "y", "z"].get(*axis).unwrap_or(&"z")
                 )

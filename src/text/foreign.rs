@@ -97,7 +97,7 @@ pub fn json(value: &Value) -> String {
 }
 
 /// As [`json`], of a value that is written down already.
-pub fn escaped(text: String) -> String {
+pub(crate) fn escaped(text: String) -> String {
     if !text.contains(is_active) {
         return text;
     }

@@ -1,0 +1,19 @@
+//! The parts that sentences are made of; each sentence stands beside the variant that it is about.
+//!
+//! | file | parts |
+//! |---|---|
+//! | `foreign` | text from outside, in the one way in which it is printed |
+//! | `names` | names of options and jobs, as the caller knows them |
+//! | `number` | numbers with the digits that mean something |
+//! | `system` | cures for refusals of the operating system |
+
+mod foreign;
+pub(crate) mod names;
+mod number;
+mod system;
+
+pub(crate) use foreign::escaped;
+pub use foreign::{Foreign, Shown, data, json, plain, shown};
+pub use names::{Name, spell};
+pub use number::{Short, WithError};
+pub(crate) use system::{reading, writing};

@@ -1,0 +1,92 @@
+//! Names of options and jobs in sentences: fields and functions to a Rust caller, flags and commands to the user of a
+//! program that says how it spells them.
+
+use std::fmt;
+use std::sync::OnceLock;
+
+/// The name of an option or a job in a sentence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Name(&'static str);
+
+static SPELLER: OnceLock<fn(&str) -> String> = OnceLock::new();
+
+/// Spells the names in all sentences of this process; the first call counts. Without it they are those of the library.
+pub fn spell(speller: fn(&str) -> String) {
+    let _ = SPELLER.set(speller);
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match SPELLER.get() {
+            Some(speller) => f.write_str(&speller(self.0)),
+            None => f.write_str(self.0),
+        }
+    }
+}
+
+macro_rules! names {
+    ($($constant:ident = $name:literal),* $(,)?) => {
+        $(pub(crate) const $constant: Name = Name($name);)*
+
+        impl Name {
+            /// The library's names of everything that sentences name.
+            pub const ALL: &[&str] = &[$($name),*];
+        }
+    };
+}
+
+names! {
+    // Options: fields of the types of options, or what such a field is set to.
+    ALL_VOLUMES = "all_volumes",
+    CHANNELS = "channels",
+    DIMS = "dims",
+    DOWNSAMPLE = "downsample",
+    DROP_BELOW = "drop_below",
+    DTYPE = "scalar",
+    EYE = "eye",
+    FILL = "fill",
+    FOLLOW_LINKS = "follow_links",
+    FORM = "form",
+    GAPS = "gaps",
+    GRID = "grid",
+    ISO = "Threshold::Iso",
+    KEEP_THIN = "keep_thin",
+    LEVELS = "levels",
+    LOD = "lod",
+    LOOK_AT = "look_at",
+    MEASURE = "anyway",
+    MEMORY = "memory",
+    MIN_SLICES = "min_slices",
+    NORMAL_BITS = "normal_bits",
+    ORIENTATION = "orientation",
+    ORIGIN = "origin_mm",
+    OUT = "out",
+    OUTPUT = "output",
+    PRESET = "preset",
+    RANGE = "Threshold::Range",
+    ROI = "roi",
+    SCRATCH = "scratch",
+    SIMPLIFY = "simplify",
+    SKIN = "skin_only",
+    SKIP = "skip",
+    SPACING = "spacing_mm",
+    SURFACE = "surface",
+    THREADS = "threads",
+    THUMBNAILS_OF_ALL = "thumbnails_of_all",
+    TRAVERSAL = "traversal",
+    UNIT = "unit_mm",
+    UP = "up",
+    VISIBLE_FROM = "visible_from",
+    VOLUME = "volume",
+    VOXEL = "GridChoice::Voxel",
+    // Jobs.
+    BUILD = "build",
+    BUILD_MESH = "jobs::build(MESH)",
+    BUILD_TREE = "jobs::build(TREE.csg)",
+    INFO = "jobs::info",
+    RENDER = "jobs::scene",
+    SCAN = "jobs::scan",
+    STRIP = "jobs::pack::strip",
+    UNPACK = "jobs::pack::unpack",
+    VERIFY = "jobs::verify",
+}
