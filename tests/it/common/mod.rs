@@ -10,7 +10,6 @@ pub(crate) mod data;
 pub(crate) mod dicom;
 pub(crate) mod formats;
 pub(crate) mod frames;
-pub(crate) mod imports;
 pub(crate) mod meshes;
 pub(crate) mod oracle;
 pub(crate) mod random;
