@@ -11,10 +11,12 @@ pub(crate) mod dicom;
 pub(crate) mod formats;
 pub(crate) mod frames;
 pub(crate) mod meshes;
+pub(crate) mod models;
 pub(crate) mod oracle;
 pub(crate) mod random;
 pub(crate) mod scenes;
 pub(crate) mod schema;
+pub(crate) mod vectors;
 pub(crate) mod volume;
 
 use random::Random;
