@@ -5,6 +5,7 @@
 #![no_main]
 
 // Not all of it: the fuzzer is built without the command.
+#[allow(dead_code, reason = "each program uses its own part")]
 #[path = "../it/common"]
 mod common {
     pub(crate) mod dicom;

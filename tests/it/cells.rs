@@ -3,6 +3,7 @@
 //! is lossless, and damaged files are refused. If this fails, models have holes or differ between machines.
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
+use crate::common::models::finest;
 use crate::common::random;
 
 use std::collections::HashMap;
@@ -10,7 +11,7 @@ use std::path::Path;
 
 use infobyte::format::cell::{CORNERS, at_corner};
 use infobyte::format::{Channel, FormatError, HEADER_BYTES, Header, SectionKind, SurfaceKind, table_bytes};
-use infobyte::geom::{Affine, BoxIndex, Dims, Octant};
+use infobyte::geom::{Affine, Dims};
 use infobyte::jobs::{info, pack};
 use infobyte::load::{CellShape, Fault, Frame, NodeView, verify};
 use infobyte::render::cells::Cells;
@@ -37,22 +38,7 @@ fn built(folder: &Path, voxels: &Voxels<u8>, surface: SurfaceKind) -> Model {
 
 /// The finest boxes of a model by their number.
 fn boxes(model: &Model) -> HashMap<[u32; 3], u64> {
-    let view = model.view();
-    let mut found = HashMap::new();
-    let mut waiting = vec![(BoxIndex::ROOT, [0_u32; 3], view.depth())];
-    while let Some((number, low, level)) = waiting.pop() {
-        if level == 0 {
-            found.insert(low, number.get() - view.node_count());
-            continue;
-        }
-        for octant in Octant::ALL {
-            if let Some(child) = view.child(number.node(), octant) {
-                let at = std::array::from_fn(|a| low[a] + (octant.high()[a] << (level - 1)));
-                waiting.push((child, at, level - 1));
-            }
-        }
-    }
-    found
+    finest(model).into_iter().map(|(at, cell)| (at, cell.get())).collect()
 }
 
 fn ball(n: u32, seed: u64) -> Voxels<u8> {

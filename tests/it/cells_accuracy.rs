@@ -11,7 +11,8 @@ use crate::common::bodies;
 
 use std::path::PathBuf;
 
-use bodies::{Body, Scan, dot, iso, scan};
+use crate::common::vectors::dot;
+use bodies::{Body, Scan, iso, scan};
 use infobyte::format::SurfaceKind;
 use infobyte::{BuildOptions, Model, RayCaster, Threshold};
 

@@ -1,6 +1,7 @@
 //! glTF and 3MF hold meshes within descriptions: what these say of places, units and parts gives the same model as
 //! the triangles written out, and whatever else they say is refused in a sentence, in time and within memory.
 
+use crate::common::models::{exact_grid, on_grid, put, share};
 use crate::common::{containers, meshes, random};
 
 use std::fs;
@@ -9,29 +10,22 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use containers::{archive, buffer, description, glb, gltf, object, packed, text, threemf};
-use infobyte::Dims;
-use infobyte::budget::{MemoryCap, peak_rss_bytes};
-use infobyte::builder::{BuildOptions, Silent};
+use infobyte::budget::peak_rss_bytes;
+use infobyte::builder::Silent;
 use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
 use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
 use meshes::Body;
 use random::Random;
 use serde_json::{Value, json};
 
-fn on_grid(side: u32) -> MeshOptions {
-    let dims = Dims::new(side, side, side).unwrap();
-    let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false }
+fn exact(side: u32) -> MeshOptions {
+    on_grid(exact_grid([side; 3]))
 }
 
 fn build(folder: &Path, name: &str, bytes: &[u8], mesh: &MeshOptions) -> Result<Vec<u8>, String> {
-    let (path, model) = (folder.join(name), folder.join("model.oct"));
-    fs::write(&path, bytes).unwrap();
-    let options = BuildOptions { memory: MemoryCap::Share(8 << 20), threads: 1, ..BuildOptions::default() };
-    match build_mesh(&[path], mesh, &options, &model, &Silent) {
-        Ok(_) => Ok(fs::read(&model).unwrap()),
-        Err(e) => Err(e.to_string()),
-    }
+    let (path, model) = (put(folder, name, bytes), folder.join("model.oct"));
+    build_mesh(&[path], mesh, &share(8, 1), &model, &Silent).map_err(|e| e.to_string())?;
+    Ok(fs::read(&model).unwrap())
 }
 
 fn body() -> Body {
@@ -43,9 +37,9 @@ fn every_way_to_write_a_body_gives_the_same_model() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let body = body();
-    let wanted = build(at, "a.stl", &body.stl(), &on_grid(24)).unwrap();
+    let wanted = build(at, "a.stl", &body.stl(), &exact(24)).unwrap();
     let same = |name: &str, bytes: &[u8], what: &str| {
-        let got = build(at, name, bytes, &on_grid(24)).unwrap_or_else(|e| panic!("{what}: {e}"));
+        let got = build(at, name, bytes, &exact(24)).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert!(got == wanted, "{what}");
     };
     let (described, bytes) = (description(&body), buffer(&body));
@@ -115,11 +109,11 @@ fn every_way_to_write_a_body_gives_the_same_model() {
 #[test]
 fn a_file_that_states_its_unit_keeps_it() {
     let folder = tempfile::tempdir().unwrap();
-    let inches = MeshOptions { unit_mm: 25.4, ..on_grid(24) };
+    let inches = MeshOptions { unit_mm: 25.4, ..exact(24) };
     for (name, bytes) in
         [("a.glb", glb(&description(&body()), &buffer(&body()))), ("a.3mf", threemf(&body()))]
     {
-        let plain = build(folder.path(), name, &bytes, &on_grid(24)).unwrap();
+        let plain = build(folder.path(), name, &bytes, &exact(24)).unwrap();
         let asked = build(folder.path(), name, &bytes, &inches).unwrap();
         // But for the last digit of a product.
         assert_eq!(plain.len(), asked.len(), "{name}");
@@ -137,7 +131,7 @@ fn changed(change: &dyn Fn(&mut Value)) -> Vec<u8> {
 fn what_cannot_be_read_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |name: &str, bytes: &[u8], words: &str| {
-        let said = build(folder.path(), name, bytes, &on_grid(24))
+        let said = build(folder.path(), name, bytes, &exact(24))
             .err()
             .unwrap_or_else(|| panic!("{words} was built"));
         assert!(said.contains(words) && !said.contains('\n'), "{words:?} is missing: {said}");
@@ -251,7 +245,7 @@ fn attempt(folder: &Path, name: &str, bytes: &[u8], mesh: &MeshOptions) -> Resul
     }
     let path = folder.join(name);
     fs::write(&path, bytes).unwrap();
-    let options = BuildOptions { memory: MemoryCap::Share(8 << 20), threads: 1, ..BuildOptions::default() };
+    let options = share(8, 1);
     let csg = CsgOptions { grid: Some(mesh.grid), unit_mm: 1.0 };
     let (tree, root) = read_tree(&path, options.memory).map_err(|e| e.to_string())?;
     let input = CsgInput { tree, root, name: path, volumes: Vec::new() };
@@ -274,7 +268,7 @@ const TREE: &str = "difference() {
 #[test]
 fn whatever_is_cut_off_or_changed_ends_in_time_and_without_a_panic() {
     let folder = tempfile::tempdir().unwrap();
-    let mesh = MeshOptions { grid: GridChoice::Side { voxels: 8, margin: 1 }, ..on_grid(8) };
+    let mesh = on_grid(GridChoice::Side { voxels: 8, margin: 1 });
     let mut random = Random(5);
     let small = Body::octahedron([4.0; 3], 2.0);
     let mut files = vec![

@@ -3,6 +3,7 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
+use crate::common::models::{exact_grid, finest, on_grid, put, share};
 use crate::common::{containers, meshes};
 
 use std::fmt::Write;
@@ -10,15 +11,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use containers::{archive, glb};
-use infobyte::Dims;
-use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildOptions, Silent};
 use infobyte::export::ExportForm;
 use infobyte::format::{Channel, Channels, normal};
-use infobyte::geom::{BoxIndex, Octant};
 use infobyte::jobs::export::{ExportRequest, export};
 use infobyte::load::{Model, NodeView, verify};
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
+use infobyte::mesh::{GridChoice, build_mesh};
 use meshes::Body;
 use serde_json::json;
 
@@ -29,29 +27,17 @@ fn all_channels() -> Channels {
 }
 
 fn build(inputs: &[PathBuf], channels: Channels, threads: usize, mib: u64) -> Result<Vec<u8>, String> {
-    let dims = Dims::new(SIDE, SIDE, SIDE).unwrap();
-    let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
-    let memory = MemoryCap::Share(mib << 20);
-    let options = BuildOptions { memory, threads, channels, ..BuildOptions::default() };
+    let mesh = on_grid(exact_grid([SIDE; 3]));
+    let options = BuildOptions { channels, ..share(mib, threads) };
     let model = inputs[0].with_extension("oct");
     build_mesh(inputs, &mesh, &options, &model, &Silent).map_err(|e| e.to_string())?;
     Ok(fs::read(&model).unwrap())
 }
 
-fn put(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
-    let path = folder.join(name);
-    fs::write(&path, bytes).unwrap();
-    path
-}
-
 /// The first parts of what is told of a mesh that lacks something.
 fn notes(input: &Path) -> Vec<String> {
-    let grid = GridChoice::Side { voxels: 8, margin: 1 };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
-    let channels = Channels::default().with(Channel::Color);
-    let options =
-        BuildOptions { memory: MemoryCap::Share(8 << 20), threads: 1, channels, ..BuildOptions::default() };
+    let mesh = on_grid(GridChoice::Side { voxels: 8, margin: 1 });
+    let options = BuildOptions { channels: Channels::default().with(Channel::Color), ..share(8, 1) };
     let model = input.with_extension("oct");
     let report = build_mesh(&[input.to_path_buf()], &mesh, &options, &model, &Silent).unwrap();
     report.notes.iter().map(|note| note.to_string().split(';').next().unwrap().to_owned()).collect()
@@ -69,21 +55,7 @@ fn voxels(bytes: &[u8]) -> Vec<Voxel> {
     verify(bytes).unwrap();
     let model = Model::from_bytes(bytes).unwrap();
     let mut found = Vec::new();
-    let mut left = vec![(BoxIndex::ROOT, [0_u32; 3], 1_u32 << model.depth())];
-    while let Some((at, corner, edge)) = left.pop() {
-        if at.get() < model.node_count() {
-            for octant in Octant::ALL {
-                let o = octant.get();
-                let half = [
-                    corner[0] + (o & 1) * edge / 2,
-                    corner[1] + (o >> 1 & 1) * edge / 2,
-                    corner[2] + (o >> 2) * edge / 2,
-                ];
-                left.extend(model.child(at.node(), octant).map(|child| (child, half, edge / 2)));
-            }
-            continue;
-        }
-        let number = at.voxel(model.node_count());
+    for (corner, number) in finest(&model) {
         let item = |channel| model.items(channel).and_then(|items| items.get(number.get()));
         let [x, y, z] = normal::decode_l1(model.voxel_normal(number).unwrap()).map(f64::from);
         let length = (x * x + y * y + z * z).sqrt();

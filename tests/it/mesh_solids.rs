@@ -3,33 +3,22 @@
 //! this fails, parts have stray voxels, bands or holes, as those of most voxelisers do.
 
 use crate::common::meshes;
+use crate::common::models::{exact_grid, finest, on_grid, put, share as options};
 mod thin;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use infobyte::budget::MemoryCap;
 use infobyte::builder::{BuildError, BuildOptions, Silent};
 use infobyte::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
 use infobyte::format::{Channel, normal};
-use infobyte::geom::{BoxIndex, Dims, Octant, morton};
-use infobyte::load::{Model, NodeView, verify};
+use infobyte::geom::morton;
+use infobyte::load::{Model, verify};
 use infobyte::mesh::{GridChoice, MeshOptions, MeshReport, build_mesh};
 use meshes::{Body, STEPS, skin};
 
 fn exact(dims: [u32; 3]) -> MeshOptions {
-    let dims = Dims::new(dims[0], dims[1], dims[2]).unwrap();
-    MeshOptions {
-        grid: GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims },
-        unit_mm: 1.0,
-        fill: None,
-        keep_thin: false,
-        follow_links: false,
-    }
-}
-
-fn options(share_mib: u64, threads: usize) -> BuildOptions {
-    BuildOptions { memory: MemoryCap::Share(share_mib << 20), threads, ..BuildOptions::default() }
+    on_grid(exact_grid(dims))
 }
 
 /// A folder with the files of a test.
@@ -45,9 +34,7 @@ impl Place {
     }
 
     fn put(&self, name: &str, bytes: &[u8]) -> PathBuf {
-        let path = self.path(name);
-        std::fs::write(&path, bytes).unwrap();
-        path
+        put(self.0.path(), name, bytes)
     }
 
     fn build(
@@ -71,20 +58,7 @@ impl Place {
 }
 
 fn skin_of(model: &Model) -> BTreeSet<[u32; 3]> {
-    fn below(model: &Model, at: BoxIndex, code: u64, left: u32, out: &mut BTreeSet<[u32; 3]>) {
-        if left == 0 {
-            out.insert(morton::decode(code));
-            return;
-        }
-        for octant in Octant::ALL {
-            if let Some(child) = model.child(at.node(), octant) {
-                below(model, child, code << 3 | u64::from(octant.get()), left - 1, out);
-            }
-        }
-    }
-    let mut out = BTreeSet::new();
-    below(model, BoxIndex::ROOT, 0, model.dims().depth(), &mut out);
-    out
+    finest(model).into_iter().map(|(at, _)| at).collect()
 }
 
 /// Builds a body and compares its skin, voxel by voxel, with that of another one (or itself) by the definition.

@@ -15,10 +15,11 @@
 //! grid's side, the camera's distance and that of the near limit. So for L = 10 and a camera within 10^6 cells it is
 //! 1.8 * 10^-5 cell, and a hit differs from the true one only where a ray passes an edge that closely.
 
+use crate::common::models::finest;
 use crate::common::{oracle, scenes};
 
 use infobyte::format::SurfaceKind;
-use infobyte::geom::{Affine, BoxIndex, Octant};
+use infobyte::geom::Affine;
 use infobyte::load::NodeView;
 use infobyte::render::GridSpace;
 use infobyte::render::cells::Cells;
@@ -289,18 +290,8 @@ fn planes_in_cells_are_met_where_the_oracle_meets_them() {
         let view = model.view();
         let (items, depth) = (view.cells().unwrap(), view.depth());
         let surface = Cells::new(items);
-        let mut boxes = vec![(BoxIndex::ROOT, [0_u32; 3])];
-        for edge in (0..depth).rev().map(|k| 1_u32 << k) {
-            let children = boxes.into_iter().flat_map(|(number, low)| {
-                Octant::ALL.into_iter().filter_map(move |octant| {
-                    let at = std::array::from_fn(|a| low[a] + octant.high()[a] * edge);
-                    Some((view.child(number.node(), octant)?, at))
-                })
-            });
-            boxes = children.collect();
-        }
         let cells: Vec<([u32; 3], u64)> =
-            boxes.into_iter().map(|(number, at)| (at, number.get() - view.node_count())).collect();
+            finest(&view).into_iter().map(|(at, cell)| (at, cell.get())).collect();
         for i in 0..rays(600) {
             let (origin, direction) = exact_ray(&mut random, depth);
             let Ok(Some(ray)) = Ray::new(depth, origin, direction, 0.0) else { continue };

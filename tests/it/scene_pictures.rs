@@ -10,13 +10,7 @@ use infobyte::scene::{Ambient, Clip, Light, LightKind, Look, Material, Part, Pla
 use infobyte::{Affine, BuildOptions, Dims, Image, Model, Projection, Threshold, Voxels};
 use tempfile::TempDir;
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
+use crate::common::vectors::{cross, dot};
 
 fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + s * b[i])

@@ -5,14 +5,16 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::common::models::{finest, share};
+
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{
     BuildError, BuildOptions, BuildReport, Connectivity, Cover, Found, ItemForm, OccupancyRows, Silent,
     SkinSlice, Solid, SolidWorker, Tile, VoxelBox, build_solid,
 };
 use infobyte::format::{Channel, Channels, Metadata, normal};
-use infobyte::geom::{BoxIndex, Dims, Octant, morton};
-use infobyte::load::{Model, NodeView, verify};
+use infobyte::geom::{Dims, morton};
+use infobyte::load::{Model, verify};
 use infobyte::volume::SourceError;
 
 /// Voxels whose centre is at most a radius from a point of the lattice.
@@ -117,12 +119,7 @@ impl SolidWorker for BallWorker<'_> {
 }
 
 fn options(share_mib: u64, threads: usize) -> BuildOptions {
-    BuildOptions {
-        channels: Channels::from([Channel::Normal, Channel::Offset]),
-        memory: MemoryCap::Share(share_mib << 20),
-        threads,
-        ..BuildOptions::default()
-    }
+    BuildOptions { channels: Channels::from([Channel::Normal, Channel::Offset]), ..share(share_mib, threads) }
 }
 
 fn build(ball: &Ball, options: &BuildOptions, to: &Path) -> BuildReport {
@@ -151,19 +148,6 @@ fn skin_of(ball: &Ball, connectivity: Connectivity) -> Vec<u64> {
     codes
 }
 
-/// Codes of the voxels below a box, in the order in which they are stored.
-fn voxels_below(model: &Model, at: BoxIndex, code: u64, left: u32, codes: &mut Vec<u64>) {
-    if left == 0 {
-        codes.push(code);
-        return;
-    }
-    for octant in Octant::ALL {
-        if let Some(child) = model.child(at.node(), octant) {
-            voxels_below(model, child, code << 3 | u64::from(octant.get()), left - 1, codes);
-        }
-    }
-}
-
 #[test]
 fn a_ball_is_built_as_it_is_defined_wherever_it_lies() {
     let folder = tempfile::tempdir().unwrap();
@@ -183,8 +167,8 @@ fn a_ball_is_built_as_it_is_defined_wherever_it_lies() {
             assert_eq!(report.skin_voxels, want.len() as u64, "{dims:?} {connectivity:?}");
             let model = Model::open(&file).unwrap();
             verify(&model).unwrap();
-            let mut got = Vec::new();
-            voxels_below(&model, BoxIndex::ROOT, 0, model.dims().depth(), &mut got);
+            let code = |at: [u32; 3]| morton::encode(at[0], at[1], at[2]);
+            let got: Vec<u64> = finest(&model).into_iter().map(|(at, _)| code(at)).collect();
             assert!(got == want, "{dims:?} {connectivity:?}");
             let (normals, offsets) =
                 (model.items(Channel::Normal).unwrap(), model.items(Channel::Offset).unwrap());

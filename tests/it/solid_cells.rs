@@ -2,12 +2,13 @@
 //! meshes fine enough to be such, and for trees. If this fails, printed parts get stairs, edges fray, or models depend
 //! on memory, threads or the order of triangles.
 
+use crate::common::models::{on_grid, share};
+use crate::common::vectors::{cross, dot, unit};
 use crate::common::{bodies, random};
 
 use std::path::{Path, PathBuf};
 
-use bodies::{Body, dot};
-use infobyte::budget::MemoryCap;
+use bodies::Body;
 use infobyte::builder::{BuildError, BuildOptions, Silent};
 use infobyte::csg::{CsgInput, CsgOptions, NodeId, Operation, Shape, Tree, build_csg, parse_tree};
 use infobyte::facts::{Fault, MeshFault, SourceError};
@@ -28,8 +29,7 @@ fn grid(side: u32) -> GridChoice {
 }
 
 fn options(share_mib: u64, threads: usize, surface: SurfaceKind) -> BuildOptions {
-    let memory = MemoryCap::Share(share_mib << 20);
-    BuildOptions { memory, threads, surface, lod: false, ..BuildOptions::default() }
+    BuildOptions { surface, lod: false, ..share(share_mib, threads) }
 }
 
 fn stl(triangles: &Triangles) -> Vec<u8> {
@@ -61,12 +61,7 @@ fn sheet([nu, nv]: [u32; 2], closed: bool, at: impl Fn(f64, f64) -> [f64; 3]) ->
 }
 
 fn across(axis: [f64; 3]) -> [[f64; 3]; 2] {
-    let cross = |a: [f64; 3], b: [f64; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
-    let e = cross(axis, [1.0, 0.0, 0.0]);
-    let l = dot(e, e).sqrt();
-    let e = e.map(|c| c / l);
+    let e = unit(cross(axis, [1.0, 0.0, 0.0]));
     [e, cross(axis, e)]
 }
 
@@ -132,11 +127,7 @@ fn build_triangles(
 ) -> Result<(), BuildError> {
     let file = to.with_extension("stl");
     std::fs::write(&file, stl(triangles)).unwrap();
-    build_mesh(&[file], &mesh_options(side), options, to, &Silent).map(|_| ())
-}
-
-fn mesh_options(side: u32) -> MeshOptions {
-    MeshOptions { grid: grid(side), unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false }
+    build_mesh(&[file], &on_grid(grid(side)), options, to, &Silent).map(|_| ())
 }
 
 fn build_tree((tree, root): (Tree, NodeId), side: u32, options: &BuildOptions, to: &Path) {
@@ -427,7 +418,7 @@ fn voxels_that_lie_outside_are_not_made_cells() {
     let path = folder.path().join("m.oct");
     let file = folder.path().join("m.stl");
     std::fs::write(&file, stl(&cuboid([10.0; 3], [20.0; 3]))).unwrap();
-    let mesh = MeshOptions { keep_thin: true, ..mesh_options(32) };
+    let mesh = MeshOptions { keep_thin: true, ..on_grid(grid(32)) };
     let refused =
         build_mesh(&[file], &mesh, &options(16, 1, SurfaceKind::Cells), &path, &Silent).unwrap_err();
     let BuildError::Source(SourceError::Unusable { fault: Fault::MeshFile(fault), .. }) = refused else {

@@ -1,10 +1,10 @@
 //! Bodies whose surface is known, sampled as a scanner would.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use infobyte::geom::{Affine, Dims};
 use infobyte::volume::Voxels;
 
 use super::random::Random;
+use super::vectors::dot;
 
 /// A closed body, by the signed distance of a point from its surface (below 0 inside), in voxels of the finest
 /// spacing.
@@ -16,10 +16,6 @@ pub(crate) enum Body {
     Torus([f64; 3], [f64; 3], f64, f64),
     /// Middle, rows of a rotation, half edges.
     Box([f64; 3], [[f64; 3]; 3], [f64; 3]),
-}
-
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 fn length(v: [f64; 3]) -> f64 {

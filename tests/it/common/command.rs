@@ -1,5 +1,4 @@
 //! Runs the `oct` command as a user would, and reads what it says.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::ffi::OsStr;
 use std::fs;

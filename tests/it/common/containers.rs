@@ -1,5 +1,4 @@
 //! glTF and 3MF files of bodies, each from the bytes of its specification.
-#![allow(dead_code, reason = "each test takes what it needs")]
 #![allow(clippy::cast_possible_truncation, reason = "bodies are small")]
 
 use std::io::Write;

@@ -1,5 +1,4 @@
 //! What a piece of work takes from the allocator. Counted per thread, as tests run on threads of their own.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

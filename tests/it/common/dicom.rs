@@ -1,5 +1,4 @@
 //! Writes small DICOM files from parts, sound or hostile, for tests.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use infobyte::volume::VolumeSource;
 

@@ -1,5 +1,4 @@
 //! Small writers of volume formats, each from the bytes of its specification.
-#![allow(dead_code, reason = "each test file uses its own part")]
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
 use std::fs;

@@ -1,5 +1,4 @@
 //! Parts of DICOM files with frames: fragments, offset tables, functional groups, tables, deflate.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::io::Write as _;
 use std::path::Path;

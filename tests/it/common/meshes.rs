@@ -2,7 +2,6 @@
 //!
 //! The counter is a second way to the same definition: every voxel centre, moved by (-e, e^2, e^3), against every
 //! triangle, with one row at a time and wide integers; it shares no code with the program.
-#![allow(dead_code, reason = "each test takes what it needs")]
 #![allow(clippy::cast_possible_truncation, reason = "coordinates of small bodies")]
 
 use std::collections::BTreeSet;

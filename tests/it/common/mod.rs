@@ -10,12 +10,13 @@ pub(crate) mod data;
 pub(crate) mod dicom;
 pub(crate) mod formats;
 pub(crate) mod frames;
-pub(crate) mod imports;
 pub(crate) mod meshes;
+pub(crate) mod models;
 pub(crate) mod oracle;
 pub(crate) mod random;
 pub(crate) mod scenes;
 pub(crate) mod schema;
+pub(crate) mod vectors;
 pub(crate) mod volume;
 
 use random::Random;

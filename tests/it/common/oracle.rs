@@ -3,7 +3,6 @@
 //! It shares nothing with the library: no rounding of rays, no fixed point, no walk. A finite f64 is a whole number
 //! times a power of two, and so are sums, differences and products of such ([`Dyadic`]); times are compared as
 //! fractions by multiplying crosswise. Numbers reach some 4,000 bits. Slow, and right by inspection.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::cmp::Ordering;
 use std::ops::{Add, Mul, Neg, Sub};

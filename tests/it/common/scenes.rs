@@ -1,6 +1,5 @@
 //! Scenes for the traversal and picture tests: solids by formula, their skins, and cube symmetries.
 #![allow(
-    dead_code,
     unreachable_pub,
     clippy::cast_possible_truncation,
     reason = "shared by test files, each uses its part"

@@ -1,5 +1,4 @@
 //! Volumes in memory.
-#![allow(dead_code, reason = "each test file uses its own part")]
 
 use std::ops::Range;
 

@@ -6,7 +6,9 @@
 
 mod faces;
 mod files;
+use crate::common::models::{exact_grid, finest, share as options};
 use crate::common::random;
+use crate::common::vectors::{cross, dot, sub};
 mod text;
 
 use std::collections::BTreeSet;
@@ -17,20 +19,15 @@ use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Sil
 use infobyte::csg::{CsgInput, CsgOptions, Faces, NodeId, Operation, Shape, Tree, build_csg, parse_tree};
 use infobyte::facts::{CsgFault, Fault, OffsetFault, SourceError};
 use infobyte::format::{Channel, normal};
-use infobyte::geom::{Affine, BoxIndex, Dims, Octant, morton};
-use infobyte::load::{Model, NodeView, verify};
+use infobyte::geom::Affine;
+use infobyte::load::{Model, verify};
 use infobyte::mesh::GridChoice;
 use random::Random;
 
 const STEPS: f64 = 4096.0;
 
-fn exact([x, y, z]: [u32; 3]) -> CsgOptions {
-    let dims = Dims::new(x, y, z).unwrap();
-    CsgOptions { grid: Some(GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims }), unit_mm: 1.0 }
-}
-
-fn options(share_mib: u64, threads: usize) -> BuildOptions {
-    BuildOptions { memory: MemoryCap::Share(share_mib << 20), threads, ..BuildOptions::default() }
+fn exact(dims: [u32; 3]) -> CsgOptions {
+    CsgOptions { grid: Some(exact_grid(dims)), unit_mm: 1.0 }
 }
 
 fn build_to(
@@ -61,38 +58,13 @@ fn parsed(text: &str) -> (Tree, NodeId) {
 
 /// Skin voxels and their normals.
 fn skin_of(model: &Model) -> Vec<([u32; 3], [f32; 3])> {
-    fn below(model: &Model, at: BoxIndex, code: u64, left: u32, out: &mut Vec<[u32; 3]>) {
-        if left == 0 {
-            out.push(morton::decode(code));
-            return;
-        }
-        for octant in Octant::ALL {
-            if let Some(child) = model.child(at.node(), octant) {
-                below(model, child, code << 3 | u64::from(octant.get()), left - 1, out);
-            }
-        }
-    }
-    let mut voxels = Vec::new();
-    below(model, BoxIndex::ROOT, 0, model.dims().depth(), &mut voxels);
     let items = model.items(Channel::Normal).unwrap();
     let normal_at = |at| normal::decode(u16::from_le_bytes(items.get(at).unwrap().try_into().unwrap()));
-    voxels.into_iter().zip(0..).map(|(voxel, at)| (voxel, normal_at(at))).collect()
+    finest(model).into_iter().map(|(at, voxel)| (at, normal_at(voxel.get()))).collect()
 }
 
 fn round(p: [f64; 3]) -> [f64; 3] {
     p.map(|c| (c * STEPS).round_ties_even())
-}
-
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Is a point (lattice steps) inside a placed shape, by the definition? In f64: points nearer to the surface than

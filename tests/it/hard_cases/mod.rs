@@ -17,7 +17,9 @@
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers here are made to fit")]
 
 mod cameras;
+use crate::common::models::finest;
 use crate::common::scenes;
+use crate::common::vectors::{dot, unit};
 mod places;
 mod rays;
 mod shapes;
@@ -26,7 +28,6 @@ mod values;
 use std::collections::BTreeSet;
 
 use infobyte::builder::BuildError;
-use infobyte::geom::{BoxIndex, Octant};
 use infobyte::load::{Model, NodeView, verify};
 use infobyte::volume::{Rescale, VolumeSource};
 use infobyte::{BuildOptions, BuildReport, Threshold};
@@ -87,22 +88,9 @@ impl Built {
     /// All skin voxels with their normals, where there are some.
     pub(crate) fn voxels(&self) -> Vec<([u32; 3], Option<[f64; 3]>)> {
         let model = self.model();
-        let view = model.view();
-        let mut level = vec![(BoxIndex::ROOT, [0_u32; 3])];
-        for edge in (0..view.depth()).rev().map(|k| 1_u32 << k) {
-            let children = level.into_iter().flat_map(|(number, low)| {
-                Octant::ALL.into_iter().filter_map(move |octant| {
-                    let at = std::array::from_fn(|a| low[a] + octant.high()[a] * edge);
-                    Some((view.child(number.node(), octant)?, at))
-                })
-            });
-            level = children.collect();
-        }
-        let normal = |number: BoxIndex| {
-            let code = view.voxel_normal(number.voxel(view.node_count()))?;
-            Some(infobyte::format::normal::decode(code).map(f64::from))
-        };
-        level.into_iter().map(|(number, at)| (at, normal(number))).collect()
+        let normal =
+            |voxel| Some(infobyte::format::normal::decode(model.voxel_normal(voxel)?).map(f64::from));
+        finest(&model).into_iter().map(|(at, voxel)| (at, normal(voxel))).collect()
     }
 
     pub(crate) fn cells(&self) -> BTreeSet<[u32; 3]> {
@@ -168,13 +156,4 @@ impl<T: infobyte::volume::Scalar> VolumeSource for Rescaled<T> {
     ) -> Result<(), infobyte::volume::SourceError> {
         self.0.read_rows(z, rows, cols, out)
     }
-}
-
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn unit(v: [f64; 3]) -> [f64; 3] {
-    let length = dot(v, v).sqrt();
-    v.map(|c| c / length)
 }
