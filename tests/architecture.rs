@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What each top module may see besides itself. `error` is two things: it gathers the errors of every
+/// What each top module may see besides itself and `platform`. `error` is two things: it gathers the errors of every
 /// boundary once, at the top; and every boundary may name `error::ExitKind`, which depends on nothing.
 const MAY_SEE: &[(&str, &[&str])] = &[
     ("atomic", &[]),
@@ -24,7 +24,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("format", &["cpu", "geom"]),
     ("mark", &[]),
     ("progress", &[]),
-    ("resident", &["budget"]),
+    ("platform", &[]),
     ("scratch", &[]),
     ("stamp", &[]),
     ("facts", &["budget", "codec", "exit", "geom"]),
@@ -48,18 +48,12 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "volume",
         ],
     ),
-    (
-        "builder",
-        &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "resident", "scratch", "volume"],
-    ),
+    ("builder", &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "scratch", "volume"]),
     ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "volume"]),
     ("mesh", &["budget", "builder", "codec", "cpu", "facts", "format", "geom", "scratch", "source", "stamp"]),
     (
         "csg",
-        &[
-            "budget", "builder", "facts", "format", "geom", "mesh", "progress", "resident", "scratch",
-            "stamp", "volume",
-        ],
+        &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "scratch", "stamp", "volume"],
     ),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark"]),
@@ -89,7 +83,6 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "mesh",
             "progress",
             "render",
-            "resident",
             "scene",
             "scratch",
             "source",
@@ -139,15 +132,19 @@ const TAKES_APART: &[&str] = &[
 
 /// Files that may contain `unsafe`: the mapping, what happens when its file is cut short, and vector instructions beside their safe twins.
 const UNSAFE_FILES: &[&str] = &[
-    "bin/bus.rs",
+    "bin/platform.rs",
     "src/builder/lanes.rs",
     "src/builder/simd.rs",
     "src/cpu.rs",
     "src/format/packed/lanes.rs",
     "src/load/map.rs",
+    "src/platform/linux/resident.rs",
     "src/render/lanes_x86.rs",
-    "src/resident.rs",
 ];
+
+/// Where the operating system is seen, and how.
+const PLATFORM: &[&str] = &["src/platform/", "bin/platform.rs"];
+const SYSTEM: &[&str] = &["std::os::", "/proc", "rustix::", "libc::", "signal_hook::", "target_os"];
 
 /// Most files of which each depends on every other.
 const MOST_IN_A_CIRCLE: usize = 3;
@@ -272,7 +269,7 @@ fn forbidden(source: &Source) -> Vec<String> {
     };
     let mut wrong = Vec::new();
     for (name, _) in crate_paths(&source.without_tests()) {
-        if name == module {
+        if name == module || name == "platform" {
             continue;
         }
         // Both are re-exported at the top.
@@ -335,7 +332,7 @@ fn the_command_knows_the_library_only_from_outside() {
     for source in sources("bin") {
         for (name, _) in crate_paths(&source.code) {
             assert!(
-                ["args", "bars", "bus", "failure", "manual", "pictures", "print", "streams"]
+                ["args", "bars", "failure", "manual", "pictures", "platform", "print", "streams"]
                     .contains(&name.as_str()),
                 "{}: crate::{name}",
                 source.path
@@ -475,6 +472,15 @@ fn unsafe_stays_in_the_known_files() {
             let uses = source.code.split(|c: char| !c.is_alphanumeric() && c != '_').any(|w| w == "unsafe");
             assert!(!uses || UNSAFE_FILES.contains(&source.path.as_str()), "{}: unsafe", source.path);
         }
+    }
+}
+
+#[test]
+fn the_operating_system_is_seen_in_one_place() {
+    for source in ["src", "bin"].into_iter().flat_map(sources) {
+        let is_platform = PLATFORM.iter().any(|place| source.path.starts_with(place));
+        let seen = SYSTEM.iter().find(|name| source.code.contains(*name));
+        assert!(is_platform || seen.is_none(), "{}: {seen:?}", source.path);
     }
 }
 

@@ -16,7 +16,7 @@ use crate::catalogue;
 use crate::clean::{CleanError, CleanOptions, CleanReport};
 use crate::error::{Error, UsageError};
 use crate::format::{MAGIC, SurfaceKind};
-use crate::resident::give_back;
+use crate::platform::give_back;
 use crate::source::OpenOptions;
 use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
 

@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::facts::{Misuse, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::mesh::{MeshOptions, build_mesh};
-use crate::resident::give_back;
+use crate::platform::give_back;
 
 /// Suffixes of the formats that are read.
 const SUFFIXES: [&str; 7] = ["stl", "ply", "obj", "off", "gltf", "glb", "3mf"];

@@ -25,5 +25,5 @@ pub mod shots;
 pub mod verify;
 pub mod wording;
 
-pub use crate::resident::{give_back, map_large_buffers};
+pub use crate::platform::{give_back, map_large_buffers};
 pub use wording::foreign::shown;

@@ -16,7 +16,7 @@ use crate::format::{
 };
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
-use crate::resident::give_back;
+use crate::platform::give_back;
 
 use super::earlier;
 use super::encode::finish_frame;

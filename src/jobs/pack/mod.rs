@@ -20,7 +20,7 @@ use std::time::Instant;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, UsageError};
 use crate::load::{Frame, LoadError, ReadAt, open_regular};
-use crate::resident::give_back;
+use crate::platform::give_back;
 use strip::StripStop;
 
 /// What packing or unpacking did.

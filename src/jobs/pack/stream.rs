@@ -2,13 +2,13 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 
 use crate::format::packed::group::Group;
 use crate::format::packed::{CODEC_DISTANCES, SUBTREE_DEPTH};
 use crate::format::{Channel, FormatError, SectionKind, SurfaceKind};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
+use crate::platform::FileExt;
 
 use super::follow::Follow;
 

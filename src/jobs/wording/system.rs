@@ -2,19 +2,18 @@
 
 use std::io;
 
-use rustix::io::Errno;
-
 use crate::atomic::TargetFault;
+use crate::platform::is_too_many_open;
 
 /// What to do where a file cannot be read; `usual` where the reason says no more.
 pub(super) fn reading<'a>(cause: &io::Error, usual: &'a str) -> &'a str {
-    if too_many_open(cause) { RAISE_LIMIT } else { usual }
+    if is_too_many_open(cause) { RAISE_LIMIT } else { usual }
 }
 
 /// What to do where an output file cannot be written.
 pub(super) fn writing(cause: &io::Error) -> &'static str {
     use io::ErrorKind as Kind;
-    if too_many_open(cause) {
+    if is_too_many_open(cause) {
         return RAISE_LIMIT;
     }
     if let Some(fault) = cause.get_ref().and_then(|inner| inner.downcast_ref::<TargetFault>()) {
@@ -37,14 +36,10 @@ pub(super) fn writing(cause: &io::Error) -> &'static str {
 
 const RAISE_LIMIT: &str = "too many files are open; raise the limit, for example with `ulimit -n 4096`";
 
-fn too_many_open(cause: &io::Error) -> bool {
-    let code = cause.raw_os_error();
-    [Errno::MFILE, Errno::NFILE].iter().any(|errno| code == Some(errno.raw_os_error()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::platform::Errno;
 
     #[test]
     fn the_cure_fits_the_cause() {
