@@ -34,9 +34,9 @@ pub enum CodingError {
         /// Length that it states.
         bytes: u32,
     },
-    /// SPEC 5.2, 5.8: a group's payload ends early, or a block of it otherwise than it must.
+    /// SPEC 5.8: a group's payload ends early, or a block of it otherwise than it must.
     GroupCut,
-    /// SPEC 5.2, 5.8: a group's payload goes on after its content.
+    /// SPEC 5.8: a group's payload goes on after its content.
     GroupSurplus,
     /// SPEC 5.3: a group to be written passes its limit.
     GroupTooLong {
@@ -59,9 +59,9 @@ pub enum CodingError {
     },
     /// SPEC 5.9, I10: a node without children.
     EmptyNode,
-    /// SPEC 5.4, 5.10: a residual leads out of the range of codes.
+    /// SPEC 5.10: a residual leads out of the range of codes.
     NormalRange,
-    /// SPEC 5.7, 5.11: a residual leads out of the range of offsets.
+    /// SPEC 5.11: a residual leads out of the range of offsets.
     OffsetRange,
     /// SPEC 5.5: a block is not what zstd wrote, or has another length.
     BlockUnreadable {

@@ -1,7 +1,6 @@
 //! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5); `oct strip`: less of it.
 
 mod decode;
-mod earlier;
 mod encode;
 mod follow;
 mod groups;

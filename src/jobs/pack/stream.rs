@@ -112,14 +112,6 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         Self { cursors, root_depth, left: roots(frame) }
     }
 
-    /// Puts the next subtree's infobytes by depth into `levels`; its number of voxels, or `None`
-    /// after the last.
-    pub(super) fn next(&mut self, levels: &mut Vec<Vec<u8>>) -> Result<Option<u64>, Fault> {
-        levels.resize(self.cursors.len(), Vec::new());
-        levels.iter_mut().for_each(Vec::clear);
-        self.append(levels)
-    }
-
     /// Appends the next subtree's infobytes by depth to `levels`; its number of voxels, or `None` after the last.
     fn append(&mut self, levels: &mut [Vec<u8>]) -> Result<Option<u64>, Fault> {
         if self.left == 0 {
