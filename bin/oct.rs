@@ -2,11 +2,11 @@
 
 mod args;
 mod bars;
-mod bus;
 mod cure;
 mod failure;
 mod manual;
 mod pictures;
+mod platform;
 mod streams;
 
 use std::io::{self, Write};
@@ -45,12 +45,7 @@ fn main() -> ExitCode {
     jobs::map_large_buffers();
     // Linking at start leaves code behind that nobody calls again, beside what reading the arguments needs.
     jobs::give_back();
-    // With a handler in place, writing past a file-size limit is an error that can be told, not the end of
-    // the process. Without one (it cannot be set twice), the system's way stays.
-    let _ = signal_hook::flag::register(
-        signal_hook::consts::SIGXFSZ,
-        std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false)),
-    );
+    platform::report_size_limits();
     text::spell(cure::spelled);
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
@@ -131,7 +126,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Scan(args) => scan(&args),
         Command::Info(args) => {
             let input = Input::of(&args.model)?;
-            bus::tell_of(&args.model, args.json);
+            platform::tell_of(&args.model, args.json);
             let mut info = info::read_info_measured(input.path(), args.measure)?;
             info.input = data(&args.model);
             Ok(print(args.json, || info.json(), || info.text())?)
@@ -295,7 +290,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         series: args.series.clone(),
     };
     // Thumbnails are made of models that lie there.
-    bus::tell_of(&args.out, args.json);
+    platform::tell_of(&args.out, args.json);
     let bars = BatchBars::new(jobs, args.quiet || args.json);
     let report = jobs::batch::batch(&request, &bars);
     bars.finish();
@@ -429,7 +424,7 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     }
     let output = Output::of(&args.output, Written::Export, args.force, args.json)?;
     let model = Input::of(&args.model)?;
-    bus::tell_of(&args.model, args.json);
+    platform::tell_of(&args.model, args.json);
     let bars = Bars::new(args.quiet || args.json);
     let request = ExportRequest { form, skin_only: args.skin, simplify: args.simplify };
     let report = jobs::export::export(model.path(), output.path(), request, &bars);
@@ -442,7 +437,7 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
 
 fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.one.as_path(), args.other.as_path()], Dash::AmongFiles)?;
-    bus::tell_of(&args.one, args.json);
+    platform::tell_of(&args.one, args.json);
     let mut placement = args.place.unwrap_or(Affine::from_spacing([1.0; 3]));
     for (row, by) in placement.rows.iter_mut().zip(args.moved.unwrap_or_default()) {
         row[3] += by;
@@ -459,7 +454,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots() };
     let bars = Bars::new(args.json);
-    bus::tell_of(&args.model, args.json);
+    platform::tell_of(&args.model, args.json);
     if is_scene(&args.model) {
         if let Some(flag) = args.model_flag() {
             return Err(Refusal::ForModels(flag).into());
@@ -481,7 +476,7 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
     let threads = args.threads.count();
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let model = Input::of(&args.model)?;
-    bus::tell_of(&args.model, args.json);
+    platform::tell_of(&args.model, args.json);
     let report = picture::thumbnail_file(model.path(), output.path(), args.size, threads)?;
     output.finish(|| print_picture(args.json, (&args.model, &args.output), false, &report))
 }
@@ -504,7 +499,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
         ..BuildOptions::default()
     };
     let files = DemoFiles::beside(&args.output, args.picture.as_deref());
-    bus::tell_of(&args.output, args.json);
+    platform::tell_of(&args.output, args.json);
     let bars = Bars::new(args.quiet || args.json);
     let summary = jobs::demo::demo(args.size, &options, &files, threads, &bars);
     bars.finish();
@@ -514,7 +509,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
 
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
     let input = Input::of(&args.model)?;
-    bus::tell_of(&args.model, args.json);
+    platform::tell_of(&args.model, args.json);
     let model = open_model(input.path())?;
     let threads = args.threads.count();
     let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads).map_err(Error::from)?;

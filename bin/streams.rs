@@ -2,8 +2,6 @@
 
 use std::fs::File;
 use std::io::{self, IsTerminal};
-use std::os::fd::AsRawFd;
-use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -11,6 +9,7 @@ use infobyte::Error;
 use tempfile::TempDir;
 
 use crate::failure::{Dash, Failure, Refusal, Written};
+use crate::platform::link_to_open;
 
 /// Standard input or output, where the name of a file is expected.
 pub(crate) fn is_dash(path: &Path) -> bool {
@@ -41,7 +40,7 @@ impl Input {
         io::copy(&mut io::stdin().lock(), &mut file).map_err(failed)?;
         let link = tempfile::tempdir_in(folder).map_err(failed)?;
         let path = link.path().join("standard input");
-        symlink(format!("/dev/fd/{}", file.as_raw_fd()), &path).map_err(failed)?;
+        link_to_open(&file, &path).map_err(failed)?;
         Ok(Self { path, _spooled: Some((file, link)) })
     }
 

@@ -6,10 +6,9 @@
 
 use std::fs::{self, File};
 use std::io;
-use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{AtFlags, CWD, Mode, OFlags};
+use crate::platform;
 
 use thiserror::Error;
 
@@ -43,7 +42,7 @@ pub(crate) struct AtomicFile {
 
 #[derive(Debug)]
 enum Storage {
-    /// `O_TMPFILE`: gone with its last descriptor, even when the process is killed.
+    /// Gone with its last descriptor, even when the process is killed.
     Nameless(File),
     /// Where the file system has no such files.
     Named(tempfile::NamedTempFile),
@@ -73,17 +72,11 @@ impl AtomicFile {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
             _ => PathBuf::from("."),
         };
-        let mode = Mode::from_raw_mode(0o666);
-        let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
-        let storage = match rustix::fs::openat(CWD, &folder, flags, mode) {
-            // The name is given later through /proc; without that, the file needs one from the start.
-            Ok(_) if !Path::new("/proc/self/fd").exists() => Storage::Named(named(&folder)?),
-            Ok(descriptor) => Storage::Nameless(File::from(descriptor)),
-            Err(e) => match e.into() {
-                // A clear refusal; anything else may be a file system without nameless files.
-                cause @ io::Error { .. } if is_final(&cause) => return Err(cause),
-                _ => Storage::Named(named(&folder)?),
-            },
+        let storage = match platform::unnamed_file(&folder) {
+            Ok(file) => Storage::Nameless(file),
+            // A clear refusal; anything else may be a file system without nameless files.
+            Err(cause) if is_final(&cause) => return Err(cause),
+            Err(_) => Storage::Named(named(&folder)?),
         };
         Ok(Self { target, folder, storage })
     }
@@ -130,11 +123,7 @@ fn is_final(cause: &io::Error) -> bool {
 }
 
 fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
-    use std::os::unix::fs::PermissionsExt;
-    tempfile::Builder::new()
-        .prefix(".oct-")
-        .permissions(fs::Permissions::from_mode(0o666))
-        .tempfile_in(folder)
+    tempfile::Builder::new().prefix(".oct-").permissions(platform::new_file_permissions()).tempfile_in(folder)
 }
 
 /// Removes what processes that were killed in the one moment of replacing a file have left in `folder`: a
@@ -146,10 +135,7 @@ pub(crate) fn sweep(folder: &Path) {
         let process = name.to_str().and_then(|n| n.strip_prefix(SECOND_NAME)?.split_once('-'));
         let gone = |(id, count): (&str, &str)| {
             let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-            digits(id)
-                && digits(count)
-                && Path::new("/proc/self").exists()
-                && !Path::new("/proc").join(id).exists()
+            digits(id) && digits(count) && platform::has_ended(id)
         };
         if process.is_some_and(gone) {
             let _ = fs::remove_file(entry.path());
@@ -163,17 +149,13 @@ const SECOND_NAME: &str = ".oct-";
 /// Gives a nameless file the target's name. A free name is taken directly; an existing target is
 /// replaced by way of a second name, because a link cannot replace.
 fn link(file: &File, folder: &Path, target: &Path) -> io::Result<()> {
-    let source = format!("/proc/self/fd/{}", file.as_raw_fd());
-    let link_to = |name: &Path| {
-        rustix::fs::linkat(CWD, source.as_str(), CWD, name, AtFlags::SYMLINK_FOLLOW).map_err(io::Error::from)
-    };
-    match link_to(target) {
+    match platform::give_name(file, target) {
         Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
         other => return other,
     }
     for attempt in 0..1000_u32 {
         let name = folder.join(format!("{SECOND_NAME}{}-{attempt}", std::process::id()));
-        match link_to(&name) {
+        match platform::give_name(file, &name) {
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
             Err(e) => return Err(e),
             Ok(()) => {

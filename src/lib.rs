@@ -102,12 +102,12 @@ pub mod jobs;
 pub mod load;
 mod mark;
 pub mod mesh;
+mod platform;
 pub mod progress;
 #[cfg(test)]
 #[path = "../tests/it/common/random.rs"]
 mod random;
 pub mod render;
-mod resident;
 pub mod scene;
 mod scratch;
 pub mod source;

@@ -7,6 +7,8 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
+use crate::platform;
+
 /// A disk with less room than a scratch file needs; held by an [`io::Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct NoRoom {
@@ -39,12 +41,11 @@ pub(crate) fn nameless(folder: &Path) -> io::Result<File> {
 /// As [`nameless`], and [`io::ErrorKind::StorageFull`] with both figures.
 pub(crate) fn nameless_for(folder: &Path, bytes: u64) -> io::Result<File> {
     let file = nameless(folder)?;
-    if let Ok(system) = rustix::fs::fstatvfs(&file) {
-        let free = system.f_bavail.saturating_mul(system.f_frsize);
-        if free < bytes {
-            let fault = NoRoom { needed_bytes: bytes, free_bytes: free };
-            return Err(io::Error::new(io::ErrorKind::StorageFull, fault));
-        }
+    if let Some(free_bytes) = platform::free_bytes(&file)
+        && free_bytes < bytes
+    {
+        let fault = NoRoom { needed_bytes: bytes, free_bytes };
+        return Err(io::Error::new(io::ErrorKind::StorageFull, fault));
     }
     Ok(file)
 }

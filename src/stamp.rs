@@ -2,8 +2,9 @@
 
 use std::fs;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::os::unix::fs::MetadataExt;
 use std::path::Path;
+
+use crate::platform::{changed, file_id};
 
 /// What tells that a file was overwritten, cut, grown or replaced: its size, its time of change, and which file it
 /// is. A file that is not there has a stamp of its own. Known within one process only.
@@ -12,7 +13,7 @@ use std::path::Path;
 pub(crate) fn stamp(path: &Path) -> u64 {
     let mut hash = DefaultHasher::new();
     if let Ok(meta) = fs::metadata(path) {
-        (meta.size(), meta.mtime(), meta.mtime_nsec(), meta.dev(), meta.ino()).hash(&mut hash);
+        (meta.len(), changed(&meta), file_id(&meta)).hash(&mut hash);
     }
     hash.finish()
 }

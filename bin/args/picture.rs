@@ -73,9 +73,6 @@ pub(crate) struct RenderArgs {
     /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
     #[arg(long, default_value = "exact", value_parser = parse::traversals())]
     pub(crate) traversal: Traversal,
-    /// Trace fewer rays where the colours around a pixel differ by at most this, of 255; 0: all
-    #[arg(long, value_name = "0..255", default_value_t = 0)]
-    pub(crate) coherence: u8,
     /// Six sides on one sheet, each framed by itself
     #[arg(long, conflicts_with_all = ["view", "eye", "turntable", "depth", "normals", "ids"])]
     pub(crate) contact: bool,
@@ -93,7 +90,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "F.png")]
     pub(crate) normals: Option<PathBuf>,
     /// Also write a picture of the numbers of the voxels that are seen, 48 bits in three channels, counted from 1
-    #[arg(long, value_name = "F.png", conflicts_with = "coherence")]
+    #[arg(long, value_name = "F.png")]
     pub(crate) ids: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
@@ -151,7 +148,6 @@ impl RenderArgs {
             blended: self.shading == Shading::Blended,
             ambient_rays: self.ambient_rays().unwrap_or(0),
             traversal: self.traversal,
-            coherence: self.coherence,
             annotate: self.annotate,
             ..usual
         }
@@ -186,7 +182,6 @@ impl RenderArgs {
             (self.memory.is_some(), "--memory"),
             (self.shading == Shading::Blended, "--shading blended"),
             (self.traversal != Traversal::Exact, "--traversal"),
-            (self.coherence > 0, "--coherence"),
             (self.ids.is_some(), "--ids"),
         ];
         given.into_iter().find(|(given, _)| *given).map(|(_, flag)| flag)

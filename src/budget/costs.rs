@@ -43,10 +43,7 @@ pub const OPENING_SPREAD: u64 = 384 << 10;
 /// The smallest cap is stated in steps of this: less than the spread, and a number that people can read.
 pub const STATED_STEP: u64 = 64 << 10;
 
-/// Buffers from this size on are mapped on their own, so that freeing them returns them at once
-/// ([`crate::resident::map_large_buffers`]): glibc's own first threshold, kept from growing. Buffers below it come
-/// from heaps that keep what is freed; stages whose memory the next one needs read through such small ones.
-pub const MAPPED_FROM: usize = 128 << 10;
+pub use crate::platform::MAPPED_FROM;
 
 // ---- Workers.
 

@@ -16,14 +16,12 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `costs` | every measured figure: code, stacks, allocator, spreads, decoders |
-//! | `process` | what the operating system accounts to this process |
 //! | `size` | sizes as people write them |
 
 pub mod costs;
-mod process;
 mod size;
 
-pub use process::{
+pub use crate::platform::{
     current_rss_bytes, file_rss_bytes, mapped_rss_bytes, own_rss_bytes, peak_rss_bytes, resident_bytes,
 };
 pub use size::{Bytes, ExactSize, SizeArgument, parse_size};

@@ -2,11 +2,11 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::error::BuildError;
 use crate::geom::Dims;
+use crate::platform::FileExt;
 use crate::scratch::nameless_for;
 
 /// Occupancy of a volume: bit x of a row is word x / 64, bit x % 64; bits beyond the row are 0.

@@ -7,7 +7,6 @@
 //! queue of one open node per level.
 
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -19,6 +18,7 @@ use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, WalkedBrick};
 use crate::budget::costs::{LEAST_WORKER, MERGE_LISTS};
 use crate::format::{Channel, MeanRule, SectionKind, Sum};
+use crate::platform::FileExt;
 
 /// Bytes that a run gathers before they are written.
 pub(super) const RUN_BYTES: usize = 32 << 10;

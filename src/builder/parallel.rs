@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::error::BuildError;
 use crate::budget::MemoryCap;
 use crate::budget::costs::WORKER_STACK;
-use crate::resident::give_back;
+use crate::platform::give_back;
 
 /// Work of one worker; its argument tells whether another one has failed.
 pub(super) type Work<'a> = dyn Fn(&dyn Fn() -> bool) -> Result<(), BuildError> + Sync + 'a;

@@ -1,7 +1,5 @@
 //! The last pass over the output: directories, checksums, section table, header.
 
-use std::os::unix::fs::FileExt;
-
 use super::error::BuildError;
 use super::layout::Census;
 use super::merge::{RUN_BYTES, Run, Target};
@@ -11,6 +9,7 @@ use crate::format::{
     Channel, Encoding, HEADER_BYTES, Header, SectionKind, SurfaceKind, least_minor, table_bytes,
 };
 use crate::geom::Dims;
+use crate::platform::FileExt;
 
 /// Bytes read at a time.
 const STEP: usize = 128 << 10;

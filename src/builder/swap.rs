@@ -17,9 +17,10 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::platform::FileExt;
 
 use super::error::{BuildError, ScratchFault};
 

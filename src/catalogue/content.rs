@@ -2,9 +2,9 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use crate::platform::FileExt;
 use crate::source::{Finding, StableHash};
 use crate::volume::VolumeInfo;
 

@@ -11,10 +11,9 @@
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io;
-use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use crate::platform::{FileExt, OsStrExt};
 use crate::scratch::nameless;
 use crate::volume::SourceError;
 

@@ -17,13 +17,13 @@ pub use open::{open, open_unprepared, open_unprepared_in};
 
 use std::fs::File;
 use std::io::Read;
-use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use crate::budget::costs;
 use crate::facts::dicom::DicomFault;
 use crate::facts::{Fault, Misuse, NotVolume, Note, StatedBy};
 use crate::mesh;
+use crate::platform::OsStrExt;
 use crate::source::dicom::{Recognised, open_series, recognise};
 use crate::source::{
     FORMATS, FileList, Finding, HEAD_BYTES, InputFiles, OpenOptions, RawVolume, STACKS, Slices, StableHash,

@@ -5,7 +5,6 @@
 use std::collections::HashMap;
 use std::fs::{File, Metadata};
 use std::io::Read;
-use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use super::log::{Log, NONE, Record};
@@ -15,6 +14,7 @@ use super::{placing, sidecar};
 use crate::facts::{NotVolume, SyntheticFault};
 use crate::mark::is_own_picture;
 use crate::mesh;
+use crate::platform::OsStrExt;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::natural_cmp;

@@ -3,10 +3,10 @@
 use std::collections::HashSet;
 use std::fs::{self, Metadata};
 use std::io;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::facts::{Fault, NotVolume};
+use crate::platform::{self, file_id};
 use crate::synthetic::is_synthetic;
 use crate::volume::SourceError;
 
@@ -56,7 +56,7 @@ pub(super) fn walk(
         let meta = fs::metadata(input).map_err(unreadable)?;
         if meta.is_dir() {
             let entries = fs::read_dir(input).map_err(unreadable)?;
-            let mut way = Way { follow, entered: vec![(meta.dev(), meta.ino())] };
+            let mut way = Way { follow, entered: vec![file_id(&meta)] };
             folder(at, entries, Path::new(""), depth, &mut way, visitor)?;
         } else if meta.is_file() {
             visitor.file(at, Path::new(""), &meta)?;
@@ -97,7 +97,7 @@ fn folder(
         let path = prefix.join(&name);
         let Ok(kind) = entry.file_type() else { continue };
         let linked = kind.is_symlink().then(|| fs::metadata(entry.path()).ok()).flatten();
-        let linked = linked.filter(Metadata::is_dir).map(|meta| (meta.dev(), meta.ino()));
+        let linked = linked.filter(Metadata::is_dir).map(|meta| file_id(&meta));
         if linked.is_some_and(|folder| !way.follow || way.entered.contains(&folder)) {
             visitor.not_entered(&path, NotVolume::LinkedFolder);
         } else if kind.is_dir() || linked.is_some() {
@@ -106,7 +106,7 @@ fn folder(
             } else if !visitor.takes_folder(input, &path)? {
                 match fs::read_dir(entry.path()) {
                     Ok(inside) => {
-                        let own = fs::metadata(entry.path()).map(|meta| (meta.dev(), meta.ino()));
+                        let own = fs::metadata(entry.path()).map(|meta| file_id(&meta));
                         way.entered.push(own.unwrap_or_default());
                         folder(input, inside, &path, depth - 1, way, visitor)?;
                         way.entered.pop();
@@ -146,5 +146,6 @@ pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Source
 /// When a file was changed, as bits that differ when the time does.
 pub(super) fn changed(meta: &Metadata) -> u64 {
     const NANOSECONDS: i64 = 1_000_000_000;
-    meta.mtime().wrapping_mul(NANOSECONDS).wrapping_add(meta.mtime_nsec()).cast_unsigned()
+    let (seconds, nanoseconds) = platform::changed(meta);
+    seconds.wrapping_mul(NANOSECONDS).wrapping_add(nanoseconds).cast_unsigned()
 }

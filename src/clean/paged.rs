@@ -3,10 +3,10 @@
 use std::fs::File;
 use std::io;
 use std::marker::PhantomData;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 use crate::budget::costs::MAPPED_FROM;
+use crate::platform::FileExt;
 use crate::scratch::nameless;
 
 /// Words of a page are at most this.

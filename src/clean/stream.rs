@@ -4,9 +4,9 @@ use std::fs::File;
 use std::io;
 use std::marker::PhantomData;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+use crate::platform::FileExt;
 use crate::scratch::nameless;
 
 /// Bytes of the buffer of a list or of a cursor.

@@ -60,7 +60,7 @@ use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
 use crate::format::SurfaceKind;
 use crate::geom::{Affine, Dims};
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
-use crate::resident::give_back;
+use crate::platform::give_back;
 use crate::stamp::stamp;
 use crate::volume::VolumeSource;
 use cells::CsgCells;

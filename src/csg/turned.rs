@@ -19,7 +19,6 @@
 
 use std::fs::File;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -27,6 +26,7 @@ use super::place::Place;
 use crate::builder::Progress;
 use crate::facts::SourceError;
 use crate::geom::Affine;
+use crate::platform::FileExt;
 use crate::scratch::nameless;
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 

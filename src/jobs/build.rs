@@ -16,7 +16,7 @@ use crate::clean::{CleanError, CleanOptions, CleanReport};
 use crate::error::{Error, UsageError};
 use crate::facts::sentences;
 use crate::format::{MAGIC, SurfaceKind};
-use crate::resident::give_back;
+use crate::platform::give_back;
 use crate::source::OpenOptions;
 use crate::text::Short;
 use crate::text::{data, shown};

@@ -11,7 +11,7 @@ use crate::catalogue;
 use crate::clean::CleanOptions;
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, read_tree};
 use crate::error::Error;
-use crate::resident::give_back;
+use crate::platform::give_back;
 use crate::source::{OpenOptions, stays};
 use crate::text::data;
 use crate::volume::VolumeSource;

@@ -10,7 +10,7 @@ use crate::error::Error;
 use crate::facts::{Misuse, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::mesh::{MeshOptions, build_mesh};
-use crate::resident::give_back;
+use crate::platform::give_back;
 use crate::text::data;
 
 /// Suffixes of the formats that are read.

@@ -25,4 +25,4 @@ pub mod scene;
 pub mod shots;
 pub mod verify;
 
-pub use crate::resident::{give_back, map_large_buffers};
+pub use crate::platform::{give_back, map_large_buffers};

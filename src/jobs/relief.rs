@@ -10,9 +10,9 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 
 use crate::budget::{costs, own_rss_bytes, resident_bytes};
+use crate::platform;
 use crate::render::RenderError;
 use crate::render::picture::{Canvas, parts_bytes};
-use crate::resident;
 
 /// Most that a step adds: pages of the model, of which the system maps 16 at a time. The farther apart the boxes are that
 /// neighbouring pixels show, the more it is. Measured on cells at 1024^3 and skin at 4096^3, in MiB: 1.3 at 16 boxes to a
@@ -56,7 +56,7 @@ impl<'a> Relief<'a> {
     ) -> Self {
         if limit_bytes.is_some() {
             // Code that started the program and opened the model.
-            resident::give_back();
+            platform::give_back();
         }
         Self {
             limit_bytes,
@@ -126,7 +126,7 @@ impl<'a> Relief<'a> {
                 (self.give_back)();
                 if resident_bytes().saturating_add(self.under_way()) > limit_bytes {
                     // What has run once, and is larger than it is counted for where it is not optimised.
-                    resident::give_back();
+                    platform::give_back();
                 }
             }
         }

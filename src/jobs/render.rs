@@ -42,7 +42,7 @@ pub struct RenderRequest {
     pub depth: bool,
     /// Make a normal image, too.
     pub normals: bool,
-    /// Make an image of the numbers of boxes, too ([`Image::ids`]); not with a coherence above 0.
+    /// Make an image of the numbers of boxes, too ([`Image::ids`]).
     pub ids: bool,
     /// Blend normals between the boxes around a hit: smoother close-ups, some microseconds a pixel.
     pub blended: bool,
@@ -51,8 +51,6 @@ pub struct RenderRequest {
     pub ambient_rays: u32,
     /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
-    /// Trace fewer rays where the colours around a pixel differ by at most this, of 255; 0 traces all.
-    pub coherence: u8,
     /// Draw a scale bar and the patient's sides.
     pub annotate: bool,
 }
@@ -82,7 +80,6 @@ impl Default for RenderRequest {
             blended: false,
             ambient_rays: 0,
             traversal: Traversal::Exact,
-            coherence: 0,
             annotate: false,
         }
     }
@@ -99,7 +96,7 @@ pub struct RenderReport {
     pub threads: usize,
     /// What the rays hit: `exact` or `discrete`.
     pub traversal: &'static str,
-    /// Rays traced; with a coherence above 0 those that had to be compared with the model.
+    /// Rays traced.
     pub rays: u64,
     /// Rays that hit the model.
     pub hits: u64,
@@ -292,7 +289,6 @@ impl Prepared {
             blended: request.blended,
             ambient_rays: request.ambient_rays,
             traversal: request.traversal,
-            coherence: request.coherence,
             most_band_pixels: None,
         };
         Ok(Self { start, space, camera, canvas, setup: start.elapsed(), range_mm })

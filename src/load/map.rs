@@ -3,7 +3,8 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::MetadataExt;
+
+use crate::platform;
 
 /// A whole file mapped read-only; dereferences to its bytes through `AsRef`. The file stays open, so that a change
 /// of its bytes can be noticed.
@@ -28,7 +29,7 @@ impl Stamp {
     /// The operating system refused.
     pub(super) fn of(file: &File) -> io::Result<Self> {
         let meta = file.metadata()?;
-        Ok(Self { bytes: meta.size(), changed: (meta.mtime(), meta.mtime_nsec()) })
+        Ok(Self { bytes: meta.len(), changed: platform::changed(&meta) })
     }
 }
 
@@ -62,9 +63,7 @@ impl Mapping {
     /// Takes all pages of the mapping out of the process, for passes that go on to other parts of the file; what is
     /// looked at again comes back from the system's cache. If the system refuses, the pages stay.
     pub fn give_back(&self) {
-        // SAFETY: pages of a file that are mapped read-only come back with the file's bytes, so no byte that a
-        // reference was made of is another one afterwards.
-        let _ = unsafe { self.map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
+        platform::give_back_pages(&self.map);
     }
 
     /// Are the bytes still those that were mapped, as far as size and time of change tell? A file that another one

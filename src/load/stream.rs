@@ -2,9 +2,9 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 
 use crate::format::FormatError;
+use crate::platform::FileExt;
 
 use super::LoadError;
 

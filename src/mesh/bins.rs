@@ -13,12 +13,12 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::lattice::{Triangle, centres, span};
 use crate::facts::SourceError;
 use crate::geom::Dims;
+use crate::platform::FileExt;
 
 /// Rows and slices of a bin, as a power of two: those of a brick.
 const BIN_SHIFT: i32 = 5;

@@ -273,7 +273,6 @@ mod tests {
                 blended: false,
                 ambient_rays,
                 traversal: Traversal::Exact,
-                coherence: 0,
                 most_band_pixels: None,
             };
             let (image, _) = paint(&tree.view(), &space, &camera, canvas).unwrap();

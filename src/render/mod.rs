@@ -14,7 +14,6 @@
 //! | [`surface`] | the last decision: is this box a hit |
 //! | [`cells`] | the surface within a cell |
 //! | [`discrete`] | the paper's own traversal |
-//! | `coherence` | fewer rays where neighbours look alike |
 //! | [`form`] | portable, AVX2 or AVX-512; `lanes` and `lanes_x86` are their arithmetic |
 //! | `occupancy`, `pierce` | two levels of the octree at once; whether a ray passes through a box, exactly |
 //! | [`sight`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
@@ -37,7 +36,6 @@ pub(crate) mod blend;
 pub mod camera;
 mod caster;
 pub mod cells;
-mod coherence;
 mod colors;
 pub mod discrete;
 mod error;

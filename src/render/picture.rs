@@ -11,7 +11,6 @@ use crate::load::{ModelView, NodeView};
 
 use super::around::Surroundings;
 use super::cells::Cells;
-use super::coherence::{Plan, Sample, Tolerance};
 use super::discrete::DiscreteRays;
 use super::form::Form;
 use super::image::Image;
@@ -30,9 +29,6 @@ const BAND_PIXELS: usize = 1 << 18;
 
 /// Stack of a worker; nothing here recurses.
 const WORKER_STACK_BYTES: usize = 4 << 20;
-
-/// Of neighbours that look alike a depth differs by less than this many boxes from what the others foretell.
-const TOLERATED_BOXES: f64 = 1.5;
 
 /// Longest side and most pixels of a picture.
 const MAX_SIDE: u32 = 32_768;
@@ -55,7 +51,7 @@ pub struct Canvas {
     pub depth_range_mm: Option<(f64, f64)>,
     /// Is a normal image wanted?
     pub normals: bool,
-    /// Is an image of the numbers of boxes wanted? Not with a coherence above 0, where not every pixel has one.
+    /// Is an image of the numbers of boxes wanted?
     pub ids: bool,
     /// Are normals blended between the boxes around a hit?
     pub blended: bool,
@@ -63,8 +59,6 @@ pub struct Canvas {
     pub ambient_rays: u32,
     /// What a hit is.
     pub traversal: Traversal,
-    /// Trace fewer rays where the colours around a pixel differ by at most this, of 255; 0 for a ray per pixel.
-    pub coherence: u8,
     /// Pixels traced and coloured together, if fewer than usual; never fewer than 8 rows.
     pub most_band_pixels: Option<u32>,
 }
@@ -97,8 +91,6 @@ impl Traversal {
 pub struct Counts {
     /// Rays traced.
     pub rays: u64,
-    /// Of those, rays that had to be compared with the model: not those of a tile whose beam meets nothing.
-    pub compared: u64,
     /// Rays that hit.
     pub hits: u64,
     /// Bricks of 4 x 4 x 4 boxes that rays were compared with.
@@ -123,7 +115,6 @@ impl Canvas {
 impl Counts {
     fn add(mut self, trace: &Trace) -> Self {
         self.rays += 1;
-        self.compared += u64::from(trace.steps > 0);
         self.hits += u64::from(trace.hit.is_some());
         self.steps += u64::from(trace.steps);
         self.max_steps = self.max_steps.max(trace.steps);
@@ -132,7 +123,6 @@ impl Counts {
 
     pub(super) fn plus(mut self, other: Self) -> Self {
         self.rays += other.rays;
-        self.compared += other.compared;
         self.hits += other.hits;
         self.steps += other.steps;
         self.max_steps = self.max_steps.max(other.max_steps);
@@ -247,8 +237,7 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
         + if canvas.normals { 3 } else { 0 }
         + if canvas.ids { 6 } else { 0 }
         + if canvas.ambient_rays > 0 { 1 } else { 0 };
-    let hits = if canvas.coherence > 0 { size_of::<Sample>() } else { size_of::<Seen>() } as u64;
-    rows * row * (2 * layers + hits) + ((canvas.threads.max(1) as u64) << 18)
+    rows * row * (2 * layers + size_of::<Seen>() as u64) + ((canvas.threads.max(1) as u64) << 18)
 }
 
 /// Paints a model as a camera sees it.
@@ -419,20 +408,16 @@ impl<S: Surface> Painter<'_, S> {
         let width = self.canvas.width as usize;
         let band_rows = self.band_rows() as usize;
         let mut counts = Counts::default();
-        if self.canvas.coherence > 0 {
-            counts = self.paint_coherent(image, from);
-        } else {
-            let tiles_across = width.div_ceil(TILE);
-            let mut seen = vec![Seen::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
-            for top in (0..rows).step_by(band_rows) {
-                let rows = band_rows.min(rows - top);
-                let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
-                let band = seen.get_mut(..used).unwrap_or_default();
-                counts = counts.plus(self.trace_band(band, from + top, rows));
-                counts.shade += self.shade_band(band, image, from, top, rows);
-                #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
-                rows_done(rows as u32);
-            }
+        let tiles_across = width.div_ceil(TILE);
+        let mut seen = vec![Seen::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
+        for top in (0..rows).step_by(band_rows) {
+            let rows = band_rows.min(rows - top);
+            let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
+            let band = seen.get_mut(..used).unwrap_or_default();
+            counts = counts.plus(self.trace_band(band, from + top, rows));
+            counts.shade += self.shade_band(band, image, from, top, rows);
+            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+            rows_done(rows as u32);
         }
         if self.canvas.smooth_edges {
             counts = counts.plus(self.smooth_edges(image));
@@ -455,7 +440,7 @@ impl<S: Surface> Painter<'_, S> {
                     let limits = (width.saturating_sub(left), rows.saturating_sub(above));
                     let lod_edge_log2 = self.canvas.lod_edge_log2;
                     let tile = Tile { corner: (left, top + above), limits, lod_edge_log2 };
-                    let counts = self.trace_tile(tracer, seen, tile, tile.live());
+                    let counts = self.trace_tile(tracer, seen, tile);
                     self.watch.step();
                     counts
                 },
@@ -465,8 +450,9 @@ impl<S: Surface> Painter<'_, S> {
         counts
     }
 
-    /// Traces some rays of a tile, all of which lie in the picture.
-    fn trace_tile(&self, tracer: &mut Tracer, seen: &mut [Seen], tile: Tile, rays: u64) -> Counts {
+    /// Traces the rays of a tile that lie in the picture: here a tile's pixels are decided.
+    fn trace_tile(&self, tracer: &mut Tracer, seen: &mut [Seen], tile: Tile) -> Counts {
+        let rays = tile.live();
         let mut counts = Counts::default();
         if let Some(discrete) = &self.discrete {
             discrete.trace_tile(self.view, tile, rays, |ray, trace| {
@@ -488,104 +474,6 @@ impl<S: Surface> Painter<'_, S> {
             }
         }
         counts
-    }
-
-    /// Paints with fewer rays where neighbours look alike; tracing and shading take turns, so their times are one.
-    fn paint_coherent(&self, image: &mut Image, from: usize) -> Counts {
-        let rows_done = self.watch.rows_done;
-        let start = Instant::now();
-        let width = self.canvas.width as usize;
-        let (rows, band_rows) = (image.height as usize, self.band_rows() as usize);
-        let tiles_across = width.div_ceil(TILE);
-        let edge_mm =
-            f64::from(1_u32 << self.canvas.lod_edge_log2.min(31)) * self.sight.space().largest_spacing_mm();
-        #[expect(clippy::cast_possible_truncation, reason = "a tolerance")]
-        let tolerance =
-            Tolerance { color: self.canvas.coherence, depth_mm: (TOLERATED_BOXES * edge_mm) as f32 };
-        let plan = Plan::new();
-        let mut counts = Counts::default();
-        let mut samples = vec![Sample::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
-        for top in (0..rows).step_by(band_rows) {
-            let rows = band_rows.min(rows - top);
-            let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
-            let band = samples.get_mut(..used).unwrap_or_default();
-            band.fill(Sample::NOTHING);
-            let (tiles, _) = band.as_chunks_mut::<TILE_PIXELS>();
-            let begin = || (Tracer::new(self.form), Surroundings::new());
-            let own = tiles.par_iter_mut().enumerate().map_init(begin, |kept, (number, samples)| {
-                let (left, above) = (number % tiles_across * TILE, number / tiles_across * TILE);
-                let tile = Tile {
-                    corner: (left, from + top + above),
-                    limits: (width - left, rows - above),
-                    lod_edge_log2: self.canvas.lod_edge_log2,
-                };
-                plan.fill(tolerance, tile.live(), samples, |rays, samples| {
-                    let counts = self.look(kept, tile, rays, samples);
-                    self.watch.step();
-                    counts
-                })
-            });
-            counts = counts.plus(own.reduce(Counts::default, Counts::plus));
-            self.put(band, image, [top, rows]);
-            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
-            rows_done(rows as u32);
-        }
-        Counts { rays: counts.compared, trace: start.elapsed(), ..counts }
-    }
-
-    /// What some pixels of a tile show.
-    fn look(
-        &self,
-        (tracer, around): &mut (Tracer, Surroundings),
-        tile: Tile,
-        rays: u64,
-        samples: &mut [Sample; TILE_PIXELS],
-    ) -> Counts {
-        let mut seen = [Seen::NOTHING; TILE_PIXELS];
-        let counts = self.trace_tile(tracer, &mut seen, tile, rays);
-        for (ray, (sample, seen)) in samples.iter_mut().zip(seen).enumerate() {
-            if rays >> ray & 1 == 1 && seen.is_hit() {
-                let [x, y] = [tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE];
-                let line = self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-                let normal = self.normals.normal(around, seen, line);
-                *sample = Sample {
-                    color: self.light(seen, normal, line, [x, y]).map(|c| self.shader.encode(c)),
-                    depth: seen.depth(),
-                    normal: normal.map(normal_code),
-                };
-            }
-        }
-        counts
-    }
-
-    /// Puts samples, tile after tile, into the rows of an image from `top` on.
-    fn put(&self, samples: &[Sample], image: &mut Image, [top, rows]: [usize; 2]) {
-        let width = self.canvas.width as usize;
-        let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
-        let row = |y: usize| {
-            let samples = samples.get(y / TILE * tile_row + y % TILE * TILE..).unwrap_or_default();
-            samples.chunks(TILE_PIXELS).flat_map(|tile| tile.iter().take(TILE)).take(width)
-        };
-        for (y, out) in image.rgba.chunks_mut(width * 4).skip(top).take(rows).enumerate() {
-            for (sample, out) in row(y).zip(out.as_chunks_mut::<4>().0) {
-                let [r, g, b] = sample.color;
-                *out = if sample.is_hit() { [r, g, b, 255] } else { [0; 4] };
-            }
-        }
-        if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
-            for (y, out) in depth.chunks_mut(width).skip(top).take(rows).enumerate() {
-                for (sample, out) in row(y).zip(out) {
-                    *out = if sample.is_hit() { depth_code(range, sample.depth) } else { 0 };
-                }
-            }
-        }
-        if let Some(normals) = &mut image.normals {
-            for (y, out) in normals.chunks_mut(width * 3).skip(top).take(rows).enumerate() {
-                for (sample, out) in row(y).zip(out.as_chunks_mut::<3>().0) {
-                    *out = sample.normal;
-                }
-            }
-        }
     }
 
     /// Pixels whose neighbour is on the other side of the silhouette get the mean of four more rays.

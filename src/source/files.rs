@@ -3,12 +3,11 @@
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io;
-use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use rustix::process::{Resource, getrlimit};
+use crate::platform::{OsStrExt, open_files_limit};
 
 use super::natural::natural_cmp;
 
@@ -106,7 +105,7 @@ impl FileSet {
 
     /// A quarter of the soft limit: scratch files and output need descriptors, too.
     fn most() -> usize {
-        let limit = getrlimit(Resource::Nofile).current.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+        let limit = open_files_limit().map(|n| usize::try_from(n).unwrap_or(usize::MAX));
         limit.map_or(MAX_OPEN, |n| (n / 4).min(MAX_OPEN))
     }
 
@@ -184,7 +183,7 @@ mod tests {
         for _ in 0..2 {
             for n in 0..3_u8 {
                 let mut byte = [0];
-                set.with(n.into(), |f| std::os::unix::fs::FileExt::read_exact_at(f, &mut byte, 0)).unwrap();
+                set.with(n.into(), |f| crate::platform::FileExt::read_exact_at(f, &mut byte, 0)).unwrap();
                 assert_eq!(byte, [n]);
             }
         }

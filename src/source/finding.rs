@@ -1,12 +1,12 @@
 //! What a reader found: a volume or the reason why there is none, and the files behind it.
 
 use std::fmt;
-use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::StableHash;
+use crate::platform::OsStrExt;
 use crate::volume::{SourceError, VolumeSource};
 
 /// One volume that was found, or why it cannot be used.

@@ -4,7 +4,6 @@
 //! i in LPS, as ITK reads and writes it; `CenterOfRotation` moves nothing there and is passed over here.
 
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 use super::OpenOptions;
@@ -17,6 +16,7 @@ use crate::facts::header::HeaderFault;
 use crate::facts::metaimage::MetaImageFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
+use crate::platform::FileExt;
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 
 /// Keys that a header begins with, in lower case.

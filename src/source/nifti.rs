@@ -130,7 +130,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
 
 /// Gzip by its first bytes, whatever the name says.
 fn encoding_of(file: &File) -> std::io::Result<Encoding> {
-    use std::os::unix::fs::FileExt;
+    use crate::platform::FileExt;
     let mut magic = [0; 2];
     let got = file.read_at(&mut magic, 0)?;
     Ok(if got == 2 && magic == [0x1f, 0x8b] { Encoding::Gzip } else { Encoding::Raw })

@@ -5,7 +5,6 @@
 //! slowest, and the array is turned once. The header is a Python literal; it is parsed, never evaluated.
 
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 use super::OpenOptions;
@@ -16,6 +15,7 @@ use super::stored::{Encoding, Samples, Skip, Stored};
 use crate::facts::npy::NpyFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
+use crate::platform::FileExt;
 use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
 
 const MAGIC: &[u8] = b"\x93NUMPY";

@@ -4,7 +4,6 @@
 //! more such files go on by the same step most of the time, what lies between is missing: a gap, to be refused,
 //! filled or kept as the gaps of any other series. Numbers that follow no step (times, identifiers) say nothing.
 
-use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
 use super::GapPolicy;
@@ -12,6 +11,7 @@ use super::files::FileList;
 use super::stable_hash::StableHash;
 use crate::facts::Note;
 use crate::facts::numbered::{NumberFault, NumberGaps, NumberNote};
+use crate::platform::OsStrExt;
 use crate::volume::{Filled, VolumeSource};
 
 /// Numbers of a name that are looked at; names have few.

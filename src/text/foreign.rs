@@ -134,7 +134,7 @@ mod tests {
             assert_eq!(shown(Path::new(sound)).to_string(), sound);
         }
         assert_eq!(plain("a\nb\r\n", true), "a\nb\u{fffd}\n");
-        use std::os::unix::ffi::OsStrExt;
+        use crate::platform::OsStrExt;
         assert_eq!(shown(OsStr::from_bytes(b"a\xff\nb")).to_string(), "a\u{fffd}\u{fffd}b");
     }
 

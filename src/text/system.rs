@@ -3,13 +3,12 @@
 use std::fmt;
 use std::io;
 
-use rustix::io::Errno;
-
 use crate::atomic::TargetFault;
+use crate::platform::is_too_many_open;
 
 /// The cure where a file cannot be read; `usual` where the reason says no more.
 pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
-    if too_many_open(cause) { Cure::RaiseLimit } else { Cure::Usual(usual) }
+    if is_too_many_open(cause) { Cure::RaiseLimit } else { Cure::Usual(usual) }
 }
 
 /// The end of a sentence about a file that cannot be read.
@@ -30,7 +29,7 @@ impl<T: fmt::Display> fmt::Display for Cure<T> {
 /// The cure where an output file cannot be written.
 pub(crate) fn writing(cause: &io::Error) -> &'static str {
     use io::ErrorKind as Kind;
-    if too_many_open(cause) {
+    if is_too_many_open(cause) {
         return RAISE_LIMIT;
     }
     if let Some(fault) = cause.get_ref().and_then(|inner| inner.downcast_ref::<TargetFault>()) {
@@ -53,14 +52,10 @@ pub(crate) fn writing(cause: &io::Error) -> &'static str {
 
 const RAISE_LIMIT: &str = "too many files are open; raise the limit, for example with `ulimit -n 4096`";
 
-fn too_many_open(cause: &io::Error) -> bool {
-    let code = cause.raw_os_error();
-    [Errno::MFILE, Errno::NFILE].iter().any(|errno| code == Some(errno.raw_os_error()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::platform::Errno;
 
     #[test]
     fn the_cure_fits_the_cause() {

@@ -3,10 +3,10 @@
 use std::fs::File;
 use std::io;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 
 use super::VolumeInfo;
 use crate::facts::samples::ReadFault;
+use crate::platform::FileExt;
 
 /// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call,
 /// part of them row by row; `out` holds nothing else.

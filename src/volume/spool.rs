@@ -6,11 +6,11 @@
 use std::fs::File;
 use std::io;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::{ScalarType, SourceError};
 use crate::geom::Dims;
+use crate::platform::FileExt;
 use crate::scratch::nameless_for;
 use crate::volume::read_block;
 

@@ -150,7 +150,7 @@ mod tests {
             ("removed", &|path| fs::remove_file(path).unwrap()),
             ("linked", &|path| {
                 fs::remove_file(path).unwrap();
-                std::os::unix::fs::symlink("/dev/zero", path).unwrap();
+                crate::platform::symlink("/dev/zero", path).unwrap();
             }),
         ];
         for (how, change) in ways {

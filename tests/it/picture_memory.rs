@@ -85,7 +85,6 @@ fn pictures_of_every_kind_keep_to_their_cap() {
     let layer = |name: &str| text(&folder.path().join(name));
     let layers = ["--depth", &layer("d.png"), "--normals", &layer("n.png"), "--ids", &layer("i.png")];
     held_to(&model, folder.path(), "300x300", "2", &layers);
-    held_to(&model, folder.path(), "300x300", "2", &["--coherence", "4"]);
     held_to(&model, folder.path(), "200x200", "2", &["--shading", "blended"]);
     held_to(&model, folder.path(), "64x64", "2", &["--shading", "ao"]);
     held_to(&model, folder.path(), "300x300", "1", &["--lod", "on"]);

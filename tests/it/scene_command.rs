@@ -195,7 +195,6 @@ fn bad_scenes_are_refused_with_the_key_and_the_cure() {
     // What the command line says wrongly is wrong usage.
     let good = format!("{model}[camera]\neye = [0,-90,0]\nlook_at = [0,0,0]\n");
     rendered(folder.path(), &good, &["--lod", "on"]).refused(2, &["--lod", "scene"]);
-    rendered(folder.path(), &good, &["--coherence", "4"]).refused(2, &["--coherence"]);
     rendered(folder.path(), &good, &["--eye", "1,2,3", "--look-at", "1,2,3"]).refused(2, &["the eye"]);
     fs::write(folder.path().join("bytes.toml"), [0xff, 0xfe, 0, 1]).unwrap();
     let bytes = text(&folder.path().join("bytes.toml"));
@@ -301,7 +300,6 @@ fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
     assert_eq!(ids.len(), 64 * 64);
     let nodes = report["nodes"].as_u64().unwrap();
     assert!(ids.iter().all(|id| *id == 0 || (nodes + 1..=most).contains(id)) && ids.iter().any(|id| *id > 0));
-    render(&["--ids", &at("i.png"), "--coherence", "3"]).refused(2, &["--ids"]);
     oct(&["render", &at("two.toml"), "-o", &at("p.png"), "--ids", &at("i.png")])
         .refused(2, &["--ids", "scene"]);
 }

@@ -308,37 +308,6 @@ fn differing(a: &Image, b: &Image, more_than: u8) -> (usize, usize) {
 }
 
 #[test]
-fn coherence_traces_fewer_rays_and_keeps_the_silhouette() {
-    let ball = Scene::skin("ball", [64; 3], |c| in_ball(c, 64)).with_normals(|p| p.map(|v| v - 32.0));
-    for projection in [Projection::Parallel, Projection::Perspective] {
-        let every = RenderRequest {
-            width: 403,
-            height: 398,
-            depth: true,
-            normals: true,
-            ..request(NamedView::Iso, projection)
-        };
-        let (whole, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &every).unwrap();
-        assert_eq!(report.rays, 403 * 398);
-        let mut last = report.rays;
-        for coherence in [2, 8, 32] {
-            let fewer = RenderRequest { coherence, ..every };
-            let (image, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &fewer).unwrap();
-            assert!(report.rays < last, "{} rays at {coherence}, {last} before", report.rays);
-            last = report.rays;
-            let (color, silhouette) = differing(&image, &whole, coherence);
-            assert_eq!(silhouette, 0, "the background is exact");
-            assert!(color < 403 * 398 / 100, "{color} pixels are off at {coherence}");
-            let depths = || image.depth.as_ref().unwrap().iter().zip(whole.depth.as_ref().unwrap());
-            assert!(depths().all(|(a, b)| (*a == 0) == (*b == 0)));
-            let one = RenderRequest { threads: 1, ..fewer };
-            assert_eq!(render(&ball.tree.view(), ball.dims, &unit_affine(), &one).unwrap().0, image);
-        }
-        assert!(last < report.rays / 2);
-    }
-}
-
-#[test]
 fn discrete_rays_show_nearly_the_same_picture() {
     let ball = Scene::skin("ball", [64; 3], |c| in_ball(c, 64)).with_normals(|p| p.map(|v| v - 32.0));
     for projection in [Projection::Parallel, Projection::Perspective] {

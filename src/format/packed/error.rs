@@ -40,10 +40,10 @@ pub enum CodingError {
         /// Length that it states.
         bytes: u32,
     },
-    /// SPEC 5.2, 5.8: a group's payload ends early, or a block of it otherwise than it must.
+    /// SPEC 5.8: a group's payload ends early, or a block of it otherwise than it must.
     #[error("a packed group ends early (SPEC 5.8)")]
     GroupCut,
-    /// SPEC 5.2, 5.8: a group's payload goes on after its content.
+    /// SPEC 5.8: a group's payload goes on after its content.
     #[error("a packed group has bytes left over (SPEC 5.8)")]
     GroupSurplus,
     /// SPEC 5.3: a group to be written passes its limit.
@@ -72,10 +72,10 @@ pub enum CodingError {
     /// SPEC 5.9, I10: a node without children.
     #[error("a packed node has no children (SPEC I10)")]
     EmptyNode,
-    /// SPEC 5.4, 5.10: a residual leads out of the range of codes.
+    /// SPEC 5.10: a residual leads out of the range of codes.
     #[error("a packed normal is out of range (SPEC 5.10)")]
     NormalRange,
-    /// SPEC 5.7, 5.11: a residual leads out of the range of offsets.
+    /// SPEC 5.11: a residual leads out of the range of offsets.
     #[error("a packed offset is out of range (SPEC 5.11)")]
     OffsetRange,
     /// SPEC 5.5: a block is not what zstd wrote, or has another length.

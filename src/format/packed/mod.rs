@@ -8,7 +8,6 @@
 //! | [`directions`] | normals of a group, from the voxels around |
 //! | [`distances`] | offsets of a group's cells, from the planes around |
 //! | [`planes`] | everything else: differences, byte planes, zstd |
-//! | [`coder`], [`structure`], [`normals`], [`offsets`] | what [`tables`], [`nibbles`], [`directions`], [`distances`] were up to version 1.1: read, not written |
 //! | [`CodingError`] | what can be wrong with coded bytes |
 //!
 //! Encoder and decoder of each codec are one function over a [`tables::SymbolCoder`], so that they cannot
@@ -19,8 +18,8 @@
 //! | | phantom, skin | phantom, cells | head, skin | head, cells | iguana, cells | brain, cells |
 //! |---|---|---|---|---|---|---|
 //! | voxels | 8,310,591 | 15,891,466 | 181,254 | 266,109 | 313,354 | 361,222 |
-//! | codecs 3, 4, 5 | 1.34, 4.62 | | 1.17, 7.89 | 0.95, 6.14, 3.48 | 1.11, 9.50, 4.43 | 0.92, 12.77, 5.08 |
-//! | codecs 6, 7, 8 in groups of 2^18 | 1.12, 4.36 | 0.80, 4.36, 3.27 | 0.91, 7.40 | 0.76, 5.87, 3.51 | 0.98, 9.31, 4.46 | 0.79, 12.77, 5.11 |
+//! | bit by bit, with a range coder | 1.34, 4.62 | | 1.17, 7.89 | 0.95, 6.14, 3.48 | 1.11, 9.50, 4.43 | 0.92, 12.77, 5.08 |
+//! | these in groups of 2^18 | 1.12, 4.36 | 0.80, 4.36, 3.27 | 0.91, 7.40 | 0.76, 5.87, 3.51 | 0.98, 9.31, 4.46 | 0.79, 12.77, 5.11 |
 //! | in groups of 2^17 | 1.15, 4.39 | 0.82, 4.38, 3.28 | | 0.78, 5.89, 3.51 | | |
 //!
 //! Infobytes with shifts 4 and 7, and every step of a young table half of the one before: 0.05 to 0.06 bits more. A second table
@@ -38,21 +37,15 @@
 //! A voxel that is stored lane by lane is waited for by the next one, which loads all lanes at once: that was most of the gain.
 //! What is left is a chain, neighbours to prediction to table to symbol to neighbour, of some 300 cycles a voxel.
 
-mod around;
 mod blocks;
 mod classes;
-pub mod coder;
 pub mod directions;
 pub mod distances;
 mod error;
 pub mod group;
 mod lanes;
 pub mod nibbles;
-pub mod normals;
-pub mod offsets;
 pub mod planes;
-mod residual;
-pub mod structure;
 pub mod tables;
 
 pub use error::CodingError;
@@ -63,12 +56,6 @@ pub const CODEC_NONE: u8 = 0;
 pub const CODEC_PLANES: u8 = 1;
 /// Nothing is stored; the content follows from other sections (SPEC 5.6).
 pub const CODEC_DERIVED: u8 = 2;
-/// Infobytes, up to version 1.1 (SPEC 5.3).
-pub const CODEC_STRUCTURE: u8 = 3;
-/// Normals, up to version 1.1 (SPEC 5.4).
-pub const CODEC_NORMALS: u8 = 4;
-/// Offsets of cells, up to version 1.1 (SPEC 5.7).
-pub const CODEC_OFFSETS: u8 = 5;
 /// Infobytes (SPEC 5.9).
 pub const CODEC_NIBBLES: u8 = 6;
 /// Normals (SPEC 5.10).
@@ -81,7 +68,5 @@ pub const GROUPS_MINOR: u16 = 2;
 /// A subtree has an edge of at most 2^6 cells: its grids stay in a cache, and a group of them in
 /// memory, whatever the model. (2^7 saves under 1 % of the normals of the 512^3 phantom and costs eight times the grids.)
 pub const SUBTREE_DEPTH: u32 = 6;
-/// A group of subtrees is closed once it holds this many voxels: enough for the contexts to learn.
-pub const GROUP_VOXELS: u64 = 1 << 18;
 /// Longest stored group that is read: 64 bytes a voxel of the fullest one.
 pub const GROUP_BYTES_LIMIT: u32 = 32 << 20;

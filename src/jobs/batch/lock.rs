@@ -7,12 +7,10 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::OFlags;
-
 use crate::error::Error;
+use crate::platform::{self, file_id};
 
 /// Name of the file: it begins like the other hidden files of the program, and is hidden from searches.
 const NAME: &str = ".oct-lock";
@@ -41,14 +39,7 @@ impl FolderLock {
     pub(super) fn take(folder: &Path) -> Result<Self, Error> {
         let path = folder.join(NAME);
         for _ in 0..ATTEMPTS {
-            let opened = File::options()
-                .read(true)
-                .write(true)
-                .create(true)
-                .truncate(false)
-                // A link would lead elsewhere, and opening a pipe could wait forever.
-                .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed())
-                .open(&path);
+            let opened = platform::open_itself(&path);
             let mut file = opened.map_err(|cause| Error::Output { path: path.clone(), cause })?;
             match file.try_lock() {
                 Ok(()) => {}
@@ -85,9 +76,8 @@ impl Drop for FolderLock {
 
 /// Is this the file that has the name, and not one that was removed from it?
 fn is_named(file: &File, path: &Path) -> bool {
-    let known = |meta: fs::Metadata| (meta.dev(), meta.ino());
     match (file.metadata(), fs::symlink_metadata(path)) {
-        (Ok(open), Ok(named)) => known(open) == known(named),
+        (Ok(open), Ok(named)) => file_id(&open) == file_id(&named),
         _ => false,
     }
 }
@@ -140,7 +130,7 @@ mod tests {
     fn a_link_is_not_followed_and_a_missing_folder_is_told() {
         let folder = tempfile::tempdir().unwrap();
         let other = folder.path().join("other");
-        std::os::unix::fs::symlink(&other, folder.path().join(NAME)).unwrap();
+        platform::symlink(&other, folder.path().join(NAME)).unwrap();
         assert!(matches!(FolderLock::take(folder.path()), Err(Error::Output { .. })));
         assert!(!other.exists());
         assert!(matches!(FolderLock::take(&folder.path().join("none")), Err(Error::Output { .. })));

@@ -3,7 +3,6 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufReader, Read, Write};
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -11,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic::AtomicFile;
 use crate::exit::ExitKind;
+use crate::platform::FileExt;
 use crate::scratch::nameless;
 use crate::source::BurnedIn;
 

@@ -8,17 +8,16 @@ use crate::format::packed::distances::DistanceCoder;
 use crate::format::packed::group::{Group, GroupCoder};
 use crate::format::packed::nibbles::NodeCoder;
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NIBBLES, CODEC_NONE, CODEC_NORMALS,
-    CODEC_OFFSETS, CODEC_PLANES, CODEC_STRUCTURE, CodingError, GROUP_VOXELS, planes,
+    CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NIBBLES, CODEC_NONE, CODEC_PLANES, CodingError,
+    planes,
 };
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
 };
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
-use crate::resident::give_back;
+use crate::platform::give_back;
 
-use super::earlier;
 use super::encode::finish_frame;
 use super::follow::{Follow, StopAtEnd};
 use super::groups::{Direction, Worker, each_group};
@@ -133,10 +132,6 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         CODEC_NONE => entry.stored_bytes == entry.content_bytes,
         CODEC_PLANES => entry.content_bytes <= blocks(5, planes::BLOCK_BYTES as u64),
         CODEC_DERIVED => entry.stored_bytes == 0,
-        // A group has a header of 8 bytes, a payload of at least 4, and two times its voxels at most.
-        CODEC_STRUCTURE | CODEC_NORMALS | CODEC_OFFSETS => {
-            subtree_shape(frame).1 == 0 || frame.header.voxels <= blocks(12, 2 * GROUP_VOXELS)
-        }
         // A block of a payload has two states of 4 bytes, and nodes of eight voxels at most.
         CODEC_NIBBLES | CODEC_DIRECTIONS | CODEC_DISTANCES => {
             subtree_shape(frame).1 == 0 || frame.header.voxels <= blocks(8, BLOCK_VOXELS)
@@ -148,11 +143,7 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         (_, None) => false,
         // Blocks of bytes are legal for any section that is not read when a file is opened.
         (CODEC_PLANES, _) => true,
-        (codec, Some(kind)) => {
-            let due = codec_of(frame, kind);
-            // Each codec of groups has an earlier one.
-            due == codec || due >= CODEC_NIBBLES && due - CODEC_NIBBLES + CODEC_STRUCTURE == codec
-        }
+        (codec, Some(kind)) => codec == codec_of(frame, kind),
     };
     if ok && right_kind {
         return Ok(());
@@ -187,9 +178,6 @@ fn decode_section<R: ReadAt + ?Sized>(
         CODEC_NIBBLES => nodes(&mut stored, packed, target, out)?,
         CODEC_DIRECTIONS => directions(&mut stored, mapped, &mut writer, out)?,
         CODEC_DISTANCES => distances(&mut stored, mapped, &mut writer, out)?,
-        CODEC_STRUCTURE => earlier::structure(&mut stored, packed, target, out)?,
-        CODEC_NORMALS => earlier::normals(&mut stored, mapped, &mut writer, out)?,
-        CODEC_OFFSETS => earlier::offsets(&mut stored, mapped, &mut writer, out)?,
         _ => {}
     }
     // Each section has workers and code of its own.

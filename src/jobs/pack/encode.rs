@@ -1,7 +1,6 @@
 //! A mapped file into a packed one.
 
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 
 use crate::format::packed::directions::DirectionCoder;
 use crate::format::packed::distances::DistanceCoder;
@@ -16,6 +15,7 @@ use crate::format::{
 };
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify};
+use crate::platform::FileExt;
 
 use super::groups::{Direction, each_group};
 use super::stop::Stop;

@@ -73,7 +73,7 @@ impl Drop for StopAtEnd<'_, '_> {
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::FileExt;
+    use crate::platform::FileExt;
 
     use super::*;
 

@@ -1,7 +1,6 @@
 //! `oct pack` and `oct unpack`: the two encodings of one content, lossless both ways (SPEC 5); `oct strip`: less of it.
 
 mod decode;
-mod earlier;
 mod encode;
 mod follow;
 mod groups;
@@ -20,7 +19,7 @@ use std::time::Instant;
 use crate::atomic::AtomicFile;
 use crate::error::{Error, UsageError};
 use crate::load::{Frame, LoadError, ReadAt, open_regular};
-use crate::resident::give_back;
+use crate::platform::give_back;
 use strip::StripStop;
 
 /// What packing or unpacking did.

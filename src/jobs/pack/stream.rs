@@ -2,13 +2,13 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 
 use crate::format::packed::group::Group;
 use crate::format::packed::{CODEC_DISTANCES, SUBTREE_DEPTH};
 use crate::format::{Channel, FormatError, SectionKind, SurfaceKind};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
+use crate::platform::FileExt;
 
 use super::follow::Follow;
 
@@ -110,14 +110,6 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
             })
             .collect();
         Self { cursors, root_depth, left: roots(frame) }
-    }
-
-    /// Puts the next subtree's infobytes by depth into `levels`; its number of voxels, or `None`
-    /// after the last.
-    pub(super) fn next(&mut self, levels: &mut Vec<Vec<u8>>) -> Result<Option<u64>, Fault> {
-        levels.resize(self.cursors.len(), Vec::new());
-        levels.iter_mut().for_each(Vec::clear);
-        self.append(levels)
     }
 
     /// Appends the next subtree's infobytes by depth to `levels`; its number of voxels, or `None` after the last.

@@ -1,10 +1,10 @@
 //! What times and memory were measured on.
 
-use std::fs;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde_json::{Value, json};
 
+use crate::platform;
 use crate::render::form::Form;
 
 /// Facts of the machine and the program.
@@ -29,22 +29,14 @@ pub struct Machine {
 impl Machine {
     /// This one, now.
     pub fn here() -> Self {
-        let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
-        let value = |text: &str, key: &str| {
-            let line = text.lines().find_map(|line| line.strip_prefix(key))?;
-            Some(line.trim_start_matches([' ', '\t', ':']).trim().to_owned())
-        };
-        let memory = value(&read("/proc/meminfo"), "MemTotal:");
-        let kib = memory.and_then(|text| text.split(' ').next()?.parse::<u64>().ok());
-        let release = read("/proc/sys/kernel/osrelease");
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
             measured: utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs())),
-            processor: value(&read("/proc/cpuinfo"), "model name").unwrap_or_else(|| "unknown".into()),
+            processor: platform::processor().unwrap_or_else(|| "unknown".into()),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             traversal: Form::best().name(),
-            memory_mib: kib.map(|kib| kib / 1024),
-            system: format!("{} {}", std::env::consts::OS, release.trim()),
+            memory_mib: platform::memory_mib(),
+            system: format!("{} {}", std::env::consts::OS, platform::system_release().trim()),
         }
     }
 

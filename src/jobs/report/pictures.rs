@@ -37,20 +37,8 @@ struct Frame {
 }
 
 /// All of them; the first of each size is the plain one.
-const FRAMES: [Frame; 6] = [
+const FRAMES: [Frame; 4] = [
     Frame { choice: "every pixel", usual: true, smaller: 1, how: |plain| plain },
-    Frame {
-        choice: "coherence 4",
-        usual: false,
-        smaller: 1,
-        how: |plain| RenderRequest { coherence: 4, ..plain },
-    },
-    Frame {
-        choice: "coherence 16",
-        usual: false,
-        smaller: 1,
-        how: |plain| RenderRequest { coherence: 16, ..plain },
-    },
     Frame {
         choice: "discrete rays",
         usual: false,
@@ -144,7 +132,7 @@ impl Bench<'_> {
         Ok(Experiment {
             id: "frame",
             title: "Whole pictures",
-            about: "Three shaded perspective pictures on one thread, time for each pixel, against the frame of the same size with a ray through the middle of every pixel that stops at voxels: fewer rays where neighbours look alike (coherence: the difference that is borne), the discrete rays of the paper, coarse boxes. The difference is in grey levels of 0 to 255.",
+            about: "Three shaded perspective pictures on one thread, time for each pixel, against the frame of the same size with a ray through the middle of every pixel that stops at voxels: the discrete rays of the paper, coarse boxes. The difference is in grey levels of 0 to 255.",
             cost: 1,
             metric: Metric::Picture,
             rows,

@@ -2,13 +2,13 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
-use std::os::unix::fs::FileExt;
 
 use png::{ColorType, DecodingError, Limits, Transformations};
 
 use super::super::read::Image;
 use crate::codec::{CodecError, FrameFormat, RowSink, jpeg};
 use crate::facts::ImageFault;
+use crate::platform::FileExt;
 
 /// Memory of a decoder: of rows, and of images that come in several passes.
 const DECODER_BYTES: usize = 4 << 20;

@@ -5,11 +5,11 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 use super::super::lattice::{STEPS, Triangle, centres};
 use crate::geom::Dims;
+use crate::platform::FileExt;
 
 /// A triangle and its number.
 pub(super) type Numbered = [i32; 10];

@@ -5,13 +5,13 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use super::super::read::{Image, Texture as Stated, Wrap, linear};
 use super::image::{Rows, Stop, read};
 use crate::facts::{MeshFault, SourceError};
+use crate::platform::FileExt;
 
 /// Bytes of a texel: three parts of 16 bits.
 const TEXEL: usize = 6;

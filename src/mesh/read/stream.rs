@@ -2,10 +2,10 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 
 use super::stop::Stop;
 use crate::facts::MeshFault;
+use crate::platform::FileExt;
 
 /// Bytes read at a time.
 const BUFFER: usize = 64 << 10;

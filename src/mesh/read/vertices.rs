@@ -2,11 +2,11 @@
 
 use std::fs::File;
 use std::io::{self, Write};
-use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 use super::stop::Stop;
 use crate::facts::MeshFault;
+use crate::platform::FileExt;
 
 /// Vertices of a page, and pages that are held; a prime number, so that runs of pages at even distances do not
 /// fall upon each other.

@@ -5,13 +5,13 @@
 
 use std::fs::File;
 use std::io::{self, Read};
-use std::os::unix::fs::FileExt;
 
 use flate2::{Crc, Decompress, FlushDecompress, Status};
 
 use super::stop::Stop;
 use super::stream::Stream;
 use crate::facts::{Feature, MeshFault};
+use crate::platform::FileExt;
 
 /// Bytes of the record at the end, without its comment, and of the longest comment.
 const END: u64 = 22;

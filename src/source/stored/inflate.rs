@@ -2,12 +2,12 @@
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
-use std::os::unix::fs::FileExt;
 
 use bzip2::{Decompress, Status};
 use flate2::bufread::GzDecoder;
 
 use crate::budget::costs;
+use crate::platform::FileExt;
 
 /// Bytes of a file that are read at once.
 pub(super) const INPUT_BYTES: usize = 32 << 10;

@@ -2,7 +2,6 @@
 
 use std::fs::File;
 use std::io::{self, Read};
-use std::os::unix::fs::FileExt;
 use std::sync::Arc;
 
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section};
@@ -11,6 +10,7 @@ use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
 use crate::budget::costs;
 use crate::facts::samples::{Damage, StoredFault};
 use crate::facts::{Note, Packing};
+use crate::platform::FileExt;
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
 use crate::volume::{Endian, SourceError, VolumeInfo};

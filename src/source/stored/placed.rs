@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::Samples;
+use crate::platform::read_parts;
 use crate::source::files::FileSet;
 use crate::volume::{Endian, SourceError, VolumeInfo};
 use crate::volume::{check_request, read_block};
@@ -108,7 +109,7 @@ impl Placed {
                 .take(rows.len())
                 .map(|part| IoSliceMut::new(&mut part[..row_bytes]))
                 .collect();
-            let got = self.files.with(file, |f| Ok(rustix::io::preadv(f, &mut parts, offset)?));
+            let got = self.files.with(file, |f| read_parts(f, &mut parts, offset));
             // Anything but a full block (a short read, a limit on the number of parts, an error) is done
             // again row by row, which also finds the words for it.
             if got.is_ok_and(|n| n == expected) {

@@ -2,10 +2,10 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 
 use crate::facts::Fault;
 use crate::facts::tiff::TiffFault;
+use crate::platform::FileExt;
 use crate::volume::Endian;
 
 /// Most entries of one directory: real ones have some 20.

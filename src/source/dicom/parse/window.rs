@@ -2,7 +2,8 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
+
+use crate::platform::FileExt;
 
 /// Bytes held at a time: most headers up to the first long value fit one read.
 pub(crate) const WINDOW_BYTES: usize = 8 << 10;

@@ -3,11 +3,11 @@
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 
 use super::mosaic::Mosaic;
 use crate::facts::dicom::{Attribute, DicomNote, ImageFault, ScanError};
+use crate::platform::FileExt;
 use crate::source::dicom::image::pixels::{PixelLayout, StatedPadding};
 use crate::source::files::FileList;
 use crate::source::finding::BurnedIn;

@@ -1,20 +1,36 @@
-//! A mapped file that is cut short: one sentence and the exit code of its kind, instead of a process that is gone.
+//! All of the command that depends on the operating system: signals, and links to open files.
 //!
+//! A mapped file that is cut short is one sentence and the exit code of its kind, instead of a process that is gone.
 //! Reading a page of a mapping that the file does not reach any more raises SIGBUS. There is no way back into the
 //! traversal from there, so the handler says what was written down before and ends the process. Nothing is left
 //! behind: pictures are written when they are finished, and under a name only when they are whole.
 #![allow(unsafe_code)]
 
+use std::fs::File;
+use std::io;
+use std::os::fd::AsRawFd;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use infobyte::ExitKind;
 use infobyte::text;
 use infobyte::text::shown;
-use signal_hook::consts::SIGBUS;
-use signal_hook::low_level;
+use signal_hook::consts::{SIGBUS, SIGXFSZ};
+use signal_hook::{flag, low_level};
 
 use crate::failure::json_of;
+
+/// Makes writing past a file-size limit an error that can be reported, not the end of the process. Where the handler
+/// cannot be set, the system's way stays.
+pub(crate) fn report_size_limits() {
+    let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
+}
+
+/// Makes a link at `path` by which this process opens a file that may have no name.
+pub(crate) fn link_to_open(file: &File, path: &Path) -> io::Result<()> {
+    std::os::unix::fs::symlink(format!("/dev/fd/{}", file.as_raw_fd()), path)
+}
 
 /// Sees to it that a bus error ends the process with a sentence about the file at `path`, which is about to be
 /// mapped.

@@ -6,16 +6,19 @@
 
 use std::fs;
 
-use crate::budget::costs::MAPPED_FROM;
+/// Buffers from this size on are mapped on their own, so that freeing them returns them at once
+/// ([`map_large_buffers`]): glibc's own first threshold, kept from growing. Buffers below it come from heaps that
+/// keep what is freed; stages whose memory the next one needs read through such small ones.
+pub const MAPPED_FROM: usize = 128 << 10;
 
 /// Fixes the size from which buffers are mapped, for programs that promise their resident memory.
 ///
 /// Left alone, glibc raises that size whenever a larger buffer is freed, up to 32 MiB; from then on buffers
 /// of that size come from heaps that keep what is freed, and a process that does one job after another
-/// holds more than any of them needs. Called once, before other threads exist. Other C libraries, and other
-/// systems, are left as they are.
+/// holds more than any of them needs. Called once, before other threads exist. Other C libraries are left as they
+/// are.
 pub fn map_large_buffers() {
-    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[cfg(target_env = "gnu")]
     #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "a small constant")]
     // SAFETY: mallopt takes two integers and changes settings of the allocator only; the man page allows it
     // at any time, and no other thread runs yet that could allocate meanwhile.
@@ -31,7 +34,7 @@ pub fn map_large_buffers() {
 ///
 /// Cost: the kernel walks the pages of all mappings once (some 100 us), and some hundred page faults later.
 pub fn give_back() {
-    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[cfg(target_env = "gnu")]
     // SAFETY: malloc_trim takes an integer, may be called by any thread at any time, and gives back pages of
     // the allocator that hold nothing.
     unsafe {
@@ -47,24 +50,27 @@ pub fn give_back() {
 /// arguments and opening its input leave three to four MiB of code behind that a long job never calls again.
 /// How much differs from run to run, by where the program lies in memory. Only the program's and its libraries'
 /// mappings that may not be written and hold no changed page are let go, so that nothing but time can be lost.
-/// Other systems are left as they are.
 fn give_code_back() {
-    #[cfg(target_os = "linux")]
-    {
-        let mut unchanged = unchanged_files(&fs::read_to_string("/proc/self/smaps").unwrap_or_default());
-        // SAFETY: the callback takes the list that is passed with it, which outlives the call; nothing else
-        // refers to the list meanwhile.
-        unsafe {
-            libc::dl_iterate_phdr(Some(let_code_go), (&raw mut unchanged).cast());
-        }
+    let mut unchanged = unchanged_files(&fs::read_to_string("/proc/self/smaps").unwrap_or_default());
+    // SAFETY: the callback takes the list that is passed with it, which outlives the call; nothing else
+    // refers to the list meanwhile.
+    unsafe {
+        libc::dl_iterate_phdr(Some(let_code_go), (&raw mut unchanged).cast());
     }
+}
+
+/// Takes all pages of a mapping out of the process; what is looked at again comes back from the system's cache. If
+/// the system refuses, the pages stay.
+pub(crate) fn give_back_pages(map: &memmap2::Mmap) {
+    // SAFETY: pages of a file that are mapped read-only come back with the file's bytes, so no byte that a
+    // reference was made of is another one afterwards.
+    let _ = unsafe { map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
 }
 
 /// Lets go those of a list of mappings that are segments of one loaded object: the program, or a library.
 ///
 /// # Safety
 /// To be called by `dl_iterate_phdr` with a `Vec<Mapping>`.
-#[cfg(target_os = "linux")]
 unsafe extern "C" fn let_code_go(
     object: *mut libc::dl_phdr_info,
     _: libc::size_t,
@@ -183,7 +189,6 @@ Anonymous:             0 kB
     }
 
     #[test]
-    #[cfg(target_os = "linux")]
     fn a_mapped_file_that_is_no_program_stays() {
         use std::io::Write as _;
         let mut file = tempfile::tempfile().unwrap();
@@ -198,7 +203,6 @@ Anonymous:             0 kB
     }
 
     #[test]
-    #[cfg(target_os = "linux")]
     fn code_goes_and_comes_back() {
         use crate::budget::file_rss_bytes;
         // Other tests run meanwhile and touch code of their own: one time of several has to show it.

@@ -1,0 +1,99 @@
+//! Files.
+
+use std::fs::{File, Metadata, OpenOptions, Permissions};
+use std::io::{self, IoSliceMut};
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::path::Path;
+
+use rustix::fs::{AtFlags, CWD, Mode, OFlags};
+use rustix::process::{Resource, getrlimit};
+
+/// Names as bytes.
+pub(crate) use std::os::unix::ffi::OsStrExt;
+/// Reading and writing at places of a file.
+pub(crate) use std::os::unix::fs::FileExt;
+#[cfg(test)]
+pub(crate) use std::os::unix::fs::symlink;
+
+#[cfg(test)]
+pub(crate) use rustix::io::Errno;
+
+/// Which file it is, whatever its name: the device and its number there.
+pub(crate) fn file_id(meta: &Metadata) -> (u64, u64) {
+    (meta.dev(), meta.ino())
+}
+
+/// When a file's bytes were changed: seconds and nanoseconds.
+pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
+    (meta.mtime(), meta.mtime_nsec())
+}
+
+/// What the owner, the group and the others may do with a new file, before the process's mask.
+pub(crate) fn new_file_permissions() -> Permissions {
+    Permissions::from_mode(0o666)
+}
+
+/// A file in `folder` that has no name yet, for [`give_name`]; gone with its last descriptor, even when the process
+/// is killed.
+///
+/// # Errors
+/// The folder is missing, read-only or full, or its file system or the machine has no such files.
+pub(crate) fn unnamed_file(folder: &Path) -> io::Result<File> {
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    let file = rustix::fs::openat(CWD, folder, flags, Mode::from_raw_mode(0o666))?;
+    // The name is given later through /proc.
+    if Path::new("/proc/self/fd").exists() { Ok(file.into()) } else { Err(io::ErrorKind::Unsupported.into()) }
+}
+
+/// Gives an [`unnamed_file`] a name that is free.
+///
+/// # Errors
+/// [`io::ErrorKind::AlreadyExists`], or the system refused.
+pub(crate) fn give_name(file: &File, name: &Path) -> io::Result<()> {
+    let source = format!("/proc/self/fd/{}", file.as_raw_fd());
+    Ok(rustix::fs::linkat(CWD, source.as_str(), CWD, name, AtFlags::SYMLINK_FOLLOW)?)
+}
+
+/// Opens a file for reading and writing, and makes it where it is missing. A link, which would lead elsewhere, is
+/// refused; a pipe is not waited for.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn open_itself(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create(true).truncate(false);
+    options.custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits().cast_signed()).open(path)
+}
+
+/// Reads into several buffers from one place on; returns how much was read.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn read_parts(file: &File, parts: &mut [IoSliceMut<'_>], offset: u64) -> io::Result<usize> {
+    Ok(rustix::io::preadv(file, parts, offset)?)
+}
+
+/// Room that the file system of a file has left, in bytes.
+pub(crate) fn free_bytes(file: &File) -> Option<u64> {
+    let system = rustix::fs::fstatvfs(file).ok()?;
+    Some(system.f_bavail.saturating_mul(system.f_frsize))
+}
+
+/// Most files that this process may have open; `None` without a limit.
+pub(crate) fn open_files_limit() -> Option<u64> {
+    getrlimit(Resource::Nofile).current
+}
+
+/// Was a file refused because too many are open?
+pub(crate) fn is_too_many_open(cause: &io::Error) -> bool {
+    use rustix::io::Errno;
+    let code = cause.raw_os_error();
+    [Errno::MFILE, Errno::NFILE].iter().any(|errno| code == Some(errno.raw_os_error()))
+}
+
+/// Makes a pipe with a name.
+#[cfg(test)]
+pub(crate) fn make_pipe(path: &Path) {
+    rustix::fs::mknodat(CWD, path, rustix::fs::FileType::Fifo, Mode::from_raw_mode(0o600), 0).unwrap();
+}

@@ -1,0 +1,12 @@
+//! Linux.
+
+mod files;
+mod machine;
+mod memory;
+mod resident;
+
+pub(crate) use files::*;
+pub(crate) use machine::*;
+pub use memory::*;
+pub(crate) use resident::give_back_pages;
+pub use resident::{MAPPED_FROM, give_back, map_large_buffers};

@@ -1,0 +1,23 @@
+//! All that depends on the operating system: files read at places, files without a name, what a file is besides
+//! its name, the memory of the process and of the machine.
+//!
+//! The rest of the library takes it from here, and a test holds that. So another system is one folder next to
+//! `linux` with the same items.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `files` | reading and writing at places, names as bytes, nameless files, links, limits |
+//! | `machine` | processor, memory, other processes |
+//! | `memory` | the memory of this process, as the system accounts it |
+//! | `resident` | resident memory given back |
+
+#[cfg(not(target_os = "linux"))]
+compile_error!(
+    "infobyte supports Linux so far: another system needs a folder in src/platform with the items of `linux`"
+);
+
+#[cfg(target_os = "linux")]
+mod linux;
+
+#[cfg(target_os = "linux")]
+pub use linux::*;
