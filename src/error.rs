@@ -34,6 +34,9 @@ pub enum Error {
     Render(RenderError),
     /// The text of a scene is wrong.
     Scene(SceneError),
+    /// The caller stopped the job, in whichever stage it was; see
+    /// [`Progress::stopped`](crate::progress::Progress::stopped).
+    Stopped,
     /// Another batch writes into the output folder.
     Busy {
         /// The folder.
@@ -148,17 +151,20 @@ impl std::error::Error for Error {
             Self::Load(inner) => inner.source(),
             Self::Render(inner) => inner.source(),
             Self::Output { cause, .. } => Some(cause),
-            Self::Usage(_) | Self::Scene(_) | Self::Busy { .. } | Self::Internal => None,
+            Self::Usage(_) | Self::Scene(_) | Self::Stopped | Self::Busy { .. } | Self::Internal => None,
         }
     }
 }
 
-/// An error of one boundary becomes the variant of the same name.
+/// An error of one boundary becomes the variant of the same name, or [`Error::Stopped`].
 macro_rules! gathers {
     ($($variant:ident($inner:ty)),*) => {$(
         impl From<$inner> for Error {
             fn from(cause: $inner) -> Self {
-                Self::$variant(cause)
+                match cause.kind() {
+                    ExitKind::Stopped => Self::Stopped,
+                    _ => Self::$variant(cause),
+                }
             }
         }
     )*};
@@ -168,11 +174,16 @@ gathers!(
     Source(SourceError),
     Build(BuildError),
     Clean(CleanError),
-    Format(FormatError),
     Load(LoadError),
     Render(RenderError),
     Scene(SceneError)
 );
+
+impl From<FormatError> for Error {
+    fn from(cause: FormatError) -> Self {
+        Self::Format(cause)
+    }
+}
 
 impl Error {
     /// The kind of failure, hence the exit code.
@@ -186,6 +197,7 @@ impl Error {
             Self::Load(e) => e.kind(),
             Self::Render(e) => e.kind(),
             Self::Scene(e) => e.kind(),
+            Self::Stopped => ExitKind::Stopped,
             Self::Busy { .. } | Self::Output { .. } => ExitKind::Io,
         }
     }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::exit::ExitKind;
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
+use crate::progress::Stopped;
 use crate::volume::SourceError;
 
 /// A build that cannot be finished; the old target, if any, is untouched.
@@ -100,6 +101,8 @@ pub enum BuildError {
         /// The system's reason.
         cause: io::Error,
     },
+    /// The caller stopped the build.
+    Stopped,
 }
 
 impl BuildError {
@@ -161,14 +164,24 @@ impl Error for BuildError {
             | Self::NormalBits { .. }
             | Self::NoRoomForCells { .. }
             | Self::NoNumbers { .. }
-            | Self::EmptyRange { .. } => None,
+            | Self::EmptyRange { .. }
+            | Self::Stopped => None,
         }
     }
 }
 
 impl From<SourceError> for BuildError {
     fn from(cause: SourceError) -> Self {
-        Self::Source(cause)
+        match cause {
+            SourceError::Stopped => Self::Stopped,
+            cause => Self::Source(cause),
+        }
+    }
+}
+
+impl From<Stopped> for BuildError {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
     }
 }
 
@@ -192,6 +205,7 @@ impl BuildError {
             | Self::NoRoomForCells { .. } => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,
+            Self::Stopped => ExitKind::Stopped,
         }
     }
 }

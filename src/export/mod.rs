@@ -40,7 +40,7 @@ use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
 use crate::load::{ModelView, NodeView};
-use crate::progress::Progress;
+use crate::progress::{Progress, Stopped};
 use crate::render::GridSpace;
 use crate::scratch;
 
@@ -143,6 +143,14 @@ pub(crate) enum ExportStop {
     Damaged,
     /// The output could not be written, or cannot hold the model (an [`ExportFault`]).
     Output(io::Error),
+    /// The caller stopped it.
+    Stopped,
+}
+
+impl From<Stopped> for ExportStop {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
 }
 
 impl From<io::Error> for ExportStop {
@@ -287,8 +295,7 @@ impl Exporter<'_> {
         progress.stage("inside", slices);
         self.each_slice(bounds, |skin| {
             sweep.slice(self.view, skin);
-            progress.advance(1);
-            Ok(())
+            Ok(progress.step(1)?)
         })?;
         let (enclosed, fates) = sweep.finish();
         let mut sweep = Sweep::new(bounds, outward).knowing(fates);
@@ -296,7 +303,7 @@ impl Exporter<'_> {
         progress.stage("export", slices);
         self.each_slice(bounds, |skin| {
             let boxes = self.boxes(&mut sweep, skin);
-            progress.advance(1);
+            progress.step(1)?;
             self.next_slice(&mut samples, boxes, sweep.height(), bounds[0], product)
         })?;
         Ok(enclosed.unknown)
@@ -390,8 +397,7 @@ impl Exporter<'_> {
                 vertices += 1;
             }
             z += 1;
-            progress.advance(1);
-            Ok(())
+            Ok(progress.step(1)?)
         })?;
         sink.finish()?;
         Ok(Exported { vertices, ..Exported::default() })

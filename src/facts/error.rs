@@ -125,6 +125,8 @@ pub enum SourceError {
         /// What is wrong with the request.
         misuse: Misuse,
     },
+    /// The caller stopped the job.
+    Stopped,
 }
 
 impl SourceError {
@@ -134,11 +136,12 @@ impl SourceError {
             Self::Usage { .. } => ExitKind::Usage,
             Self::Scratch { .. } => ExitKind::Io,
             Self::Memory { .. } | Self::ManyImages { .. } => ExitKind::Budget,
+            Self::Stopped => ExitKind::Stopped,
             _ => ExitKind::Input,
         }
     }
 
-    /// The file or folder at fault.
+    /// The file or folder at fault; empty if the caller stopped the job.
     pub fn path(&self) -> &Path {
         match self {
             Self::Unreadable { path, .. }
@@ -152,6 +155,7 @@ impl SourceError {
             | Self::ManyImages { path, .. }
             | Self::Usage { path, .. } => path,
             Self::Gaps { error, .. } => error.path(),
+            Self::Stopped => Path::new(""),
         }
     }
 

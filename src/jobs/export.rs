@@ -116,9 +116,13 @@ pub fn export(
             Some(fault) => UsageError::Export { path: output.to_path_buf(), fault }.into(),
             None => unwritable(cause),
         },
+        ExportStop::Stopped => Error::Stopped,
     })?;
     model.check_unchanged(input)?;
     let bytes = out.file().metadata().map_err(unwritable)?.len();
+    if progress.stopped() {
+        return Err(Error::Stopped);
+    }
     out.commit().map_err(unwritable)?;
     Ok(ExportReport {
         input: data(input),

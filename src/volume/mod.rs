@@ -47,7 +47,7 @@ use std::path::{Path, PathBuf};
 
 use crate::budget::{Budget, Reservation};
 use crate::geom::{Affine, Dims};
-use crate::progress::Progress;
+use crate::progress::{Progress, Stopped};
 
 /// What is known of a volume before its voxels are read.
 #[derive(Clone, Debug)]
@@ -123,6 +123,12 @@ impl Workspace<'_> {
             needed_bytes: refused.needed_bytes,
             allowed_bytes: refused.left_bytes,
         })
+    }
+}
+
+impl From<Stopped> for SourceError {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
     }
 }
 

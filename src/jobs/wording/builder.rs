@@ -8,12 +8,14 @@ use super::system::{reading, writing};
 use crate::budget::{ExactSize, SizeArgument};
 use crate::builder::{BuildError, BuildNote, ScratchFault, Sought};
 use crate::format::{Channel, SurfaceKind};
+use crate::progress::Stopped;
 
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Source(inner) => inner.fmt(f),
             Self::Format(inner) => inner.fmt(f),
+            Self::Stopped => Stopped.fmt(f),
             Self::BudgetTooSmall { name, limit_bytes, minimum_bytes } => write!(
                 f,
                 "{name}: --memory {} is too small; the smallest that works is --memory {}",

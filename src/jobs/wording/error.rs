@@ -7,6 +7,7 @@ use super::samples::{RawKeys, raw};
 use super::system::reading;
 use crate::budget::Bytes;
 use crate::facts::{Candidate, Fault, Instead, Misuse, OtherVolume, SourceError, StatedBy};
+use crate::progress::Stopped;
 
 impl fmt::Display for SourceError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -30,6 +31,7 @@ impl fmt::Display for Reason<'_> {
             SourceError::Unusable { fault, .. } => fault.fmt(f),
             SourceError::Dicom { fault, .. } => fault.fmt(f),
             SourceError::Usage { misuse, .. } => misuse.fmt(f),
+            SourceError::Stopped => Stopped.fmt(f),
             SourceError::Gaps { error, number, other } => {
                 let OtherVolume { number: instead, kind, part, size } = &**other;
                 let other = Candidate { kind: kind.clone(), part: part.clone(), size: *size, refused: None };

@@ -8,6 +8,7 @@ use crate::atomic::TargetFault;
 use crate::budget::Bytes;
 use crate::error::{Error, StripFault, UsageError};
 use crate::export::ExportFault;
+use crate::progress::Stopped;
 use crate::scratch::NoRoom;
 
 impl fmt::Display for Error {
@@ -21,6 +22,7 @@ impl fmt::Display for Error {
             Self::Load(inner) => inner.fmt(f),
             Self::Render(inner) => inner.fmt(f),
             Self::Scene(inner) => inner.fmt(f),
+            Self::Stopped => Stopped.fmt(f),
             Self::Busy { path } => write!(
                 f,
                 "{}: another batch is writing into this folder; wait until it has finished, or choose another folder with --out",
@@ -33,6 +35,12 @@ impl fmt::Display for Error {
                 f.write_str("an internal error stopped its conversion; please report it with the file")
             }
         }
+    }
+}
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("stopped by its caller; nothing was written")
     }
 }
 
