@@ -16,6 +16,20 @@ pub enum RenderError {
     Camera(CameraFault),
     /// A ray makes no sense.
     Ray(BadRay),
+    /// One of many rays makes no sense.
+    RayAt {
+        /// Its number, from 0.
+        index: usize,
+        /// What is wrong with it.
+        fault: BadRay,
+    },
+    /// There are not as many directions, or places for answers, as origins.
+    RayCount {
+        /// Origins.
+        rays: usize,
+        /// Directions, or answers.
+        others: usize,
+    },
     /// A picture without pixels, or with too many.
     Size {
         /// Pixels in a row.
@@ -119,6 +133,8 @@ impl RenderError {
         match self {
             Self::Camera(_)
             | Self::Ray(_)
+            | Self::RayAt { .. }
+            | Self::RayCount { .. }
             | Self::Size { .. }
             | Self::NoLayer(_)
             | Self::DiscreteCells

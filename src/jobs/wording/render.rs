@@ -23,6 +23,11 @@ impl fmt::Display for RenderError {
         match self {
             Self::Camera(fault) => fault.fmt(f),
             Self::Ray(fault) => fault.fmt(f),
+            Self::RayAt { index, fault } => write!(f, "ray {index} (from 0): {fault}"),
+            Self::RayCount { rays, others } => write!(
+                f,
+                "{rays} origins and {others} directions or answers; give as many of each"
+            ),
             Self::Size { width, height, most_side, most_pixels } => write!(
                 f,
                 "a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels"
