@@ -14,6 +14,7 @@ use crate::export::ExportFault;
 use crate::facts::SourceError;
 use crate::format::{Channel, FormatError};
 use crate::load::LoadError;
+use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{CHANNELS, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, SKIN, VISIBLE_FROM};
@@ -26,19 +27,21 @@ pub enum Error {
     #[error(transparent)]
     Usage(#[from] UsageError),
     #[error(transparent)]
-    Source(#[from] SourceError),
+    Source(SourceError),
     #[error(transparent)]
-    Build(#[from] BuildError),
+    Build(BuildError),
     #[error(transparent)]
-    Clean(#[from] CleanError),
+    Clean(CleanError),
     #[error(transparent)]
     Format(#[from] FormatError),
     #[error(transparent)]
-    Load(#[from] LoadError),
+    Load(LoadError),
     #[error(transparent)]
-    Render(#[from] RenderError),
+    Render(RenderError),
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(SceneError),
+    #[error("{Stopped}")]
+    Stopped,
     #[error("{}: another batch is writing into this folder; wait until it has finished, or choose another folder with {OUT}", shown(.path))]
     Busy { path: PathBuf },
     #[error("{}: cannot be written ({cause}); {}", shown(.path), writing(.cause))]
@@ -90,6 +93,29 @@ pub enum StripFault {
     NoChannel { channel: Channel },
 }
 
+/// An error of one boundary becomes the variant of the same name, or [`Error::Stopped`].
+macro_rules! gathers {
+    ($($variant:ident($inner:ty)),*) => {$(
+        impl From<$inner> for Error {
+            fn from(cause: $inner) -> Self {
+                match cause.kind() {
+                    ExitKind::Stopped => Self::Stopped,
+                    _ => Self::$variant(cause),
+                }
+            }
+        }
+    )*};
+}
+
+gathers!(
+    Source(SourceError),
+    Build(BuildError),
+    Clean(CleanError),
+    Load(LoadError),
+    Render(RenderError),
+    Scene(SceneError)
+);
+
 impl Error {
     /// The kind of failure, hence the exit code.
     pub fn kind(&self) -> ExitKind {
@@ -102,6 +128,7 @@ impl Error {
             Self::Load(e) => e.kind(),
             Self::Render(e) => e.kind(),
             Self::Scene(e) => e.kind(),
+            Self::Stopped => ExitKind::Stopped,
             Self::Busy { .. } | Self::Output { .. } => ExitKind::Io,
         }
     }

@@ -13,6 +13,8 @@ pub enum ExitKind {
     Io,
     /// A batch finished with some failures: exit 8.
     Partial,
+    /// The caller stopped the job, as [`Progress`](crate::progress::Progress) can: exit 130, as shells have it.
+    Stopped,
 }
 
 impl ExitKind {
@@ -24,6 +26,7 @@ impl ExitKind {
             Self::Budget => 4,
             Self::Io => 5,
             Self::Partial => 8,
+            Self::Stopped => 130,
         }
     }
 
@@ -35,6 +38,7 @@ impl ExitKind {
             Self::Budget => "budget",
             Self::Io => "io",
             Self::Partial => "partial",
+            Self::Stopped => "stopped",
         }
     }
 }

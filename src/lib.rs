@@ -70,6 +70,19 @@
 //! # }
 //! ```
 //!
+//! # Data of your own
+//!
+//! | what a program has | what it calls |
+//! |---|---|
+//! | an array, in any order of its axes | [`VolumeView`], without a copy |
+//! | slices that come one after the other | [`Slices`] |
+//! | a function of the position, blocks, a server | implements [`VolumeSource`], as `examples/function.rs` does |
+//! | a wish to crop, to close gaps, to keep the largest part | [`clean_and_build`] |
+//! | a button that says "cancel" | [`Progress::stopped`] |
+//! | a model that must not depend on its file | [`Model::read`], [`Model::from_bytes`] |
+//! | millions of rays | [`RayCaster::first_hits`], [`RayCaster::any_hit`] |
+//! | a use for triangles, for voxels, for the bytes of a PNG | [`triangles`], [`Model::voxels`], [`Image::write_png_to`] |
+//!
 //! To build from a shape that has no samples, implement [`Solid`](builder::Solid) and call
 //! [`builder::build_solid`]. Progress, scratch folders and batches are in [`builder`] and [`jobs`].
 //!
@@ -118,17 +131,24 @@ pub mod volume;
 
 pub use budget::MemoryCap;
 pub use builder::{BuildOptions, BuildReport, Connectivity, Threshold};
+pub use clean::{CleanOptions, CleanReport};
 pub use error::{Error, UsageError};
 pub use exit::ExitKind;
+pub use export::Mesh;
 pub use format::{Channel, Channels};
 pub use geom::{Affine, Dims};
+pub use jobs::export::triangles;
 pub use jobs::render::{RenderReport, RenderRequest};
 pub use load::Model;
-pub use render::{Image, NamedView, Projection, RayCaster, SurfacePoint, ViewPoint};
+pub use progress::Progress;
+pub use render::{Hits, Image, NamedView, Projection, RayCaster, SurfacePoint, ViewPoint};
 pub use source::OpenOptions;
-pub use volume::{VolumeInfo, VolumeSource, Voxels};
+pub use volume::{Rescale, ScalarType, Slices, VolumeInfo, VolumeSource, VolumeView, Voxels};
 
 use std::path::{Path, PathBuf};
+
+use budget::Budget;
+use volume::Workspace;
 
 /// Opens the volume in a file or a folder, ready to be built from; see [`catalogue::open`] for several files, or
 /// to choose among several volumes.
@@ -141,6 +161,8 @@ pub fn open(input: impl Into<PathBuf>) -> Result<Box<dyn VolumeSource>, Error> {
 
 /// Builds the skin octree of a volume into the file `output`, which appears whole or not at all.
 ///
+/// For a volume that has to be unrolled first or cleaned, or a build that can be stopped: [`clean_and_build`].
+///
 /// Memory: [`BuildOptions::memory`]. Temporary disk: about the size of the model.
 ///
 /// # Errors
@@ -151,6 +173,64 @@ pub fn build(
     output: impl AsRef<Path>,
 ) -> Result<BuildReport, Error> {
     Ok(builder::build_volume(volume, options, output.as_ref(), &progress::Silent)?)
+}
+
+/// Prepares a volume, cleans it, and builds its skin octree into the file `output`, which appears whole or not at all:
+/// [`build`] for volumes of any kind, with all that the command can do to them before. They may be borrowed.
+///
+/// A volume that can only be read from front to back, such as [`Slices`], is first written to an anonymous scratch
+/// file. With [`CleanOptions::default`] nothing is cleaned; [`CleanOptions::preset`] takes the place of
+/// [`BuildOptions::threshold`]. Gives the report of the build, and that of cleaning if the occupancy was cleaned.
+///
+/// Memory: [`BuildOptions::memory`]. Temporary disk: as [`build`], the volume if it is unrolled, and what
+/// [`clean`] says.
+///
+/// ```
+/// use infobyte::{BuildOptions, CleanOptions, Dims, Threshold, VolumeView, progress::Silent};
+///
+/// # fn main() -> Result<(), infobyte::Error> {
+/// # let folder = tempfile::tempdir().expect("a temporary folder");
+/// # let path = folder.path().join("a.oct");
+/// let mut samples = vec![0_u8; 30 * 30 * 30];
+/// samples[5000..20_000].fill(1);
+/// // A voxel that belongs to nothing.
+/// samples[26_999] = 1;
+/// let mut volume = VolumeView::new(Dims::new(30, 30, 30).unwrap(), &samples).unwrap();
+/// let cleaning = CleanOptions { keep_largest: Some(1), ..Default::default() };
+/// let options = BuildOptions { threshold: Threshold::Iso(1.0), ..Default::default() };
+/// let (_, cleaned) = infobyte::clean_and_build(&mut volume, &cleaning, &options, &path, &Silent)?;
+/// assert_eq!(cleaned.map(|report| report.voxels_removed), Some(1));
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// [`Error::Source`], [`Error::Clean`] and [`Error::Build`]; [`Error::Stopped`] if `progress` says so. An old file of
+/// that name is untouched then.
+pub fn clean_and_build(
+    volume: &mut dyn VolumeSource,
+    cleaning: &CleanOptions,
+    options: &BuildOptions,
+    output: impl AsRef<Path>,
+    progress: &dyn Progress,
+) -> Result<(BuildReport, Option<CleanReport>), Error> {
+    let (output, mut options) = (output.as_ref(), options.clone());
+    if let Some(preset) = cleaning.preset {
+        options.threshold = preset.threshold();
+    }
+    let mut volume = cleaning.reshape(Box::new(volume))?;
+    let scratch = options.scratch_folder(output);
+    volume.prepare(&Workspace { scratch: &scratch, memory: Budget::of(options.memory), progress })?;
+    let cleaned = cleaning.clean(&*volume, &options, output, progress)?;
+    let source = match &cleaned {
+        Some(cleaned) => {
+            options.threshold = Threshold::Chosen(cleaned.selection);
+            cleaned.source()
+        }
+        None => &*volume,
+    };
+    let report = builder::build_volume(source, &options, output, progress)?;
+    Ok((report, cleaned.map(|cleaned| cleaned.report)))
 }
 
 /// Makes a picture of a model; it depends on the model and the request only, not on the machine.

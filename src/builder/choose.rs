@@ -59,7 +59,7 @@ impl Chooser<'_> {
             Threshold::Otsu => {
                 self.progress.stage("histogram", 1);
                 let (threads, _memory) = self.reserve_histogram()?;
-                let Some(split) = histogram::otsu::<T>(self.source, threads)? else {
+                let Some(split) = histogram::otsu::<T>(self.source, threads, self.progress)? else {
                     return Err(self.empty::<T>(Sought::Split));
                 };
                 self.progress.advance(1);
@@ -120,7 +120,7 @@ impl Chooser<'_> {
         let name = info.description.name.clone();
         let seen = self
             .reserve_histogram()
-            .and_then(|(threads, _memory)| histogram::extremes::<T>(self.source, threads));
+            .and_then(|(threads, _memory)| histogram::extremes::<T>(self.source, threads, self.progress));
         match seen {
             Err(e) => e,
             Ok(None) => BuildError::NoNumbers { name },

@@ -25,6 +25,7 @@ use super::solid::{BRICK, Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Sol
 use super::swap::{BrickEntry, FragmentWriter, Scratch};
 use crate::format::Channel;
 use crate::format::cell::HAS_CORNERS;
+use crate::progress::Progress;
 
 const BRICK_ROWS: usize = BRICK as usize;
 
@@ -38,6 +39,7 @@ pub(super) struct ScanContext<'a> {
     pub(super) scratch: &'a Scratch,
     /// The boxes that can be seen, if others are not kept.
     pub(super) seen: Option<&'a BitVolume>,
+    pub(super) progress: &'a dyn Progress,
 }
 
 /// Figures that a worker brings home.
@@ -200,6 +202,7 @@ impl<'a> ColumnWorker<'a> {
         let (ahead_by, behind_by) = (i64::from(LOOKAHEAD), i64::from(self.shared.solid.lookbehind()));
         let (z0, z1) = (i64::from(column.z.start), i64::from(column.z.end));
         for ahead in z0 - behind_by..z1 + ahead_by {
+            self.shared.progress.check()?;
             if let Some(slice) = u32::try_from(ahead).ok().filter(|z| *z < self.dims[2]) {
                 self.load(column, slice)?;
             }
@@ -221,6 +224,7 @@ impl<'a> ColumnWorker<'a> {
         let slices = column.z.start.saturating_sub(behind_by)..(column.z.end + ahead_by).min(self.dims[2]);
         let (words, row_words) = (words_across(column), self.no_bits.len());
         for z in slices {
+            self.shared.progress.check()?;
             self.load(column, z)?;
             if !column.z.contains(&z) {
                 continue;

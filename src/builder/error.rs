@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use crate::exit::ExitKind;
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
+use crate::progress::Stopped;
 use crate::volume::SourceError;
 
 use crate::budget::{ExactSize, SizeArgument};
@@ -22,7 +23,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum BuildError {
     #[error(transparent)]
-    Source(#[from] SourceError),
+    Source(SourceError),
     #[error("{name}: {MEMORY} {} is too small; the smallest that works is {MEMORY} {}", ExactSize(*.limit_bytes), SizeArgument(*.minimum_bytes))]
     BudgetTooSmall { name: String, limit_bytes: u64, minimum_bytes: u64 },
     #[error("{name}: no voxel lies in {sought}; the values of this volume run from {} to {}: choose {ISO} or {RANGE} within them", Short(*.min), Short(*.max))]
@@ -75,6 +76,8 @@ pub enum BuildError {
         #[source]
         cause: io::Error,
     },
+    #[error("{Stopped}")]
+    Stopped,
 }
 
 fn no_channel(channel: Channel, surface: SurfaceKind) -> String {
@@ -136,6 +139,21 @@ pub enum ScratchFault {
     TooManyBricks,
 }
 
+impl From<SourceError> for BuildError {
+    fn from(cause: SourceError) -> Self {
+        match cause {
+            SourceError::Stopped => Self::Stopped,
+            cause => Self::Source(cause),
+        }
+    }
+}
+
+impl From<Stopped> for BuildError {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
+}
+
 impl From<ScratchFault> for io::Error {
     fn from(fault: ScratchFault) -> Self {
         Self::other(fault)
@@ -156,6 +174,7 @@ impl BuildError {
             | Self::NoRoomForCells { .. } => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,
+            Self::Stopped => ExitKind::Stopped,
         }
     }
 }

@@ -7,6 +7,7 @@ use super::error::BuildError;
 use super::parallel::run_workers;
 use super::range::Ordered;
 use crate::budget::costs::{LEAST_WORKER, MAPPED_FROM};
+use crate::progress::Progress;
 use crate::volume::{ScalarType, VolumeSource};
 
 /// Bins of a histogram: one for every value of the 16-bit types.
@@ -28,11 +29,13 @@ const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= LEAST_WORKER);
 pub(super) fn extremes<T: Ordered>(
     source: &dyn VolumeSource,
     threads: usize,
+    progress: &dyn Progress,
 ) -> Result<Option<(f64, f64)>, BuildError> {
     let total = Mutex::new((f64::INFINITY, f64::NEG_INFINITY));
     for_each_part::<T, _>(
         source,
         (threads, EXTREMES_READ_BYTES),
+        progress,
         &|| (f64::INFINITY, f64::NEG_INFINITY),
         &|seen, samples| {
             for sample in samples {
@@ -57,13 +60,17 @@ pub(super) fn extremes<T: Ordered>(
 /// Types of 8 and 16 bits are counted exactly in one pass; wider ones need their extremes first, and
 /// then 65,536 bins between them. Source: Otsu 1979, *A threshold selection method from gray-level
 /// histograms*.
-pub(super) fn otsu<T: Ordered>(source: &dyn VolumeSource, threads: usize) -> Result<Option<f64>, BuildError> {
+pub(super) fn otsu<T: Ordered>(
+    source: &dyn VolumeSource,
+    threads: usize,
+    progress: &dyn Progress,
+) -> Result<Option<f64>, BuildError> {
     let exact = |low: f64| (low, 1.0);
     let (low, width) = match T::TYPE {
         ScalarType::U8 | ScalarType::U16 => exact(0.0),
         ScalarType::I8 => exact(-128.0),
         ScalarType::I16 => exact(-32768.0),
-        _ => match extremes::<T>(source, threads)? {
+        _ => match extremes::<T>(source, threads, progress)? {
             Some((min, max)) if max > min => {
                 let width = max / (BINS - 1) as f64 - min / (BINS - 1) as f64;
                 if !width.is_normal() {
@@ -84,6 +91,7 @@ pub(super) fn otsu<T: Ordered>(source: &dyn VolumeSource, threads: usize) -> Res
     for_each_part::<T, _>(
         source,
         (threads, READ_BYTES),
+        progress,
         &|| (vec![0_u32; BINS], 0_u64),
         &|(local, seen), samples| {
             *seen += samples.len() as u64;
@@ -138,6 +146,7 @@ fn best_split(counts: &[u64]) -> Option<usize> {
 fn for_each_part<T: Ordered, L>(
     source: &dyn VolumeSource,
     (threads, read_bytes): (usize, usize),
+    progress: &dyn Progress,
     start: &(dyn Fn() -> L + Sync),
     work: &(dyn Fn(&mut L, &[T]) + Sync),
     join: &(dyn Fn(L) + Sync),
@@ -149,7 +158,7 @@ fn for_each_part<T: Ordered, L>(
     let parts = |n: u32, step: u32| u64::from(n.div_ceil(step));
     let (across, down) = (parts(dims.nx(), cols), parts(dims.ny(), rows));
     let next = AtomicU64::new(0);
-    run_workers(threads, &|stop| {
+    run_workers(threads, progress, &|stop| {
         let mut local = start();
         let mut buffer = vec![T::zeroed(); cols as usize * rows as usize];
         while !stop() {

@@ -130,7 +130,13 @@ impl Job<'_> {
         let selection = metadata.selection;
         let metadata = metadata.to_bytes()?;
         let layout = Layout::new(&census, metadata.len() as u64, &channels);
-        let target = Target { file: atomic.file(), path: self.output, layout: &layout, channels: &channels };
+        let target = Target {
+            file: atomic.file(),
+            path: self.output,
+            layout: &layout,
+            channels: &channels,
+            progress: self.progress,
+        };
         self.merge(solid, &target, &census, &scratch, &plan)?;
         seconds.merge = started.elapsed().as_secs_f64();
 
@@ -140,6 +146,7 @@ impl Job<'_> {
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
         solid.check_unchanged().map_err(BuildError::Source)?;
+        self.progress.check()?;
         atomic.commit().map_err(|e| self.output_error(e))?;
         seconds.commit = started.elapsed().as_secs_f64();
         Ok(BuildReport {
@@ -210,7 +217,8 @@ impl Job<'_> {
         scratch: &Scratch,
         seen: Option<&BitVolume>,
     ) -> Result<ScanTotals, BuildError> {
-        let shared = ScanContext { solid, channels, kept: self.kept(solid), plan, scratch, seen };
+        let progress = self.progress;
+        let shared = ScanContext { solid, channels, kept: self.kept(solid), plan, scratch, seen, progress };
         self.progress.stage("scan", plan.column_count());
         let totals = Mutex::new(ScanTotals::default());
         self.columns(
@@ -241,7 +249,7 @@ impl Job<'_> {
         finish: impl Fn(ColumnWorker<'a>) -> Result<(), BuildError> + Sync,
     ) -> Result<(), BuildError> {
         let (plan, next) = (shared.plan, AtomicU64::new(0));
-        parallel::run_stage(plan.threads, self.options.memory, &|stop| {
+        parallel::run_stage(plan.threads, self.options.memory, self.progress, &|stop| {
             let _memory = self.part(shared.solid, plan, plan.scan_bytes)?;
             let mut worker = ColumnWorker::new(shared);
             while !stop() {
@@ -269,7 +277,8 @@ impl Job<'_> {
         }
         let (dims, folder) = (solid.dims(), self.options.scratch_folder(self.output));
         let occupancy = BitVolume::create(&folder, dims)?;
-        let shared = ScanContext { solid, channels, kept: self.kept(solid), plan, scratch, seen: None };
+        let (kept, progress) = (self.kept(solid), self.progress);
+        let shared = ScanContext { solid, channels, kept, plan, scratch, seen: None, progress };
         self.progress.stage("occupancy", plan.column_count());
         self.columns(&shared, |worker, column| worker.store_occupancy(column, &occupancy), |_| Ok(()))?;
 
@@ -279,7 +288,7 @@ impl Job<'_> {
         self.progress.stage("sight", 2 * u64::from(dims.nz()));
         let (next, seen) = (AtomicU64::new(0), Mutex::new(None));
         let lock = || seen.lock().unwrap_or_else(PoisonError::into_inner);
-        parallel::run_stage(plan.threads.min(2), self.options.memory, &|stop| {
+        parallel::run_stage(plan.threads.min(2), self.options.memory, self.progress, &|stop| {
             let _memory = self.part(solid, plan, search.group_bytes())?;
             while !stop() {
                 let back = match next.fetch_add(1, Ordering::Relaxed) {
@@ -289,7 +298,7 @@ impl Job<'_> {
                 };
                 let held: Option<BitVolume> = lock().take();
                 let own = held.map_or_else(|| BitVolume::create(&folder, dims), Ok)?;
-                search.follow(back, &own, &|| self.progress.advance(1))?;
+                search.follow(back, &own, self.progress)?;
                 let mut held = lock();
                 match &*held {
                     Some(all) => visible::join(all, &own)?,
@@ -312,7 +321,7 @@ impl Job<'_> {
         let forms = &target.channels.forms;
         self.progress.stage("merge", census.bricks);
         let merge = Merge::new(solid.dims(), scratch, target, census)?;
-        parallel::run_stage(plan.threads, self.options.memory, &|stop| {
+        parallel::run_stage(plan.threads, self.options.memory, self.progress, &|stop| {
             let _memory = self.part(solid, plan, merge::worker_bytes(forms))?;
             merge.work(stop, &|bricks| self.progress.advance(bricks))
         })?;

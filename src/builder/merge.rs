@@ -19,6 +19,7 @@ use super::walk::{BrickWalk, WalkedBrick};
 use crate::budget::costs::{LEAST_WORKER, MERGE_LISTS};
 use crate::format::{Channel, MeanRule, SectionKind, Sum};
 use crate::platform::FileExt;
+use crate::progress::Progress;
 
 /// Bytes that a run gathers before they are written.
 pub(super) const RUN_BYTES: usize = 32 << 10;
@@ -61,6 +62,7 @@ pub(super) struct Target<'a> {
     pub(super) path: &'a Path,
     pub(super) layout: &'a Layout,
     pub(super) channels: &'a StoredChannels,
+    pub(super) progress: &'a dyn Progress,
 }
 
 impl Target<'_> {
@@ -219,6 +221,7 @@ impl<'a> Merge<'a> {
         let mut sums = Vec::new();
         let mut done = 0;
         while done < self.census.bricks {
+            self.target.progress.check()?;
             let now = usize::try_from(self.census.bricks - done).unwrap_or(SUMMARIES).min(SUMMARIES);
             let part = &mut bytes[..now * self.summary_bytes];
             self.scratch.read(part, self.summaries + done * self.summary_bytes as u64)?;

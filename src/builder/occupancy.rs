@@ -142,7 +142,7 @@ pub(crate) fn for_each_block(
     let rows = dims.ny().min((most / cols).max(1));
     let (across, down) = (u64::from(dims.nx().div_ceil(cols)), u64::from(dims.ny().div_ceil(rows)));
     let next = AtomicU64::new(0);
-    run_workers(threads, &|stop| {
+    run_workers(threads, progress, &|stop| {
         // Words, so that the samples are aligned for every type.
         let mut buffer = vec![0_u64; (cols as usize * rows as usize * sample_bytes).div_ceil(8)];
         let mut words = vec![0_u64; cols.div_ceil(64) as usize * rows as usize];

@@ -121,6 +121,7 @@ fn for_each_part(
 ) -> Result<(), BuildError> {
     let mut done = 0;
     while done < len {
+        target.progress.check()?;
         let now = usize::try_from(len - done).unwrap_or(usize::MAX).min(buffer.len());
         let part = &mut buffer[..now];
         target.file.read_exact_at(part, offset + done).map_err(|e| target.error(e))?;

@@ -514,7 +514,9 @@ impl Catalogue {
     /// Items in natural order of their first paths, kinds of left-out files by their number, then likewise.
     fn sort(&mut self) -> Result<(), SourceError> {
         let (log, inputs) = (&self.log, &self.inputs);
-        sort_or_stop(&mut self.items, |a, b| Ok(precedes(inputs, &log.get(a.first)?, &log.get(b.first)?)))?;
+        sort_or_stop(&mut self.items, |a, b| {
+            Ok::<_, SourceError>(precedes(inputs, &log.get(a.first)?, &log.get(b.first)?))
+        })?;
         let bytes = |l: &LeftOut| l.first.clone().into_os_string();
         self.left_out.sort_by(|a, b| {
             b.count.cmp(&a.count).then_with(|| natural_cmp(bytes(a).as_bytes(), bytes(b).as_bytes()))

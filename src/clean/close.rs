@@ -167,7 +167,7 @@ impl<'a> Strip<'a> {
             let done = z - 2 * r;
             if (0..nz).contains(&done) {
                 added += self.erode(done)?;
-                progress.advance(1);
+                progress.step(1)?;
             }
         }
         Ok(added)

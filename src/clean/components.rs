@@ -234,7 +234,7 @@ impl<'l, 'a> Forward<'l, 'a> {
                 std::mem::swap(&mut self.row, &mut self.above);
             }
             self.end_slice(start[RUNS]).map_err(failed)?;
-            task.progress.advance(1);
+            task.progress.step(1)?;
         }
         self.end_volume().map_err(failed)
     }
@@ -433,7 +433,7 @@ impl Labelled<'_> {
                 }
             }
             std::mem::swap(&mut fates, &mut later);
-            task.progress.advance(1);
+            task.progress.step(1)?;
         }
         Ok(outcome)
     }

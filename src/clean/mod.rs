@@ -184,7 +184,10 @@ impl CleanOptions {
     ///
     /// # Errors
     /// [`SourceError::Usage`] when the box or the factor does not fit the volume.
-    pub fn reshape(&self, mut source: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>, SourceError> {
+    pub fn reshape<'a>(
+        &self,
+        mut source: Box<dyn VolumeSource + 'a>,
+    ) -> Result<Box<dyn VolumeSource + 'a>, SourceError> {
         if let Some(roi) = &self.roi {
             source = Box::new(Crop::new(source, roi.clone())?);
         }

@@ -188,7 +188,7 @@ impl<'a> Turned<'a> {
                     self.file.write_all_at(laid, at).map_err(scratch)?;
                 }
             }
-            progress.advance(1);
+            progress.step(1)?;
         }
         Ok((low, high))
     }

@@ -17,6 +17,7 @@
 //! | `coarse` | blocks of samples in their place, for fewer triangles |
 //! | `dual` | vertices and triangles, layer by layer |
 //! | `mask` | NRRD and NIfTI |
+//! | [`Mesh`] | triangles in memory |
 //! | `tint` | colours of vertices |
 //! | `write` | STL, PLY, OBJ and GLB |
 
@@ -25,12 +26,14 @@ mod coarse;
 mod dual;
 mod fault;
 mod mask;
+mod mesh;
 mod place;
 mod signs;
 mod tint;
 mod write;
 
 pub use fault::ExportFault;
+pub use mesh::Mesh;
 
 use std::fs::File;
 use std::io;
@@ -40,13 +43,15 @@ use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
 use crate::load::{ModelView, NodeView};
-use crate::progress::Progress;
+use crate::progress::{Progress, Stopped};
 use crate::render::GridSpace;
+use crate::render::shade::Shader;
 use crate::scratch;
 
 use coarse::Coarse;
 use dual::Mesher;
 use mask::{Mask, MaskForm, NIFTI_MOST};
+use mesh::MeshSink;
 use place::Layer;
 use signs::{Boxes, Signs, signs_of_cells};
 use tint::Lights;
@@ -143,6 +148,14 @@ pub(crate) enum ExportStop {
     Damaged,
     /// The output could not be written, or cannot hold the model (an [`ExportFault`]).
     Output(io::Error),
+    /// The caller stopped it.
+    Stopped,
+}
+
+impl From<Stopped> for ExportStop {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
 }
 
 impl From<io::Error> for ExportStop {
@@ -212,6 +225,15 @@ impl Exporter<'_> {
         self.mesh(sink, progress)
     }
 
+    /// The triangles in memory.
+    pub(crate) fn triangles(&self, progress: &dyn Progress) -> Result<Mesh, ExportStop> {
+        let mut mesh = Mesh::default();
+        let normals = self.view.voxel_normal(VoxelIndex::new(0)).is_some();
+        let colors = self.lights().map(|_| Shader::new());
+        self.mesh(Box::new(MeshSink { mesh: &mut mesh, normals, colors }), progress)?;
+        Ok(mesh)
+    }
+
     fn cells(&self) -> bool {
         self.view.cells().is_some()
     }
@@ -221,7 +243,7 @@ impl Exporter<'_> {
         self.view.voxel_color(VoxelIndex::new(0)).map(|_| Lights::new())
     }
 
-    fn mesh(&self, mut sink: Box<dyn Sink>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
+    fn mesh(&self, mut sink: Box<dyn Sink + '_>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
         let Some(bounds) = extent(self.view) else { return Err(ExportStop::Damaged) };
         // Cube x has its middle half a voxel before sample x; a cell is a cube.
         let before = if self.cells() { 1.0 } else { 1.5 };
@@ -287,8 +309,7 @@ impl Exporter<'_> {
         progress.stage("inside", slices);
         self.each_slice(bounds, |skin| {
             sweep.slice(self.view, skin);
-            progress.advance(1);
-            Ok(())
+            Ok(progress.step(1)?)
         })?;
         let (enclosed, fates) = sweep.finish();
         let mut sweep = Sweep::new(bounds, outward).knowing(fates);
@@ -296,7 +317,7 @@ impl Exporter<'_> {
         progress.stage("export", slices);
         self.each_slice(bounds, |skin| {
             let boxes = self.boxes(&mut sweep, skin);
-            progress.advance(1);
+            progress.step(1)?;
             self.next_slice(&mut samples, boxes, sweep.height(), bounds[0], product)
         })?;
         Ok(enclosed.unknown)
@@ -390,8 +411,7 @@ impl Exporter<'_> {
                 vertices += 1;
             }
             z += 1;
-            progress.advance(1);
-            Ok(())
+            Ok(progress.step(1)?)
         })?;
         sink.finish()?;
         Ok(Exported { vertices, ..Exported::default() })

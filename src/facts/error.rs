@@ -27,6 +27,7 @@ use super::tiff::TiffFault;
 use crate::budget::Bytes;
 use crate::exit::ExitKind;
 use crate::geom::Dims;
+use crate::progress::Stopped;
 use crate::text::names::{
     DIMS, DOWNSAMPLE, DTYPE, GRID, MEMORY, ROI, SCAN, SCRATCH, SKIP, SPACING, VOLUME, VOXEL,
 };
@@ -76,6 +77,8 @@ pub enum SourceError {
     },
     #[error("{}: {misuse}", shown(.path))]
     Usage { path: PathBuf, misuse: Misuse },
+    #[error("{Stopped}")]
+    Stopped,
 }
 
 /// An error without its path, where that stands for itself before the reason.
@@ -100,11 +103,12 @@ impl SourceError {
             Self::Usage { .. } => ExitKind::Usage,
             Self::Scratch { .. } => ExitKind::Io,
             Self::Memory { .. } | Self::ManyImages { .. } => ExitKind::Budget,
+            Self::Stopped => ExitKind::Stopped,
             _ => ExitKind::Input,
         }
     }
 
-    /// The file or folder at fault.
+    /// The file or folder at fault; empty if the caller stopped the job.
     pub fn path(&self) -> &Path {
         match self {
             Self::Unreadable { path, .. }
@@ -118,6 +122,7 @@ impl SourceError {
             | Self::ManyImages { path, .. }
             | Self::Usage { path, .. } => path,
             Self::Gaps { error, .. } => error.path(),
+            Self::Stopped => Path::new(""),
         }
     }
 

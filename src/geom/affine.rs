@@ -109,6 +109,17 @@ impl Affine {
         Some(Self { rows })
     }
 
+    /// Rows of `B^-T` (SPEC 4.6), B being this affine with columns divided by `frame_mm`: they turn normals along the
+    /// volume's axes into those of the world. `None` as [`Affine::inverse`].
+    pub(crate) fn normal_rows(&self, frame_mm: [f64; 3]) -> Option<[[f64; 3]; 3]> {
+        let mut unit = *self;
+        for row in &mut unit.rows {
+            row.iter_mut().zip(frame_mm).for_each(|(v, spacing)| *v /= spacing);
+        }
+        let inverse = unit.inverse()?;
+        Some(std::array::from_fn(|i| inverse.column(i)))
+    }
+
     /// The world direction that each index axis runs along most, as letters such as `LPS`.
     pub fn orientation_letters(&self) -> String {
         (0..3)

@@ -123,6 +123,10 @@ impl Progress for Several<'_> {
     fn advance(&self, steps: u64) {
         self.0.advance(steps);
     }
+
+    fn stopped(&self) -> bool {
+        self.0.stopped()
+    }
 }
 
 /// What is asked of one picture: where the camera stands, if it does not stand where it would; and the size.

@@ -6,6 +6,7 @@
 //! | [`Model`] | a mapped-encoding file, used in place |
 //! | [`ModelView`] | its structure and normals as slices: the [`NodeView`] for loops |
 //! | [`CellItems`], [`CellShape`] | the surface within cells |
+//! | [`StoredVoxels`] | the voxels or cells of a model, one after the other |
 //! | [`Items`] | what one section says of every voxel or coarse node |
 //! | [`verify()`] | the full check of every invariant, in small memory |
 //! | [`ReadAt`], [`Cursor`] | reading by position, and in sequence |
@@ -19,6 +20,7 @@ mod model;
 mod stream;
 mod verify;
 mod view;
+mod voxels;
 
 pub use cells::{CellItems, CellShape};
 pub use error::{LoadError, NotRegular};
@@ -31,3 +33,4 @@ pub use stream::{Cursor, Fault, ReadAt};
 pub use verify::verify;
 pub(crate) use verify::{check_storage, walk, walked_channels};
 pub use view::NodeView;
+pub use voxels::{StoredVoxel, StoredVoxels};

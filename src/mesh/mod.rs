@@ -488,7 +488,7 @@ impl Front<'_> {
                     t.iter().for_each(|p| bounds.add(*p));
                     Ok(())
                 })?;
-                self.progress.advance(1);
+                self.progress.step(1)?;
             }
             if triangles == 0 {
                 return Err(self.unusable(MeshFault::NoTriangles));
@@ -558,7 +558,7 @@ impl Front<'_> {
         for (number, file) in files.iter().enumerate() {
             let done = read(file, number, &mut handed);
             handed.stopped.take().map_or(done, Err)?;
-            self.progress.advance(1);
+            self.progress.step(1)?;
         }
         Ok(handed.counted)
     }

@@ -22,6 +22,10 @@ pub enum RenderError {
     Camera(#[from] CameraFault),
     #[error(transparent)]
     Ray(#[from] BadRay),
+    #[error("ray {index} (from 0): {fault}")]
+    RayAt { index: usize, fault: BadRay },
+    #[error("{rays} origins and {others} directions or answers; give as many of each")]
+    RayCount { rays: usize, others: usize },
     #[error(
         "a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels"
     )]
@@ -103,6 +107,8 @@ impl RenderError {
         match self {
             Self::Camera(_)
             | Self::Ray(_)
+            | Self::RayAt { .. }
+            | Self::RayCount { .. }
             | Self::Size { .. }
             | Self::NoLayer(_)
             | Self::DiscreteCells

@@ -47,6 +47,31 @@ impl Image {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Color)
     }
 
+    /// Writes the picture as a PNG to anything, such as a `Vec<u8>`: the bytes of [`Image::write_png`].
+    ///
+    /// ```
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1.0-mapped.oct");
+    /// # let model = infobyte::Model::open(path)?;
+    /// # let request = infobyte::RenderRequest { width: 64, height: 64, ..Default::default() };
+    /// let (image, _) = infobyte::render(&model, &request)?;
+    /// let mut png = Vec::new();
+    /// image.write_png_to(&mut png)?;
+    /// assert!(png.starts_with(b"\x89PNG"));
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// Those of `out`, and of a picture whose pixels are not as many as its sides say.
+    pub fn write_png_to(&self, out: impl Write) -> io::Result<()> {
+        let mut writer = encoder(out, PngLayer::Color, [self.width, self.height])?.write_header()?;
+        let mut rows = writer.stream_writer_with_size(CHUNK)?;
+        rows.write_all(&self.rgba)?;
+        rows.finish()?;
+        Ok(writer.finish()?)
+    }
+
     /// Writes the depth as a 16-bit grey PNG.
     ///
     /// # Errors
@@ -162,6 +187,31 @@ impl PngLayer {
     }
 }
 
+/// The settings of a layer's PNG.
+fn encoder<W: Write>(
+    out: W,
+    layer: PngLayer,
+    [width, height]: [u32; 2],
+) -> io::Result<png::Encoder<'static, W>> {
+    let mut encoder = png::Encoder::new(out, width, height);
+    let (color, bits) = layer.format();
+    encoder.set_color(color);
+    encoder.set_depth(bits);
+    if u64::from(width) * u64::from(height) > MOST_SMALL {
+        encoder.set_compression(png::Compression::Fast);
+        encoder.set_filter(png::Filter::Paeth);
+    } else {
+        encoder.set_deflate_compression(SMALL_LEVEL);
+        encoder.set_filter(png::Filter::Adaptive);
+    }
+    // It lies in the folder of its volume as often as not, and must not become a slice of it.
+    encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into())?;
+    if layer == PngLayer::Color {
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    }
+    Ok(encoder)
+}
+
 /// Bytes of compressed pixels that are written together.
 const CHUNK: usize = 64 << 10;
 
@@ -178,31 +228,11 @@ impl PngRows {
     ///
     /// # Errors
     /// [`RenderError::Write`] when the disk refuses.
-    pub(crate) fn begin(
-        file: ImageFile,
-        layer: PngLayer,
-        [width, height]: [u32; 2],
-    ) -> Result<Self, RenderError> {
+    pub(crate) fn begin(file: ImageFile, layer: PngLayer, size: [u32; 2]) -> Result<Self, RenderError> {
         let ImageFile { path, file } = file;
         let begin = || -> io::Result<png::StreamWriter<'static, File>> {
-            let mut encoder = png::Encoder::new(file.file().try_clone()?, width, height);
-            let (color, bits) = layer.format();
-            encoder.set_color(color);
-            encoder.set_depth(bits);
-            if u64::from(width) * u64::from(height) > MOST_SMALL {
-                encoder.set_compression(png::Compression::Fast);
-                encoder.set_filter(png::Filter::Paeth);
-            } else {
-                encoder.set_deflate_compression(SMALL_LEVEL);
-                encoder.set_filter(png::Filter::Adaptive);
-            }
-            // It lies in the folder of its volume as often as not, and must not become a slice of it.
-            encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;
-            if layer == PngLayer::Color {
-                encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-            }
-            let writer = encoder.write_header().map_err(io::Error::from)?;
-            writer.into_stream_writer_with_size(CHUNK).map_err(io::Error::from)
+            let writer = encoder(file.file().try_clone()?, layer, size)?.write_header()?;
+            Ok(writer.into_stream_writer_with_size(CHUNK)?)
         };
         match begin() {
             Ok(writer) => Ok(Self { layer, writer, path, file }),
@@ -309,6 +339,10 @@ mod tests {
         let image = small();
         image.write_png(&path).unwrap();
         assert_eq!(read(&path), (png::ColorType::Rgba, png::BitDepth::Eight, image.rgba.clone()));
+        let mut memory = Vec::new();
+        image.write_png_to(&mut memory).unwrap();
+        assert_eq!(memory, std::fs::read(&path).unwrap());
+        assert!(Image { rgba: vec![0; 3], ..image.clone() }.write_png_to(io::sink()).is_err());
         let depth = folder.path().join("d.png");
         image.write_depth_png(&depth).unwrap();
         assert_eq!(read(&depth).2, [255, 255, 0, 0]);

@@ -63,7 +63,7 @@ pub mod tile;
 pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};
-pub use caster::{RayCaster, SurfacePoint};
+pub use caster::{Hits, RayCaster, SurfacePoint};
 pub use error::{CameraFault, Layer, RenderError};
 pub use image::Image;
 pub use space::GridSpace;

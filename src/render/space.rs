@@ -50,15 +50,10 @@ impl GridSpace {
         }
         let mut grid_to_world = *affine;
         let corner = affine.apply([-0.5; 3]);
-        let mut unit = *affine;
         for (row, corner) in grid_to_world.rows.iter_mut().zip(corner) {
             row[3] = corner;
         }
-        for row in &mut unit.rows {
-            row.iter_mut().zip(frame_mm).for_each(|(v, spacing)| *v /= spacing);
-        }
-        let inverse = unit.inverse().ok_or(RenderError::SingularAffine)?;
-        let normal_rows = std::array::from_fn(|i| inverse.column(i));
+        let normal_rows = affine.normal_rows(frame_mm).ok_or(RenderError::SingularAffine)?;
         Ok(Self { dims, grid_to_world, world_to_grid, normal_rows, spacing_mm, frame_mm })
     }
 

@@ -97,7 +97,7 @@ impl VolumeSource for Reversed {
                 }
                 for (z, part) in cols.zip(turned.chunks_exact(lines.len() * row)) {
                     spool.write(part, spool.offset(top, z))?;
-                    workspace.progress.advance(part.len() as u64);
+                    workspace.progress.step(part.len() as u64)?;
                 }
             }
         }

@@ -9,18 +9,18 @@ use crate::geom::Dims;
 
 /// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its
 /// place in the world. Nothing is held; no pass is added.
-pub struct Crop {
-    source: Box<dyn VolumeSource>,
+pub struct Crop<'a> {
+    source: Box<dyn VolumeSource + 'a>,
     info: VolumeInfo,
     roi: [Range<u32>; 3],
 }
 
-impl Crop {
+impl<'a> Crop<'a> {
     /// The voxels with indices in `roi` (along x, y, z; the ends are not included).
     ///
     /// # Errors
     /// [`SourceError::Usage`] when the box is empty or not within the volume.
-    pub fn new(source: Box<dyn VolumeSource>, roi: [Range<u32>; 3]) -> Result<Self, SourceError> {
+    pub fn new(source: Box<dyn VolumeSource + 'a>, roi: [Range<u32>; 3]) -> Result<Self, SourceError> {
         let mut info = source.info().clone();
         let size = roi.clone().map(|r| r.end.saturating_sub(r.start));
         let fits = roi.iter().zip(info.dims.to_array()).all(|(r, n)| r.end <= n);
@@ -44,7 +44,7 @@ fn moved(range: &Range<u32>, start: u32) -> Range<u32> {
     range.start.saturating_add(start)..range.end.saturating_add(start)
 }
 
-impl Wrapper for Crop {
+impl Wrapper for Crop<'_> {
     fn inner(&self) -> &dyn VolumeSource {
         &*self.source
     }

@@ -22,18 +22,18 @@ const PIECE: usize = 4096;
 ///
 /// **Cost.** Computed whenever rows are read, so that no disk is needed: every pass over this volume reads all of
 /// the original. Memory: 64 KiB a reading thread.
-pub struct Downsample {
-    source: Box<dyn VolumeSource>,
+pub struct Downsample<'a> {
+    source: Box<dyn VolumeSource + 'a>,
     info: VolumeInfo,
     factor: u32,
 }
 
-impl Downsample {
+impl<'a> Downsample<'a> {
     /// Blocks of `factor`^3 voxels; `factor` is 2 or 4.
     ///
     /// # Errors
     /// [`SourceError::Usage`] for other factors.
-    pub fn new(source: Box<dyn VolumeSource>, factor: u32) -> Result<Self, SourceError> {
+    pub fn new(source: Box<dyn VolumeSource + 'a>, factor: u32) -> Result<Self, SourceError> {
         let mut info = source.info().clone();
         let sides = info.dims.to_array().map(|n| n.div_ceil(factor.max(1)));
         let dims = Dims::new(sides[0], sides[1], sides[2]);
@@ -101,7 +101,7 @@ impl Downsample {
     }
 }
 
-impl Wrapper for Downsample {
+impl Wrapper for Downsample<'_> {
     fn inner(&self) -> &dyn VolumeSource {
         &*self.source
     }

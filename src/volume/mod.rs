@@ -7,12 +7,14 @@
 //! |---|---|
 //! | `scalar` | types of samples and their byte order |
 //! | `description` | what a model tells of its origin |
-//! | [`Voxels`] | a volume that is in memory already |
+//! | [`Voxels`], [`VolumeView`] | a volume that is in memory already: owned, borrowed |
+//! | [`Slices`] | a volume whose slices come one after the other |
 //! | `block`, `blend`, `spool` | rows read by position, mixed, and unrolled first |
 //! | `wrapper`, `noted`, `placement`, `crop`, `downsample`, `filled`, `watched` | volumes that wrap another one, and say or show something else |
 
 mod blend;
 mod block;
+mod borrowed;
 mod crop;
 mod description;
 mod downsample;
@@ -20,7 +22,9 @@ mod filled;
 mod noted;
 mod placement;
 mod scalar;
+mod slices;
 mod spool;
+mod view;
 mod voxels;
 mod watched;
 mod wrapper;
@@ -36,7 +40,9 @@ pub(crate) use noted::Noted;
 pub use placement::Placement;
 pub(crate) use placement::place;
 pub use scalar::{Endian, Scalar, ScalarType};
+pub use slices::Slices;
 pub(crate) use spool::Spool;
+pub use view::VolumeView;
 pub use voxels::Voxels;
 pub(crate) use watched::Watched;
 pub(crate) use wrapper::Wrapper;
@@ -47,7 +53,7 @@ use std::path::{Path, PathBuf};
 
 use crate::budget::{Budget, Reservation};
 use crate::geom::{Affine, Dims};
-use crate::progress::Progress;
+use crate::progress::{Progress, Stopped};
 
 /// What is known of a volume before its voxels are read.
 #[derive(Clone, Debug)]
@@ -67,6 +73,32 @@ pub struct VolumeInfo {
     pub description: SourceDescription,
     /// What was guessed, left out, replaced or odd.
     pub notes: Vec<Note>,
+}
+
+impl VolumeInfo {
+    /// Of samples that a program has: voxels of 1 mm, the middle of the first one at the origin.
+    pub(crate) fn in_memory(dims: Dims, scalar: ScalarType) -> Self {
+        Self {
+            dims,
+            scalar,
+            rescale: Rescale::IDENTITY,
+            spacing_mm: [1.0; 3],
+            affine: Affine::from_spacing([1.0; 3]),
+            description: SourceDescription {
+                format: "memory".into(),
+                name: "voxels in memory".into(),
+                bytes: dims.voxels() * scalar.bytes() as u64,
+                ..SourceDescription::default()
+            },
+            notes: Vec::new(),
+        }
+    }
+
+    /// Puts the voxels at another place.
+    pub(crate) fn place(&mut self, affine: Affine) {
+        self.affine = affine;
+        self.spacing_mm = affine.spacing_mm();
+    }
 }
 
 /// Linear map from stored samples to physical values.
@@ -126,10 +158,63 @@ impl Workspace<'_> {
     }
 }
 
+impl From<Stopped> for SourceError {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
+}
+
 /// A volume that can deliver any rows of any slice.
 ///
 /// Implementations keep little memory of their own (it is stated by [`VolumeSource::resident_bytes`])
-/// and read by position, so that threads do not disturb each other.
+/// and read by position, so that threads do not disturb each other. Two methods are enough:
+///
+/// ```
+/// use infobyte::volume::{SourceDescription, SourceError};
+/// use infobyte::{Affine, BuildOptions, Dims, Rescale, ScalarType, Threshold, VolumeInfo, VolumeSource};
+/// use std::ops::Range;
+///
+/// /// A bowl: samples are computed where they are asked for.
+/// struct Bowl(VolumeInfo);
+///
+/// impl VolumeSource for Bowl {
+///     fn info(&self) -> &VolumeInfo {
+///         &self.0
+///     }
+///
+///     fn read_rows(
+///         &self,
+///         z: u32,
+///         rows: Range<u32>,
+///         cols: Range<u32>,
+///         out: &mut [u8],
+///     ) -> Result<(), SourceError> {
+///         let places = rows.flat_map(|y| cols.clone().map(move |x| (x, y)));
+///         for ((x, y), sample) in places.zip(out) {
+///             let height = (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) / 2.0;
+///             *sample = u8::from((height - f64::from(z)).abs() < 1.0);
+///         }
+///         Ok(())
+///     }
+/// }
+///
+/// # fn main() -> Result<(), infobyte::Error> {
+/// # let folder = tempfile::tempdir().expect("a temporary folder");
+/// # let path = folder.path().join("bowl.oct");
+/// let bowl = Bowl(VolumeInfo {
+///     dims: Dims::new(32, 32, 16).unwrap(),
+///     scalar: ScalarType::U8,
+///     rescale: Rescale::IDENTITY,
+///     spacing_mm: [0.5; 3],
+///     affine: Affine::from_spacing([0.5; 3]),
+///     description: SourceDescription::default(),
+///     notes: Vec::new(),
+/// });
+/// let options = BuildOptions { threshold: Threshold::Iso(1.0), ..Default::default() };
+/// assert!(infobyte::build(&bowl, &options, &path)?.skin_voxels > 500);
+/// # Ok(())
+/// # }
+/// ```
 pub trait VolumeSource: Send + Sync {
     /// Static facts; known before [`VolumeSource::prepare`].
     fn info(&self) -> &VolumeInfo;

@@ -2,13 +2,15 @@
 
 use std::ops::Range;
 
-use super::{Rescale, Scalar, SourceDescription, SourceError, VolumeInfo, VolumeSource, check_request};
+use super::view::Block;
+use super::{Scalar, SourceError, VolumeInfo, VolumeSource};
 use crate::geom::{Affine, Dims};
 
 /// Samples in memory, x fastest, then y, then z.
 ///
-/// For volumes that fit into memory. For larger ones implement [`VolumeSource`], and for shapes without samples
-/// [`Solid`](crate::builder::Solid).
+/// For volumes that fit into memory; samples that belong to somebody else are a [`VolumeView`](super::VolumeView),
+/// those that come slice by slice [`Slices`](super::Slices). For others implement [`VolumeSource`], and for shapes
+/// without samples [`Solid`](crate::builder::Solid).
 ///
 /// ```
 /// use infobyte::{Dims, VolumeSource, Voxels};
@@ -30,21 +32,7 @@ impl<T: Scalar> Voxels<T> {
         if samples.len() as u64 != dims.voxels() {
             return None;
         }
-        let info = VolumeInfo {
-            dims,
-            scalar: T::TYPE,
-            rescale: Rescale::IDENTITY,
-            spacing_mm: [1.0; 3],
-            affine: Affine::from_spacing([1.0; 3]),
-            description: SourceDescription {
-                format: "memory".into(),
-                name: "voxels in memory".into(),
-                bytes: size_of_val(samples.as_slice()) as u64,
-                ..SourceDescription::default()
-            },
-            notes: Vec::new(),
-        };
-        Some(Self { info, samples })
+        Some(Self { info: VolumeInfo::in_memory(dims, T::TYPE), samples })
     }
 
     /// Asks for every sample by its voxel index (x, y, z). Cost: one call a voxel.
@@ -64,8 +52,7 @@ impl<T: Scalar> Voxels<T> {
     /// The same voxels at another place: `affine` maps voxel indices to LPS mm.
     #[must_use]
     pub fn placed(mut self, affine: Affine) -> Self {
-        self.info.affine = affine;
-        self.info.spacing_mm = affine.spacing_mm();
+        self.info.place(affine);
         self
     }
 
@@ -87,17 +74,22 @@ impl<T: Scalar> VolumeSource for Voxels<T> {
         cols: Range<u32>,
         out: &mut [u8],
     ) -> Result<(), SourceError> {
-        let failed =
-            |cause| SourceError::ReadFailed { path: (&self.info.description.name).into(), slice: z, cause };
-        check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
-        let [nx, ny, _] = self.info.dims.to_array().map(|n| n as usize);
-        let row_bytes = (cols.len() * size_of::<T>()).max(1);
-        for (y, out) in rows.zip(out.chunks_exact_mut(row_bytes)) {
-            let start = (z as usize * ny + y as usize) * nx + cols.start as usize;
-            let row = self.samples.get(start..start + cols.len()).unwrap_or_default();
-            out.copy_from_slice(bytemuck::cast_slice(row));
+        let pitch = cols.len() * size_of::<T>();
+        self.read_pitched(z, rows, cols, pitch.max(1), out)
+    }
+
+    fn read_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        match Block::dense(self.info.dims, &self.samples) {
+            Some(samples) => samples.read(&self.info, z, (rows, cols), pitch, out),
+            None => unreachable!("there is one sample for each voxel"),
         }
-        Ok(())
     }
 }
 

@@ -21,6 +21,7 @@ use std::fmt;
 use super::bits::BitVolume;
 use super::error::BuildError;
 use crate::geom::{Affine, Dims};
+use crate::progress::Progress;
 use sweep::{Pass, Way};
 
 /// From where a model will be looked at.
@@ -147,7 +148,12 @@ impl<'a> Search<'a> {
     }
 
     /// Follows the ways of a group, and sets the boxes that it sees; all of them from within the solid.
-    pub(super) fn follow(&self, back: bool, seen: &BitVolume, advance: &dyn Fn()) -> Result<(), BuildError> {
+    pub(super) fn follow(
+        &self,
+        back: bool,
+        seen: &BitVolume,
+        progress: &dyn Progress,
+    ) -> Result<(), BuildError> {
         let ways: Vec<Way> = self.group(back).collect();
         let dims = self.occupancy.dims();
         let Some(slots) = u32::try_from(ways.len()).ok().and_then(|n| Dims::new(dims.nx(), dims.ny(), n))
@@ -166,7 +172,7 @@ impl<'a> Search<'a> {
         for z in 0..dims.nz() {
             let z = if back { dims.nz() - 1 - z } else { z };
             passes.iter_mut().try_for_each(|pass| pass.slice(z))?;
-            advance();
+            progress.step(1)?;
         }
         Ok(())
     }

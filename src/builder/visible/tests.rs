@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::*;
+use crate::progress::Silent;
 use crate::random::Random;
 
 /// A small grid of samples, and the slow way to what can be seen in it.
@@ -133,7 +134,7 @@ fn sweeps_see_what_the_rule_sees() {
         }
         let [up, down] = [false, true].map(|back| {
             let seen = BitVolume::create(folder.path(), grid).unwrap();
-            search.follow(back, &seen, &|| ()).unwrap();
+            search.follow(back, &seen, &Silent).unwrap();
             seen
         });
         join(&up, &down).unwrap();

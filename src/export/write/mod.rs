@@ -12,5 +12,5 @@ mod stl;
 pub(super) use glb::Glb;
 pub(super) use obj::Obj;
 pub(super) use ply::Ply;
-pub(super) use sink::{Sink, Vertex};
+pub(super) use sink::{Sink, Vertex, unit};
 pub(super) use stl::Stl;

@@ -61,7 +61,7 @@ pub(super) fn bytes_of(v: [f32; 3]) -> [u8; 12] {
 }
 
 /// A normal of length 1; zeros stay.
-pub(super) fn unit(v: [f32; 3]) -> [f32; 3] {
+pub(in crate::export) fn unit(v: [f32; 3]) -> [f32; 3] {
     let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
     if length > 0.0 && length.is_finite() { v.map(|c| c / length) } else { [0.0; 3] }
 }

@@ -59,7 +59,7 @@ impl Cause {
             ExitKind::Usage => Self::Options,
             ExitKind::Budget => Self::Memory,
             ExitKind::Io => Self::Disk,
-            ExitKind::Input | ExitKind::Partial => Self::Input,
+            ExitKind::Input | ExitKind::Partial | ExitKind::Stopped => Self::Input,
         }
     }
 }

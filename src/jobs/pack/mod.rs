@@ -13,13 +13,15 @@ pub(crate) use stop::Stop;
 pub use strip::{StripRequest, strip};
 
 use std::fs::File;
+use std::io;
 use std::path::Path;
 use std::time::Instant;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, UsageError};
-use crate::load::{Frame, LoadError, ReadAt, open_regular};
+use crate::load::{Fault, Frame, LoadError, ReadAt, open_regular};
 use crate::platform::give_back;
+use crate::progress::{Progress, Silent, Stopped};
 use strip::StripStop;
 
 /// What packing or unpacking did.
@@ -44,7 +46,16 @@ pub struct PackReport {
 /// The input is damaged, foreign or packed already; the output cannot be written. Nothing is left at
 /// `output` then that was not there before.
 pub fn pack(input: &Path, output: &Path) -> Result<PackReport, Error> {
-    convert(input, output, encode::pack_file)
+    pack_with(input, output, &Silent)
+}
+
+/// As [`pack`], until [`Progress::stopped`] says so: it is asked whenever some of the input is read. No stage is
+/// reported.
+///
+/// # Errors
+/// As [`pack`], and [`Error::Stopped`].
+pub fn pack_with(input: &Path, output: &Path, progress: &dyn Progress) -> Result<PackReport, Error> {
+    convert(input, output, progress, |source, out| Ok(encode::pack_file(source, out)?))
 }
 
 /// Unpacks a packed file into the mapped file that it was made from, byte for byte.
@@ -52,7 +63,32 @@ pub fn pack(input: &Path, output: &Path) -> Result<PackReport, Error> {
 /// # Errors
 /// As [`pack`].
 pub fn unpack(input: &Path, output: &Path) -> Result<PackReport, Error> {
-    convert(input, output, decode::unpack_file)
+    unpack_with(input, output, &Silent)
+}
+
+/// [`unpack`], stopped as [`pack_with`] is.
+///
+/// # Errors
+/// As [`pack_with`].
+pub fn unpack_with(input: &Path, output: &Path, progress: &dyn Progress) -> Result<PackReport, Error> {
+    convert(input, output, progress, |source, out| Ok(decode::unpack_file(source, out)?))
+}
+
+/// A file that cannot be read any more once the job is stopped: it ends whatever reads it.
+struct Stoppable<'a> {
+    file: &'a File,
+    progress: &'a dyn Progress,
+}
+
+impl ReadAt for Stoppable<'_> {
+    fn byte_len(&self) -> io::Result<u64> {
+        self.file.byte_len()
+    }
+
+    fn read_at(&self, out: &mut [u8], offset: u64) -> io::Result<()> {
+        self.progress.check().map_err(io::Error::other)?;
+        self.file.read_at(out, offset)
+    }
 }
 
 /// Unpacks bytes that can be read by position into an empty file; the frame is that of the result.
@@ -63,15 +99,8 @@ pub(crate) fn unpack_to<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
 fn convert(
     input: &Path,
     output: &Path,
-    work: impl FnOnce(&File, &File) -> Result<Frame, Stop>,
-) -> Result<PackReport, Error> {
-    convert_with(input, output, |source, out| work(source, out).map_err(StripStop::Stop))
-}
-
-fn convert_with(
-    input: &Path,
-    output: &Path,
-    work: impl FnOnce(&File, &File) -> Result<Frame, StripStop>,
+    progress: &dyn Progress,
+    work: impl FnOnce(&Stoppable<'_>, &File) -> Result<Frame, StripStop>,
 ) -> Result<PackReport, Error> {
     let start = Instant::now();
     let unreadable = |cause| LoadError::Unreadable { path: input.to_path_buf(), cause };
@@ -86,12 +115,19 @@ fn convert_with(
     Frame::read(&source).map_err(|fault| fault.at(input))?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let stopped = |stop| match stop {
+        Stop::Input(Fault::Io(cause)) if cause.get_ref().is_some_and(|inner| inner.is::<Stopped>()) => {
+            Error::Stopped
+        }
         Stop::Input(fault) => Error::Load(fault.at(input)),
         Stop::Output(cause) => unwritable(cause),
     };
     // What started the program is done; a job of a few MiB feels its pages.
     give_back();
-    let frame = work(&source, out.file()).map_err(|stop| stop.at(input, stopped))?;
+    let frame =
+        work(&Stoppable { file: &source, progress }, out.file()).map_err(|stop| stop.at(input, stopped))?;
+    if progress.stopped() {
+        return Err(Error::Stopped);
+    }
     out.commit().map_err(unwritable)?;
     Ok(PackReport {
         bytes_in: source.byte_len().map_err(unreadable)?,

@@ -11,7 +11,7 @@ use std::path::Path;
 use super::encode::finish_frame;
 use super::stop::Stop;
 use super::stream::Writer;
-use super::{PackReport, convert_with, decode};
+use super::{PackReport, convert, decode};
 use crate::error::{Error, StripFault, UsageError};
 use crate::format::{
     Channel, Channels, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind,
@@ -19,6 +19,7 @@ use crate::format::{
 };
 use crate::geom::{Dims, Level};
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
+use crate::progress::Silent;
 
 /// Bytes of a cursor's buffer.
 const BUFFER_BYTES: usize = 64 << 10;
@@ -40,7 +41,7 @@ pub struct StripRequest {
 /// The input is damaged, foreign or packed; the request does not fit it; the output cannot be written. Nothing is
 /// left at `output` then that was not there before.
 pub fn strip(input: &Path, output: &Path, request: &StripRequest) -> Result<PackReport, Error> {
-    convert_with(input, output, |source, out| strip_file(source, out, request))
+    convert(input, output, &Silent, |source, out| strip_file(source, out, request))
 }
 
 /// Why stripping stopped.

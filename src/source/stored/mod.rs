@@ -61,8 +61,7 @@ impl Target<'_> {
     /// Writes samples (native order, as delivered) at a byte offset of the volume.
     pub(super) fn write(&self, samples: &[u8], offset: u64) -> Result<(), SourceError> {
         self.spool.write(samples, offset)?;
-        self.progress.advance(samples.len() as u64);
-        Ok(())
+        Ok(self.progress.step(samples.len() as u64)?)
     }
 
     /// Offset of row `y` of slice `z`.

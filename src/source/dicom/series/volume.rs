@@ -375,7 +375,7 @@ impl FrameSink for ToSpool<'_> {
             (first..self.tiles.min(first.saturating_add(across))).zip(samples.chunks_exact(bytes))
         {
             if row + 1 == rows {
-                self.progress.advance(1);
+                self.progress.step(1)?;
             }
             self.spool.write(samples, self.spool.offset(row, slice + tile))?;
         }
