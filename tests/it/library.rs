@@ -2,13 +2,12 @@
 //! voxels. If this fails, a program gets another model, or other answers, than the command.
 #![expect(clippy::cast_possible_truncation, reason = "small volumes")]
 
-mod support;
-
 use std::fs;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::common::random::Random;
 use infobyte::budget::MemoryCap;
 use infobyte::export::ExportForm;
 use infobyte::format::{Channel, SurfaceKind};
@@ -24,7 +23,6 @@ use infobyte::{
     Affine, BuildOptions, CleanOptions, Dims, ExitKind, Hits, Model, RayCaster, Rescale, Slices, Threshold,
     VolumeView, Voxels, builder,
 };
-use support::random::Random;
 
 const SIDES: [u32; 3] = [37, 41, 45];
 
