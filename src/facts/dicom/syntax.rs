@@ -1,9 +1,10 @@
 //! Transfer syntaxes (PS3.5 annex A, PS3.6 annex A): how elements and pixels are encoded.
 
 /// Encoding of a file's elements and pixels.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum TransferSyntax {
-    /// 1.2.840.10008.1.2: no VR in the file, little-endian, native pixels.
+    /// 1.2.840.10008.1.2: no VR in the file, little-endian, native pixels. DICOM's default.
+    #[default]
     ImplicitLe,
     /// 1.2.840.10008.1.2.1: native pixels.
     ExplicitLe,
