@@ -72,8 +72,7 @@ fn refuse(e: &clap::Error) -> ExitCode {
     let known = args::Cli::command();
     let command = words().find_map(|word| word.to_str().and_then(|word| known.find_subcommand(word)));
     let help = command.map_or_else(|| "oct --help".to_owned(), |of| format!("oct {} --help", of.get_name()));
-    let meant =
-        meant(e, &known, command).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
+    let meant = meant(e).map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
     let sentence = format!("{}{meant}; see `{help}`", first_paragraph(&e.to_string()));
     // The command line could not be read, so its words are looked at.
     let as_json = words().any(|word| word == "--json");
@@ -81,35 +80,14 @@ fn refuse(e: &clap::Error) -> ExitCode {
 }
 
 /// What may have been meant by a command or an option that is not known.
-fn meant(e: &clap::Error, known: &clap::Command, command: Option<&clap::Command>) -> Option<String> {
-    let wrong = |kind| match e.get(kind)? {
+fn meant(e: &clap::Error) -> Option<&str> {
+    let guess = |kind| match e.get(kind)? {
         ContextValue::String(word) => Some(word.as_str()),
+        // The likest comes last.
+        ContextValue::Strings(words) => words.last().map(String::as_str),
         _ => None,
     };
-    let near = |wrong: &str, names: &mut dyn Iterator<Item = String>| {
-        let near = names.map(|name| (steps(wrong, &name), name)).min()?;
-        (near.0 <= 2 && 2 * near.0 < wrong.len()).then_some(near.1)
-    };
-    if let Some(word) = wrong(ContextKind::InvalidSubcommand) {
-        return near(word, &mut known.get_subcommands().map(|of| of.get_name().to_owned()));
-    }
-    let options = command?.get_arguments().filter_map(|arg| arg.get_long());
-    near(wrong(ContextKind::InvalidArg)?, &mut options.map(|name| format!("--{name}")))
-}
-
-/// Letters that have to be put in, taken out or changed to come from one word to another.
-fn steps(from: &str, to: &str) -> usize {
-    let mut row: Vec<usize> = (0..=to.len()).collect();
-    for (i, a) in from.bytes().enumerate() {
-        let mut slanting = row[0];
-        row[0] = i + 1;
-        for (j, b) in to.bytes().enumerate() {
-            let changed = slanting + usize::from(a != b);
-            slanting = row[j + 1];
-            row[j + 1] = changed.min(row[j] + 1).min(slanting + 1);
-        }
-    }
-    row[to.len()]
+    guess(ContextKind::SuggestedSubcommand).or_else(|| guess(ContextKind::SuggestedArg))
 }
 
 /// Of what clap prints, that which says what is wrong; usage and hints follow after an empty line.
@@ -330,8 +308,6 @@ const SCAN_OPENING_BYTES: u64 = 256 << 20;
 fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
     let mut first = true;
-    // A list names files in any case.
-    let _ = args.keep_names;
     let notice = ScanReport::notice();
     let begin = if args.json {
         format!("{{\"notice\":{},\"items\":[\n", json!(notice))

@@ -7,7 +7,7 @@
 //!
 //! A solid that lies deep inside another does not touch it: models hold skins.
 
-use crate::geom::{Affine, BoxIndex, Octant};
+use crate::geom::{Affine, BoxIndex, Octant, cross, dot};
 use crate::load::{ModelView, NodeView};
 
 /// Boxes that are this near, in boxes, touch.
@@ -65,14 +65,6 @@ fn corner_based(affine: Affine) -> Affine {
 
 fn length(v: [f64; 3]) -> f64 {
     v.iter().map(|c| c * c).sum::<f64>().sqrt()
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// A direction across which a plane may stand between two boxes, and how far boxes of edge 1 reach along it from

@@ -5,9 +5,23 @@
 //! contracted or reassociated, and integers are exact.
 #![allow(unsafe_code)]
 
-/// Proof that this machine has AVX2, bit manipulation and population count; made by [`dispatch`] alone.
+/// Proof that this machine has AVX2, bit manipulation and population count.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx2(());
+
+#[cfg(target_arch = "x86_64")]
+impl Avx2 {
+    /// The proof, if this machine has the instructions.
+    #[inline]
+    pub(crate) fn detect() -> Option<Self> {
+        (is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("bmi1")
+            && is_x86_feature_detected!("bmi2")
+            && is_x86_feature_detected!("lzcnt")
+            && is_x86_feature_detected!("popcnt"))
+        .then_some(Self(()))
+    }
+}
 
 /// The instruction set that a kernel is compiled for.
 pub(crate) trait Isa: Copy {
@@ -45,14 +59,9 @@ pub(crate) trait Kernel {
 #[inline]
 pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2")
-        && is_x86_feature_detected!("bmi1")
-        && is_x86_feature_detected!("bmi2")
-        && is_x86_feature_detected!("lzcnt")
-        && is_x86_feature_detected!("popcnt")
-    {
-        // SAFETY: every feature that `with_avx2` enables was just detected on this machine.
-        return unsafe { with_avx2(kernel) };
+    if let Some(avx2) = Avx2::detect() {
+        // SAFETY: `avx2` proves every feature that `with_avx2` enables.
+        return unsafe { with_avx2(avx2, kernel) };
     }
     kernel.run(Portable)
 }
@@ -63,6 +72,6 @@ pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
 /// The machine must have the features named.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn with_avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx2(()))
+unsafe fn with_avx2<K: Kernel>(avx2: Avx2, kernel: K) -> K::Output {
+    kernel.run(avx2)
 }

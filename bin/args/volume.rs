@@ -141,9 +141,6 @@ pub(crate) struct ScanArgs {
     /// Folders (or files) to search
     #[arg(required = true, value_name = "DIR")]
     pub(crate) input: Vec<PathBuf>,
-    /// Accepted, and without effect: a list names files and folders in any case
-    #[arg(long)]
-    pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
     #[command(flatten)]

@@ -11,13 +11,13 @@
 //! is that of a thin wall's other side, and does not count.
 
 use super::leaf::Leaf;
-use super::place::dot;
 use super::program::{self, Step};
 use super::solid::{CsgSolid, Left};
 use super::walked::Walker;
 use crate::builder::{Cover, Exposed, SkinSlice, VoxelBox};
 use crate::facts::SourceError;
 use crate::format::{Channel, normal};
+use crate::geom::dot;
 
 const BRICK: usize = 32;
 /// The six neighbours, as the faces of [`Exposed`].

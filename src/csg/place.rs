@@ -88,11 +88,3 @@ pub(super) fn voxels_between(low: i64, high: i64) -> (i64, i64) {
     let (steps, half) = (i64::from(STEPS), i64::from(STEPS / 2));
     ((low - half + steps - 1).div_euclid(steps), (high - half).div_euclid(steps))
 }
-
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}

@@ -9,7 +9,9 @@ pub(crate) mod angle;
 mod dims;
 pub mod morton;
 mod number;
+mod vector;
 
 pub use affine::{Affine, Orientation};
 pub use dims::Dims;
 pub use number::{BoxIndex, Level, NodeIndex, Octant, VoxelIndex};
+pub(crate) use vector::{add_scaled, cross, dot};

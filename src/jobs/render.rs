@@ -1,4 +1,4 @@
-//! `oct render`, `oct thumbnail` and the traversal's self-check, over any node view.
+//! `oct render`, `oct thumbnail` and the traversal's self-check.
 
 use std::time::{Duration, Instant};
 

@@ -7,6 +7,7 @@
 
 use super::lattice::Triangle;
 use crate::format::normal;
+use crate::geom::dot;
 
 /// Added to a squared distance in lattice steps and taken away again, it rounds to 2^-28 voxel^2.
 const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
@@ -29,11 +30,6 @@ pub(crate) struct Facet {
     pub(super) low: [f64; 3],
     pub(super) high: [f64; 3],
     corners: Triangle,
-}
-
-#[inline(always)]
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The best triangle of a voxel so far: squared distance, and the normal towards the outside.

@@ -12,7 +12,8 @@
 //! | torus, 1 M; 10 M | 1.49; 6.42 | 1.29; 5.41 |
 
 use super::lattice::STEPS;
-use super::nearest::{Facet, dot};
+use super::nearest::Facet;
+use crate::geom::{cross, dot};
 
 /// Triangles whose area is below this part of what it could be, squared, say nothing: their normals are not known well
 /// enough.
@@ -29,11 +30,6 @@ pub(super) struct Prism {
 pub(super) struct Row {
     first: [f64; 4],
     step: [f64; 4],
-}
-
-#[inline(always)]
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 impl Prism {

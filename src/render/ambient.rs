@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use crate::geom::{add_scaled, cross, dot};
 use crate::load::ModelView;
 
 use super::around::Surroundings;
@@ -23,7 +24,7 @@ use super::form::Form;
 use super::leave;
 use super::picture::{Open, Painter};
 use super::ray::Ray;
-use super::space::{GridSpace, add_scaled, cross, dot};
+use super::space::GridSpace;
 use super::surface::Surface;
 use super::tile::{RAYS, TILE, Tile, Tracer};
 use super::traverse::{Hit, Trace};

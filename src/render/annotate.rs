@@ -5,7 +5,7 @@
 use super::Camera;
 use super::font::{self, HIGH, WIDE};
 use super::image::Image;
-use super::space::dot;
+use crate::geom::dot;
 
 /// Pixels of a picture's shorter side for each size of letters.
 const SIDE_A_SIZE: u32 = 320;

@@ -5,10 +5,8 @@
 //! or on the other side of a thin wall, there is another surface. Cost: a walk from the root that parts
 //! where the eight do, some microseconds a pixel; that is why it is a choice.
 
-use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
+use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex, dot};
 use crate::load::{ModelView, NodeView};
-
-use super::space::dot;
 
 /// Least cosine between the hit's normal and another that counts.
 const LEAST_COSINE: f64 = 0.5;

@@ -15,9 +15,8 @@
 
 use std::str::FromStr;
 
-use super::space::{add_scaled, cross, dot};
 use super::{CameraFault, RenderError};
-use crate::geom::angle;
+use crate::geom::{add_scaled, angle, cross, dot};
 
 /// How lines of sight run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -2,7 +2,9 @@
 
 use super::lanes::{Lanes, Portable};
 #[cfg(target_arch = "x86_64")]
-use super::lanes_x86::{Avx2, Avx512};
+use super::lanes_x86::Avx512;
+#[cfg(target_arch = "x86_64")]
+use crate::cpu::Avx2;
 
 /// A kernel that runs on any lanes; `#[inline(always)]` all the way down.
 pub(crate) trait LanesKernel {

@@ -8,29 +8,16 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
+use crate::cpu::Avx2;
+
 use super::form::LanesKernel;
 use super::lanes::{DOUBLES, Lanes, PLANE, REPEAT, SINGLES, Truths};
-
-/// Proof of AVX2, bit manipulation and population count.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Avx2(());
 
 /// Proof of those and of AVX-512 F and DQ.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx512(());
 
 impl Avx2 {
-    /// The proof, if this machine has the instructions.
-    #[inline]
-    pub(crate) fn detect() -> Option<Self> {
-        (is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2")
-            && is_x86_feature_detected!("lzcnt")
-            && is_x86_feature_detected!("popcnt"))
-        .then_some(Self(()))
-    }
-
     /// Runs a kernel compiled with these instructions.
     #[inline]
     pub(crate) fn run<K: LanesKernel>(self, kernel: K) -> K::Output {

@@ -1,7 +1,7 @@
 //! What a ray saw, and the normal that is shown there.
 
 use crate::format::normal;
-use crate::geom::{BoxIndex, NodeIndex, VoxelIndex};
+use crate::geom::{BoxIndex, NodeIndex, VoxelIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
 
 use super::around::Surroundings;
@@ -9,7 +9,7 @@ use super::blend;
 use super::cells::Cells;
 use super::facing::{self, tile::Stored};
 use super::ray::Face;
-use super::space::{GridSpace, add_scaled, dot};
+use super::space::GridSpace;
 use super::traverse::{Hit, Trace};
 
 /// Line of sight in the world: origin and direction.

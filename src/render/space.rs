@@ -1,6 +1,6 @@
 //! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
 
-use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant};
+use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant, dot};
 use crate::load::{ModelView, NodeView};
 
 use super::RenderError;
@@ -175,23 +175,6 @@ impl GridSpace {
         }
         if best.is_finite() { best } else { bound([0; 3], 1 << depth) }
     }
-}
-
-/// Scalar product.
-#[inline]
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Vector product.
-pub(crate) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// `a + s b`.
-#[inline]
-pub(crate) fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
-    [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 
 #[cfg(test)]

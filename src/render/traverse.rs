@@ -1,4 +1,5 @@
-//! The one traversal: the first skin voxel on a ray, exactly.
+//! What a ray hits first, by definition: in whole numbers, over any node view, without haste. Pictures are made by
+//! [`super::tile`], [`super::single`] and [`super::batch`], which are held to it.
 //!
 //! Cells are half-open in the direction of travel, so a ray is in exactly one cell at any time; the first
 //! hit is the cell that it is in at the first time when that cell is skin. Where a ray crosses planes of
@@ -67,9 +68,6 @@ pub fn step_limit(depth: u32) -> u32 {
 /// instead of checked.
 const PATH: usize = 32;
 
-/// 2^52: adding it to a number in 0..2^51 leaves that number, rounded to an integer, in the low bits.
-const ROUNDER: f64 = 4_503_599_627_370_496.0;
-
 /// `2^k` for k < 32, without the check for greater k.
 #[inline(always)]
 fn edge(k: u32) -> u32 {
@@ -80,16 +78,12 @@ fn edge(k: u32) -> u32 {
 struct Walk {
     origin: [i64; 3],
     direction: [i64; 3],
-    origin_f: [f64; 3],
-    direction_f: [f64; 3],
-    inverse: [f64; 3],
     sealed: bool,
 }
 
 impl Walk {
     /// Mirrors the axes along which the ray runs backwards; returns the mask of those axes, too.
     #[inline]
-    #[expect(clippy::cast_precision_loss, reason = "all below 2^53")]
     fn new(ray: &Ray, sealed: bool) -> (Self, u32) {
         let far = i64::from(edge(ray.depth())) << FRACTION_BITS;
         let (mut origin, mut direction) = (ray.origin(), ray.direction());
@@ -101,56 +95,13 @@ impl Walk {
                 mirror |= 1 << a;
             }
         }
-        let direction_f = direction.map(|d| d as f64);
-        let walk = Self {
-            origin,
-            direction,
-            origin_f: origin.map(|o| o as f64),
-            direction_f,
-            inverse: direction_f.map(|d| 1.0 / d),
-            sealed,
-        };
+        let walk = Self { origin, direction, sealed };
         (walk, mirror)
     }
 
     /// The cell that follows the box of edge `2^level` around `cell`.
-    ///
-    /// The decision is that of exact integers; floating point is only a filter. Let t be the exact time
-    /// of leaving. Its estimate has a relative error below 3 * 2^-53 (one division, one product, both
-    /// operands exact), and no coordinate exceeds 2^32 + 2^16 units at that time, so an estimated
-    /// coordinate is within 2^-16 unit of the true one. It is rounded to a whole unit. If the result is
-    /// not a multiple of 2^16, no plane of cells lies between estimate and truth, and the cell is
-    /// certain. The coordinate of an exit axis always rounds to its plane. Hence, when exactly one
-    /// coordinate is a multiple of 2^16, that is the one exit axis and all is certain; otherwise the
-    /// integers decide.
-    #[inline(always)]
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        reason = "cells are at most 2^16"
-    )]
-    fn next_cell(&self, cell: [u32; 3], level: u32) -> [u32; 3] {
-        let within = edge(level).wrapping_sub(1);
-        let plane = |a: usize| i64::from((cell[a] | within).wrapping_add(1)) << FRACTION_BITS;
-        let time = |a: usize| (plane(a) as f64 - self.origin_f[a]) * self.inverse[a];
-        let smaller = |a: f64, b: f64| if a < b { a } else { b };
-        let t = smaller(smaller(time(0), time(1)), time(2));
-        let units: [u64; 3] = std::array::from_fn(|a| {
-            (self.origin_f[a] + t * self.direction_f[a] + ROUNDER).to_bits() & ((1 << 40) - 1)
-        });
-        let on_plane = |a: usize| u32::from(units[a] & ((1 << FRACTION_BITS) - 1) == 0);
-        if on_plane(0) + on_plane(1) + on_plane(2) != 1 {
-            return self.next_cell_exact(cell, level);
-        }
-        let next = units.map(|u| (u >> FRACTION_BITS) as u32);
-        debug_assert_eq!(next, self.next_cell_exact(cell, level));
-        next
-    }
-
-    /// [`Walk::next_cell`] in integers alone.
-    #[cold]
     #[expect(clippy::cast_possible_truncation, reason = "cells are at most 2^16")]
-    fn next_cell_exact(&self, cell: [u32; 3], level: u32) -> [u32; 3] {
+    fn next_cell(&self, cell: [u32; 3], level: u32) -> [u32; 3] {
         let within = edge(level).wrapping_sub(1);
         let plane = |a: usize| i64::from((cell[a] | within).wrapping_add(1)) << FRACTION_BITS;
         let distance: [i64; 3] = std::array::from_fn(|a| plane(a).wrapping_sub(self.origin[a]));

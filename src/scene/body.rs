@@ -11,7 +11,7 @@
 //! has normals of one side only. Where no normals are stored, every hit counts as well, and the boxes on all sides of
 //! the start are left at once.
 
-use crate::geom::{Affine, Dims, VoxelIndex};
+use crate::geom::{Affine, Dims, VoxelIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
 use crate::render::batch::Batch;
 use crate::render::cells::Cells;
@@ -19,7 +19,6 @@ use crate::render::form::Form;
 use crate::render::leave::{REACH, leaving};
 use crate::render::ray::Ray;
 use crate::render::shown::{Line, Normals};
-use crate::render::space::{add_scaled, dot};
 use crate::render::surface::Skin;
 use crate::render::traverse::{Hit, Trace};
 use crate::render::{GridSpace, RenderError, single};

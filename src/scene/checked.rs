@@ -1,7 +1,7 @@
 //! Values of a scene's text: within their limits, or told with the key that they stand at.
 
+use crate::geom::dot;
 use crate::render::shade::linear;
-use crate::render::space::dot;
 
 use super::fault::{Key, SceneFault, Table};
 

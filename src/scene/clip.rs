@@ -1,6 +1,6 @@
 //! What is cut away from a body: all that is beyond some planes.
 
-use crate::render::space::dot;
+use crate::geom::dot;
 
 /// A convex part of the world: where `normal . p <= limit` for every plane.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,7 +1,7 @@
 //! Where light comes from.
 
+use crate::geom::{add_scaled, dot};
 use crate::render::Camera;
-use crate::render::space::{add_scaled, dot};
 
 /// A light.
 #[derive(Clone, Copy, Debug, PartialEq)]

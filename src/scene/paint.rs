@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use crate::geom::{add_scaled, dot};
 use crate::render::ambient::Sky;
 use crate::render::form::Form;
 use crate::render::image::Image;
@@ -15,7 +16,6 @@ use crate::render::picture::{check_size, depth_code, normal_code, pool};
 use crate::render::shade::Shader;
 use crate::render::shown::Line;
 use crate::render::sight::Sight;
-use crate::render::space::{add_scaled, dot};
 use crate::render::surface::Skin;
 use crate::render::tile::{RAYS, TILE, Tile, Tracer};
 use crate::render::{Camera, RenderError};

@@ -1,9 +1,8 @@
 //! From the text of a scene to checked values.
 
-use crate::geom::Affine;
+use crate::geom::{Affine, add_scaled, dot};
 use crate::render::NamedView;
 use crate::render::ambient::MOST_RAYS;
-use crate::render::space::{add_scaled, dot};
 
 use super::checked::{Checked, FAR};
 use super::clip::{Clip, Plane};

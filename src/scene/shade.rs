@@ -3,11 +3,11 @@
 //! Where a body is clear, a line goes on in two; so lines wait in a list, each with its share of the picture's point,
 //! and are dropped where that share is too small to be seen, or where they have been thrown back or bent too often.
 
+use crate::geom::{add_scaled, dot};
 use crate::render::Camera;
 use crate::render::ambient::{Sky, beside};
 use crate::render::around::Surroundings;
 use crate::render::shown::Line;
-use crate::render::space::{add_scaled, dot};
 use crate::render::traverse::{Hit, Trace};
 
 use super::body::{Met, Side, Start};

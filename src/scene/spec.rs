@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::geom::Affine;
-use crate::render::space::add_scaled;
+use crate::geom::{Affine, add_scaled};
 use crate::render::{NamedView, Projection};
 
 use super::clip::Clip;

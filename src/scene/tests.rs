@@ -6,11 +6,10 @@ use super::body::{Body, Met, Side, Start};
 use super::world::World;
 use super::*;
 use crate::format::SurfaceKind;
-use crate::geom::{Affine, Dims};
+use crate::geom::{Affine, Dims, add_scaled, dot};
 use crate::load::{Model, ModelView};
 use crate::random::Random;
 use crate::render::form::Form;
-use crate::render::space::{add_scaled, dot};
 use crate::volume::Voxels;
 use crate::{BuildOptions, Threshold};
 

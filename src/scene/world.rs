@@ -1,10 +1,10 @@
 //! All bodies together: the nearest that a line meets, and how much light comes through.
 
+use crate::geom::dot;
 use crate::render::batch::Batch;
 use crate::render::form::Form;
 use crate::render::ray::Ray;
 use crate::render::shown::Line;
-use crate::render::space::dot;
 use crate::render::traverse::Hit;
 
 use super::body::{Body, Met, Part, Side, Start, Way};

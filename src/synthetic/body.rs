@@ -3,11 +3,12 @@
 //! Lengths are in *units*: the finest distance of two samples. The origin is the low corner of the volume.
 
 use super::lattice::Lattice;
-#[cfg(test)]
-use super::math::dot;
-use super::math::{Vector, along, minus, unit};
+use super::math::{Vector, minus, unit};
 use super::smooth::{Smooth, Turn};
 use super::wave::Wave;
+use crate::geom::add_scaled;
+#[cfg(test)]
+use crate::geom::dot;
 
 /// The nearest point of a surface, as seen from some place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,7 +98,7 @@ impl Body {
         let direction = unit(direction);
         let mut t = 0.0;
         for _ in 0..MOST_STEPS {
-            let distance = self.safe_distance(along(origin, t, direction));
+            let distance = self.safe_distance(add_scaled(origin, t, direction));
             if distance <= ARRIVED {
                 return Some(t);
             }

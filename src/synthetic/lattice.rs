@@ -1,7 +1,8 @@
 //! Bodies made of the cubes of a lattice: what is hard for an octree, for labels and for memory.
 
 use super::body::TrueSurface;
-use super::math::{Vector, dot, hash, unit};
+use super::math::{Vector, hash, unit};
+use crate::geom::dot;
 
 /// Cubes of one size; a cube is in or out.
 #[derive(Clone, Copy, Debug)]

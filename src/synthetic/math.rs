@@ -5,20 +5,13 @@
 
 use std::sync::LazyLock;
 
+use crate::geom::dot;
+
 /// A point or a vector.
 pub(super) type Vector = [f64; 3];
 
-pub(super) fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 pub(super) fn minus(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-/// `a + s b`.
-pub(super) fn along(a: Vector, s: f64, b: Vector) -> Vector {
-    [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]]
 }
 
 /// A vector of length 1; the x axis in the place of a null vector.

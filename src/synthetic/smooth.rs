@@ -1,6 +1,7 @@
 //! Bodies with a distance in closed form, each about the origin of its own frame.
 
-use super::math::{Vector, dot, sin_cos, unit};
+use super::math::{Vector, sin_cos, unit};
+use crate::geom::dot;
 
 /// A body about the origin; lengths in units.
 #[derive(Clone, Copy, Debug)]

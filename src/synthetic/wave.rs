@@ -1,7 +1,8 @@
 //! Bodies below a level of a wave: the gyroid, and the signal of Marschner and Lobb (1994).
 
 use super::body::TrueSurface;
-use super::math::{Vector, along, dot, minus, sin_cos};
+use super::math::{Vector, minus, sin_cos};
+use crate::geom::{add_scaled, dot};
 
 /// A wave through the whole volume; inside is where its value is at most 0.
 #[derive(Clone, Copy, Debug)]
@@ -88,9 +89,9 @@ impl Wave {
             }
             let length = square.sqrt();
             normal = slope.map(|c| c / length);
-            let onto = along(foot, -value / square, slope);
+            let onto = add_scaled(foot, -value / square, slope);
             let way = minus(p, onto);
-            let next = along(onto, pull, along(way, -dot(way, normal), normal));
+            let next = add_scaled(onto, pull, add_scaled(way, -dot(way, normal), normal));
             let moved = minus(next, foot);
             foot = next;
             if dot(moved, moved) < 1e-24 {
@@ -146,7 +147,7 @@ mod tests {
                     continue;
                 }
                 let found = wave.surface(p);
-                let foot = along(p, -found.distance, found.normal);
+                let foot = add_scaled(p, -found.distance, found.normal);
                 assert!(wave.value_and_slope(foot).0.abs() < 1e-9, "{wave:?} {p:?} {found:?}");
                 assert!(cosine(wave.value_and_slope(foot).1, found.normal) > 1.0 - 1e-9);
                 assert!(found.distance.abs() < 1.0, "{wave:?} {p:?} {found:?}");

@@ -1,10 +1,50 @@
 //! Samples between two others.
 
-use super::ScalarType;
+use std::ops::Range;
+
+use super::{ScalarType, VolumeInfo};
+
+/// Bytes of the second neighbour that are held while rows between two slices are made, where a row is not longer.
+const NEIGHBOUR_BYTES: usize = 64 << 10;
+
+/// Bytes that [`blend_rows`] holds for whole rows of a volume.
+pub(crate) fn neighbour_bytes(info: &VolumeInfo) -> u64 {
+    NEIGHBOUR_BYTES.max(info.dims.nx() as usize * info.scalar.bytes()) as u64
+}
+
+/// Moves rows of one slice, of so many columns, a part of the way to those of another, which `read` gives some rows at
+/// a time.
+///
+/// # Errors
+/// Those of `read`.
+pub(crate) fn blend_rows<E>(
+    scalar: ScalarType,
+    part: f64,
+    rows: Range<u32>,
+    cols: usize,
+    out: &mut [u8],
+    mut read: impl FnMut(Range<u32>, &mut [u8]) -> Result<(), E>,
+) -> Result<(), E> {
+    let row_bytes = cols * scalar.bytes();
+    if row_bytes == 0 || rows.is_empty() {
+        return Ok(());
+    }
+    let many = (NEIGHBOUR_BYTES / row_bytes).clamp(1, rows.len());
+    let mut others = vec![0; many * row_bytes];
+    let mut first = rows.start;
+    for own in out.chunks_mut(many * row_bytes) {
+        let end = first + u32::try_from(own.len() / row_bytes).unwrap_or(0);
+        let other = others.get_mut(..own.len()).unwrap_or_default();
+        read(first..end, other)?;
+        blend(scalar, own, other, part);
+        first = end;
+    }
+    Ok(())
+}
 
 /// Replaces each sample by that which lies `part` (0 to 1) of the way to its neighbour; integers are
 /// rounded half away from zero. Both are in native byte order and equally long.
-pub(crate) fn blend(scalar: ScalarType, own: &mut [u8], other: &[u8], part: f64) {
+fn blend(scalar: ScalarType, own: &mut [u8], other: &[u8], part: f64) {
     match scalar {
         ScalarType::U8 => each::<u8>(own, other, part),
         ScalarType::I8 => each::<i8>(own, other, part),

@@ -2,12 +2,10 @@
 
 use std::ops::Range;
 
-use super::{Noted, SourceError, VolumeInfo, VolumeSource, Wrapper, blend};
+use super::blend::{blend_rows, neighbour_bytes};
+use super::{Noted, SourceError, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Note;
 use crate::geom::Dims;
-
-/// Bytes of the second neighbour that are held while a missing slice is made, where a row is not longer.
-const NEIGHBOUR_BYTES: usize = 64 << 10;
 
 /// Slices of another volume and, between them, slices made of their two neighbours: linear in what is delivered,
 /// integers rounded half away from zero.
@@ -65,7 +63,7 @@ impl Wrapper for Filled {
     }
 
     fn own_bytes(&self) -> u64 {
-        NEIGHBOUR_BYTES.max(self.info.dims.nx() as usize * self.info.scalar.bytes()) as u64
+        neighbour_bytes(&self.info)
     }
 
     fn own_rows(
@@ -78,20 +76,11 @@ impl Wrapper for Filled {
         // A slice out of range is refused by the volume behind.
         let (at, part) = self.places.get(z as usize).copied().unwrap_or((u32::MAX, 0.0));
         self.source.read_rows(at, rows.clone(), cols.clone(), out)?;
-        let row_bytes = cols.len() * self.info.scalar.bytes();
-        if part == 0.0 || row_bytes == 0 || rows.is_empty() {
+        if part == 0.0 {
             return Ok(());
         }
-        let many = (NEIGHBOUR_BYTES / row_bytes).clamp(1, rows.len());
-        let mut beside = vec![0; many * row_bytes];
-        let mut first = rows.start;
-        for own in out.chunks_mut(many * row_bytes) {
-            let end = first + u32::try_from(own.len() / row_bytes).unwrap_or(0);
-            let other = beside.get_mut(..own.len()).unwrap_or_default();
-            self.source.read_rows(at + 1, first..end, cols.clone(), other)?;
-            blend(self.info.scalar, own, other, part);
-            first = end;
-        }
-        Ok(())
+        blend_rows(self.info.scalar, part, rows, cols.len(), out, |rows, other| {
+            self.source.read_rows(at + 1, rows, cols.clone(), other)
+        })
     }
 }

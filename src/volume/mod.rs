@@ -30,7 +30,7 @@ mod watched;
 mod wrapper;
 
 pub use crate::facts::{Note, SourceError};
-pub(crate) use blend::blend;
+pub(crate) use blend::{blend_rows, neighbour_bytes};
 pub(crate) use block::{check_request, read_block};
 pub use crop::Crop;
 pub use description::{ImageKind, SourceDescription, Treatment};

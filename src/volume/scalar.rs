@@ -66,9 +66,10 @@ impl fmt::Display for ScalarType {
 }
 
 /// Byte order of samples in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Endian {
     /// Least significant byte first.
+    #[default]
     Little,
     /// Most significant byte first.
     Big,

@@ -5,7 +5,7 @@
 //! The bounds are those of a marching-cubes mesh of the same samples at 192^3, cast by the same kind of rays.
 //! The test runs at a smaller size; `scripts/cells_mesh.py` runs it at that one, makes the meshes and casts them
 //! by the very same rays: samples and rays are written into the folder `INFOBYTE_CELLS_MESH`, and the mesh's hits
-//! are read from there. `scripts/cells_accuracy.sh` needs no mesh, and compares with the figures below.
+//! are read from there. `INFOBYTE_CELLS_SIDE=192` alone needs no mesh.
 
 use crate::common::bodies;
 

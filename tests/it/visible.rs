@@ -1,7 +1,7 @@
 //! What cannot be seen is left out, and no ray from there meets anything else than before. Would break: a wall that
 //! is missing where a ray slips between two voxels, a model that hangs on the budget, inner walls that stay.
 //!
-//! `INFOBYTE_HARD` is how many times as many rays are tried; `scripts/visible.sh` tries ten million.
+//! `INFOBYTE_HARD` is how many times as many rays are tried: 20,000 each time, so that 500 tries ten million.
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "samples are clamped to bytes")]
 

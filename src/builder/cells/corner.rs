@@ -2,6 +2,10 @@
 
 use crate::format::normal;
 
+/// Pulls a fitted plane towards the direction that it is sought near, in square voxels. Batches fit in single
+/// precision, single cells in double: sums of either decide stored bytes, so that neither can take the other's place.
+pub(super) const TOWARDS_GUESS: f64 = 0.05;
+
 /// How far a plane may cover an outside corner, in voxels of the index space.
 pub(super) const TOLERANCE: f32 = 0.1;
 

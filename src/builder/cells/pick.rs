@@ -6,19 +6,17 @@
 //! more than [`TOLERANCE`], there are two surfaces in the cell: it keeps its corners. So does a long cell in which
 //! the surface strays from the plane ([`super::stretch`]).
 
-use super::corner::{EDGES, TOLERANCE, encode, outward, signed_depth};
+use super::corner::{EDGES, TOLERANCE, TOWARDS_GUESS, encode, outward, signed_depth};
 use super::field::Field;
 use super::label;
 use super::stretch::{Fit, Stretch};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
+use crate::geom::{cross, dot};
 
 /// How far the plane of a cell between two values may cover an outside corner: the surface may lie anywhere
 /// between the samples.
 const LABEL_TOLERANCE: f32 = 0.5;
-
-/// Pulls a fitted plane towards the direction that it is sought near, in square voxels.
-const TOWARDS_GUESS: f64 = 0.05;
 
 /// Mean of the crossings of a cell's edges, in voxels from its middle.
 #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
@@ -321,14 +319,6 @@ impl Crossings {
         let (a, b) = ((r1 * s22 - r2 * s12) / determinant, (r2 * s11 - r1 * s12) / determinant);
         Some(std::array::from_fn(|i| g[i] + a * e1[i] + b * e2[i]))
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 fn unit(v: [f64; 3]) -> Option<[f64; 3]> {

@@ -5,14 +5,11 @@
 //! those outside. The plane nearest to the crossings is taken, be it the smooth one. What still covers an outside
 //! corner is left to [`super::pick`], as are cells that no plane separates.
 
-use super::corner::EDGES;
+use super::corner::{EDGES, TOWARDS_GUESS};
 use super::fit::{BATCH, Fitted, fit_plane};
 use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
-
-/// Pulls a fitted plane towards the direction that it is sought near, in square voxels.
-const TOWARDS_GUESS: f32 = 0.05;
 
 /// Cells of a batch that wait for a closer look, one value of each in every array.
 pub(super) struct Sharp {
@@ -216,10 +213,9 @@ fn fit_near(s: &mut Sharp, len: usize) {
             (s.normal[a][i], basis[0][a][i], basis[1][a][i]) = (g[a], e1[a], e2[a]);
         }
     }
-    let mut sums = Sums {
-        square: [[TOWARDS_GUESS; BATCH], [0.0; BATCH], [TOWARDS_GUESS; BATCH]],
-        across: [[0.0; BATCH]; 2],
-    };
+    #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
+    let held = TOWARDS_GUESS as f32;
+    let mut sums = Sums { square: [[held; BATCH], [0.0; BATCH], [held; BATCH]], across: [[0.0; BATCH]; 2] };
     for (t, edge) in s.crossing.iter().zip(EDGES) {
         add_edge(edge, t, &s.mean, &s.normal, &basis, &mut sums, len);
     }

@@ -4,10 +4,10 @@
 
 use super::{Face, Rows};
 use crate::builder::{Cover, VoxelBox};
-use crate::csg::place::{centre, cross, dot, point};
+use crate::csg::place::{centre, point};
 use crate::csg::tree::Faces;
 use crate::facts::CsgFault;
-use crate::geom::Affine;
+use crate::geom::{Affine, cross, dot};
 use crate::mesh::{
     Census, Closed, Crossings, Facet, MOST_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice, span, turned,
 };

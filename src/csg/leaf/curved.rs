@@ -15,8 +15,9 @@
 
 use super::{Face, Rows};
 use crate::builder::Cover;
-use crate::csg::place::{centre, dot};
+use crate::csg::place::centre;
 use crate::csg::wide::{square, sum};
+use crate::geom::dot;
 use crate::mesh::STEPS;
 
 /// Parts of a ratio of radii.

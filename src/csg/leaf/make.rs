@@ -4,10 +4,10 @@ use super::curved::tube_parts;
 use super::{Ball, Block, Body, Curved, Half, Leaf, Round};
 use crate::csg::facets;
 use crate::csg::offset::MOST_TUBE;
-use crate::csg::place::{cross, dot, point, whole};
+use crate::csg::place::{point, whole};
 use crate::csg::tree::Shape;
 use crate::facts::CsgFault;
-use crate::geom::Affine;
+use crate::geom::{Affine, cross, dot};
 use crate::mesh::MOST_VOXELS;
 
 /// Axes that are as long as each other, and at right angles, but for this part of their length make a sphere.

@@ -3,8 +3,10 @@
 use std::fmt;
 
 /// Encoding of a file's elements and pixels.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum TransferSyntax {
+    /// DICOM's default: no VR in the file.
+    #[default]
     ImplicitLe,
     ExplicitLe,
     ExplicitBe,

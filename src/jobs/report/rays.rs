@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::rows::{Errors, Metric};
 use crate::error::Error;
 use crate::format::normal;
-use crate::geom::{BoxIndex, Dims, VoxelIndex};
+use crate::geom::{BoxIndex, Dims, VoxelIndex, dot};
 use crate::load::{Model, ModelView, NodeView};
 use crate::render::cells::Cells;
 use crate::render::form::Form;
@@ -264,10 +264,6 @@ impl Found {
         }
         errors
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Angle between two vectors in degrees, by the polynomial of the arc tangent that rounds alike everywhere: errors are

@@ -1,10 +1,7 @@
 //! The nearest point of a triangle, and how many texels lie on a voxel there.
 
 use super::super::lattice::{STEPS, Triangle};
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
+use crate::geom::dot;
 
 /// The corners' weights at the triangle's point nearest to `p` (Ericson 2005, 5.1.5).
 #[expect(clippy::cast_possible_truncation, reason = "weights are in single precision")]

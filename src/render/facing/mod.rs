@@ -16,11 +16,11 @@
 mod plane;
 pub(super) mod tile;
 
+use crate::geom::dot;
 use crate::load::ModelView;
 
 use super::around::Surroundings;
 use super::ray::Face;
-use super::space::dot;
 use plane::{Around, nearest_plane};
 
 /// How far two stored normals are apart that agree, as the sum of the differences of their parts, whose sizes add

@@ -50,7 +50,7 @@ pub struct PixelData {
 }
 
 /// How elements are written at some place of a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Encoding {
     /// Does each element state its VR?
     pub explicit: bool,
@@ -124,7 +124,7 @@ impl Places {
 /// What one DICOM file says of its image; `None` where an element is missing or illegible.
 ///
 /// No patient data is kept: no names, no numbers of patients, no dates, no free text.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DicomHeader {
     /// How elements and pixels are encoded.
     pub transfer_syntax: TransferSyntax,
@@ -246,65 +246,8 @@ pub struct DicomHeader {
 
 impl DicomHeader {
     pub(crate) fn new(transfer_syntax: TransferSyntax) -> Self {
-        Self {
-            transfer_syntax,
-            sop_class: String::new(),
-            study_uid: String::new(),
-            series_uid: String::new(),
-            image_type: String::new(),
-            modality: String::new(),
-            photometric: String::new(),
-            series_number: None,
-            instance_uid: String::new(),
-            acquisition: None,
-            instance: None,
-            samples: None,
-            planar: None,
-            rows: None,
-            columns: None,
-            bits_allocated: None,
-            bits_stored: None,
-            high_bit: None,
-            pixel_representation: None,
-            frames: None,
-            frame_increment: None,
-            position: None,
-            orientation: None,
-            pixel_spacing: None,
-            slice_thickness: None,
-            spacing_between: None,
-            slope: None,
-            intercept: None,
-            dose_scaling: None,
-            padding: None,
-            padding_limit: None,
-            float_padding: None,
-            float_padding_limit: None,
-            echo_time: None,
-            echo_number: None,
-            repetition_time: None,
-            inversion_time: None,
-            flip_angle: None,
-            trigger_time: None,
-            temporal_position: None,
-            b_value: None,
-            complex_component: String::new(),
-            gradient: None,
-            cardiac_phase: None,
-            acquisition_time: None,
-            private: Private::default(),
-            frame_reference_time: None,
-            burned_in: false,
-            converted: false,
-            modality_lut: false,
-            not_finite: None,
-            tiled: false,
-            total_matrix: [None; 2],
-            encoding: Encoding { explicit: true, endian: Endian::Little },
-            dataset: 0,
-            places: Places::default(),
-            pixels: None,
-        }
+        let encoding = Encoding { explicit: true, endian: Endian::Little };
+        Self { transfer_syntax, encoding, ..Self::default() }
     }
 
     /// What the object is, in words without patient data: `CT image`, `DICOMDIR`, ...

@@ -1,13 +1,13 @@
 //! Orders the images of a group by position and judges whether they form a volume
 //! (PS3.3 C.7.6.2; `x` runs along a row, `y` down the columns, `z` along `x` x `y`).
 
-use super::axes::{count, directions, dot};
+use super::axes::{count, directions};
 use super::gaps::{Grid, judge_gaps, with_empty_slices};
 use super::group::{Group, Shared, Slice};
 use super::layer::{Layer, Stack};
 use super::mosaic;
 use crate::facts::dicom::{DicomNote, ImageName, SeriesFault, SliceOrder};
-use crate::geom::Affine;
+use crate::geom::{Affine, dot};
 use crate::source::GapPolicy;
 
 /// Tilt in degrees from which it is worth a sentence.

@@ -1,5 +1,7 @@
 //! Directions of rows and columns, and the normal on both.
 
+use crate::geom::{cross, dot};
+
 /// `axial`, `coronal` or `sagittal`, by the nearest axis of the patient.
 pub(crate) fn plane(orientation: [f64; 6]) -> Option<&'static str> {
     let (_, _, normal) = directions(orientation)?;
@@ -28,14 +30,6 @@ pub(crate) fn directions(axes: [f64; 6]) -> Option<([f64; 3], [f64; 3], [f64; 3]
     let normal = cross(row, column);
     let length = dot(normal, normal).sqrt();
     Some((row, column, normal.map(|c| c / length)))
-}
-
-pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[expect(clippy::cast_precision_loss, reason = "numbers of slices are far below 2^53")]

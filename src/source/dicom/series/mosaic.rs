@@ -14,10 +14,10 @@
 //!
 //! An enhanced image has frames of its own and is no mosaic, whatever it says.
 
-use super::axes::{directions, dot};
+use super::axes::directions;
 use super::layer::{Layer, Stack};
 use crate::facts::dicom::{CsaFault, DicomNote, MosaicFault, SeriesFault, TransferSyntax};
-use crate::geom::Affine;
+use crate::geom::{Affine, dot};
 use crate::source::dicom::parse::csa::{self, Csa};
 use crate::source::dicom::parse::deflated::Inflated;
 use crate::source::dicom::parse::element::Parser;

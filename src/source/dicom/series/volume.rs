@@ -17,18 +17,14 @@ use crate::source::dicom::image::unroll::{FrameSink, unroll};
 use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileSet;
 use crate::volume::Spool;
-use crate::volume::blend;
 use crate::volume::{
     ImageKind, Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
     Workspace,
 };
-use crate::volume::{check_request, read_block};
+use crate::volume::{blend_rows, check_request, neighbour_bytes, read_block};
 
 /// Physical value that stands for padding in CT (air, in HU); elsewhere it is 0.
 const CT_BACKGROUND: f64 = -1000.0;
-
-/// Bytes of the second neighbour that are held while a missing slice is made.
-const NEIGHBOUR_BYTES: usize = 64 << 10;
 
 /// A DICOM series, uncompressed images read by position, others unrolled first.
 ///
@@ -274,33 +270,6 @@ impl DicomVolume {
         Ok(())
     }
 
-    /// Rows of a slice that lies so much of the way from one image to another.
-    fn read_between(
-        &self,
-        [from, to]: [usize; 2],
-        part: f64,
-        rows: &Range<u32>,
-        cols: &Range<u32>,
-        out: &mut [u8],
-    ) -> io::Result<()> {
-        let row_bytes = cols.len() * self.info.scalar.bytes();
-        if row_bytes == 0 || rows.is_empty() {
-            return Ok(());
-        }
-        self.read_place(from, 0, rows, cols, out)?;
-        let many = (NEIGHBOUR_BYTES / row_bytes).clamp(1, rows.len());
-        let mut beside = vec![0; many * row_bytes];
-        let mut first = rows.start;
-        for own in out.chunks_mut(many * row_bytes) {
-            let end = first + u32::try_from(own.len() / row_bytes).unwrap_or(0);
-            let other = beside.get_mut(..own.len()).unwrap_or(&mut []);
-            self.read_place(to, 0, &(first..end), cols, other)?;
-            blend(self.info.scalar, own, other, part);
-            first = end;
-        }
-        Ok(())
-    }
-
     /// The file of a slice, for messages.
     fn file_of(&self, z: u32) -> usize {
         let place = match self.layer(z) {
@@ -471,7 +440,13 @@ impl VolumeSource for DicomVolume {
                 out.fill(0);
                 Ok(())
             }
-            Some(Layer::Between(from, to, part)) => self.read_between([from, to], part, &rows, &cols, out),
+            Some(Layer::Between(from, to, part)) => {
+                self.read_place(from, 0, &rows, &cols, out).and_then(|()| {
+                    blend_rows(self.info.scalar, part, rows, cols.len(), out, |rows, other| {
+                        self.read_place(to, 0, &rows, &cols, other)
+                    })
+                })
+            }
             None => Err(io::ErrorKind::InvalidInput.into()),
         }
         .map_err(failed)
@@ -479,7 +454,6 @@ impl VolumeSource for DicomVolume {
 
     fn resident_bytes(&self) -> u64 {
         let makes = self.layers.iter().any(|l| matches!(l, Layer::Between(..)));
-        let row = self.info.dims.nx() as usize * self.info.scalar.bytes();
-        if makes { NEIGHBOUR_BYTES.max(row) as u64 } else { 0 }
+        if makes { neighbour_bytes(&self.info) } else { 0 }
     }
 }
