@@ -9,6 +9,7 @@ use infobyte::format::SectionKind;
 use infobyte::load::Model;
 use serde_json::Value;
 
+use crate::common::volume::write_raw;
 use crate::common::{command, dicom, random};
 
 use command::{oct, smallest_budget, text};
@@ -19,27 +20,18 @@ use random::Random;
 fn waves(path: &Path, dims: [u32; 3], seed: u64) {
     let mut random = Random(seed);
     let scale = dims.map(|n| 9.0 / f64::from(n.max(40)));
-    let mut bytes = Vec::new();
-    for z in 0..dims[2] {
-        for y in 0..dims[1] {
-            for x in 0..dims[0] {
-                let [a, b, c] = [x, y, z].map(f64::from);
-                let wave = (a * scale[0]).sin() + (b * scale[1] + 1.0).cos() + (c * scale[2] * 1.3).sin();
-                let salt = if random.below(500) == 0 { 900.0 } else { 0.0 };
-                #[expect(clippy::cast_possible_truncation, reason = "between -3000 and 3900")]
-                bytes.extend(((wave * 1000.0 + salt) as i16).to_le_bytes());
-            }
-        }
-    }
-    fs::write(path, bytes).unwrap();
+    write_raw(path, dims, |at| {
+        let [a, b, c] = at.map(f64::from);
+        let wave = (a * scale[0]).sin() + (b * scale[1] + 1.0).cos() + (c * scale[2] * 1.3).sin();
+        let salt = if random.below(500) == 0 { 900.0 } else { 0.0 };
+        #[expect(clippy::cast_possible_truncation, reason = "between -3000 and 3900")]
+        let sample = (wave * 1000.0 + salt) as i16;
+        sample.to_le_bytes()
+    });
 }
 
 fn build(input: &[PathBuf], output: &Path, extra: &[&str]) -> command::Run {
-    let mut args = vec!["build".to_owned()];
-    args.extend(input.iter().map(|p| text(p)));
-    args.extend(["-o".to_owned(), text(output), "--json".to_owned()]);
-    args.extend(extra.iter().map(|s| (*s).to_owned()));
-    oct(&args)
+    command::build(input, output, &[&["--json"], extra].concat())
 }
 
 fn number(report: &Value, key: &str) -> u64 {

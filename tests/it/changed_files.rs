@@ -16,22 +16,17 @@ use infobyte::progress::{Progress, Silent};
 use infobyte::{BuildOptions, ExitKind, Threshold};
 
 use crate::common::command;
+use crate::common::volume::write_raw;
 
 use command::{binary, names, oct, text};
 
 /// A raw volume with its header: a ball, x fastest.
 fn ball(folder: &Path, side: u32) -> PathBuf {
-    let mut bytes = Vec::new();
     let middle = f64::from(side) / 2.0;
-    for z in 0..side {
-        for y in 0..side {
-            for x in 0..side {
-                let d = [x, y, z].map(|c| (f64::from(c) - middle).powi(2)).iter().sum::<f64>().sqrt();
-                bytes.push(if d < middle * 0.8 { 200 } else { 3 });
-            }
-        }
-    }
-    fs::write(folder.join("ball.raw"), bytes).unwrap();
+    write_raw(&folder.join("ball.raw"), [side; 3], |at| {
+        let d = at.map(|c| (f64::from(c) - middle).powi(2)).iter().sum::<f64>().sqrt();
+        [if d < middle * 0.8 { 200_u8 } else { 3 }]
+    });
     let header = folder.join("ball.nhdr");
     let text = format!(
         "NRRD0004\ntype: uchar\ndimension: 3\nsizes: {side} {side} {side}\nencoding: raw\ndata file: ball.raw\n\n"

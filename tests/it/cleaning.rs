@@ -9,6 +9,7 @@ use infobyte::format::{Channel, SectionKind};
 use infobyte::load::Model;
 use serde_json::Value;
 
+use crate::common::volume::write_raw;
 use crate::common::{command, random};
 
 use command::{measured_build, oct, smallest_budget, text};
@@ -16,21 +17,13 @@ use random::Random;
 
 /// Writes 16-bit samples that are a function of their place.
 fn write(path: &Path, dims: [i32; 3], mut value: impl FnMut([i32; 3]) -> i16) {
-    let mut bytes = Vec::new();
-    for z in 0..dims[2] {
-        for y in 0..dims[1] {
-            (0..dims[0]).for_each(|x| bytes.extend(value([x, y, z]).to_le_bytes()));
-        }
-    }
-    fs::write(path, bytes).unwrap();
+    let mut sample = |at: [u32; 3]| value(at.map(u32::cast_signed)).to_le_bytes();
+    write_raw(path, dims.map(i32::cast_unsigned), &mut sample);
 }
 
 fn build(input: &Path, output: &Path, dims: [i32; 3], dtype: &str, extra: &[&str]) -> command::Run {
     let size = dims.map(|n| n.to_string()).join("x");
-    let mut args = vec!["build".to_owned(), text(input), "-o".to_owned(), text(output)];
-    args.extend(["--json", "--dims", &size, "--dtype", dtype].map(str::to_owned));
-    args.extend(extra.iter().map(|s| (*s).to_owned()));
-    oct(&args)
+    command::build(&[input], output, &[&["--json", "--dims", &size, "--dtype", dtype], extra].concat())
 }
 
 fn section(path: &Path, kind: SectionKind) -> Vec<u8> {

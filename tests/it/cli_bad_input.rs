@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use tempfile::TempDir;
 
+use crate::common::volume::write_raw;
 use crate::common::{command, random};
 use command::{Run, binary, names, oct, shell, smallest_budget, text};
 use random::Random;
@@ -55,8 +56,7 @@ impl Stage {
 
     /// `oct build INPUT -o out/m.oct EXTRA`.
     fn build(&self, input: &Path, extra: &[&str]) -> Run {
-        let (input, output) = (text(input), text(&self.output()));
-        oct(&[&["build", &input, "-o", &output], extra].concat())
+        command::build(&[input], &self.output(), extra)
     }
 
     /// The folder of the output holds the old model and nothing else.
@@ -76,19 +76,13 @@ impl Stage {
 
 /// A sound model of a small ball.
 fn model(folder: &Path) -> PathBuf {
-    let mut bytes = Vec::new();
-    for z in 0..20_i32 {
-        for y in 0..20_i32 {
-            for x in 0..20_i32 {
-                let d = (x - 9).pow(2) + (y - 10).pow(2) + (z - 8).pow(2);
-                bytes.push(u8::try_from((160 - d).clamp(0, 255)).unwrap());
-            }
-        }
-    }
     let (raw, path) = (folder.join("ball.raw"), folder.join("ball.oct"));
-    fs::write(&raw, bytes).unwrap();
-    let (input, output) = (text(&raw), text(&path));
-    let run = oct(&["build", &input, "-o", &output, "--dims", "20x20x20", "--dtype", "u8", "--iso", "100"]);
+    write_raw(&raw, [20; 3], |at| {
+        let [x, y, z] = at.map(u32::cast_signed);
+        let d = (x - 9).pow(2) + (y - 10).pow(2) + (z - 8).pow(2);
+        [u8::try_from((160 - d).clamp(0, 255)).unwrap()]
+    });
+    let run = command::build(&[raw], &path, &["--dims", "20x20x20", "--dtype", "u8", "--iso", "100"]);
     assert_eq!(run.code, 0, "{run:?}");
     path
 }

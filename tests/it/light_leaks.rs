@@ -2,10 +2,10 @@
 //! noise. Rays go along axes, along diagonals and through samples exactly, and from anywhere to anywhere. If this
 //! fails, models have pinholes through which light falls.
 //!
-//! `INFOBYTE_LEAK_RAYS` and `INFOBYTE_LEAK_TURNS` ask for more rays a surface and more orientations, and
-//! `INFOBYTE_LEAK_SEED` for others; `scripts/light_leaks.sh` runs 10^7 rays at 1,000 orientations.
+//! With INFOBYTE_LONG=N so many times as many rays and orientations are tried; 63 are 10^7 rays at 1,000 orientations.
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
+use crate::common::long;
 use crate::common::{bodies, random};
 
 use bodies::{Body, ISO, Scan, scan};
@@ -18,10 +18,6 @@ use infobyte::render::single;
 use infobyte::render::surface::Skin;
 use infobyte::{Affine, BuildOptions, Dims, Model, Threshold, VolumeSource, Voxels};
 use random::Random;
-
-fn number(name: &str, usual: u32) -> u32 {
-    std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(usual)
-}
 
 /// Directions whose components divide by the longest without a rest in binary: rays along them go through samples
 /// exactly.
@@ -160,12 +156,11 @@ fn passed(voxels: &Voxels<u16>, surface: SurfaceKind, rays: u32, random: &mut Ra
 
 #[test]
 fn no_ray_passes_from_outside_to_a_point_inside() {
-    let (rays, turns) = (number("INFOBYTE_LEAK_RAYS", 160_000), number("INFOBYTE_LEAK_TURNS", 16));
-    let first = u64::from(number("INFOBYTE_LEAK_SEED", 0)) << 32;
+    let (rays, turns) = (160_000 * long(), 16 * long());
     for surface in [SurfaceKind::Cells, SurfaceKind::Skin] {
         let mut found = 0;
         for turn in 0..turns {
-            let mut random = Random(first + u64::from(turn));
+            let mut random = Random(u64::from(turn));
             let body = turned(&mut random, 26.0);
             let body = scan(&body, 26, Scan { spread: 0.8, thick: 1, noise: 0.0 });
             // Cells far longer than wide keep their corners where the surface bends, next to others with planes.

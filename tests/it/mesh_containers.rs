@@ -1,6 +1,7 @@
 //! glTF and 3MF hold meshes within descriptions: what these say of places, units and parts gives the same model as
 //! the triangles written out, and whatever else they say is refused in a sentence, in time and within memory.
 
+use crate::common::long;
 use crate::common::models::{exact_grid, on_grid, put, share};
 use crate::common::{containers, meshes, random};
 
@@ -264,7 +265,7 @@ const TREE: &str = "difference() {
 }
 ";
 
-/// With INFOBYTE_MESH_CHANGES=N every format of meshes and trees is changed at N places, and figures are printed.
+/// In long runs every format of meshes and trees is changed, and figures are printed.
 #[test]
 fn whatever_is_cut_off_or_changed_ends_in_time_and_without_a_panic() {
     let folder = tempfile::tempdir().unwrap();
@@ -277,8 +278,8 @@ fn whatever_is_cut_off_or_changed_ends_in_time_and_without_a_panic() {
         ("a.3mf", threemf(&small)),
         ("b.3mf", packed(&text("millimeter", &object(&small, 1, 1.0), "<item objectid=\"1\"/>"), 0)),
     ];
-    let asked = std::env::var("INFOBYTE_MESH_CHANGES").ok().map(|n| n.parse().expect("a number"));
-    if asked.is_some() {
+    let is_long = long() > 1;
+    if is_long {
         files.extend([
             ("b.stl", small.stl()),
             ("t.stl", small.stl_text()),
@@ -315,14 +316,14 @@ fn whatever_is_cut_off_or_changed_ends_in_time_and_without_a_panic() {
             let length = n * whole.len() / 200;
             case(&whole[..length], &format!("{length} bytes"));
         }
-        for n in 0..asked.unwrap_or(2000_u32) {
+        for n in 0..2000 * long() {
             let at = usize::try_from(random.below(whole.len() as u64)).unwrap();
             let new = [random.below(256), 0xff, 0, 1 << random.below(8)][usize::try_from(n % 4).unwrap()];
             let mut bytes = whole.clone();
             bytes[at] = u8::try_from(new).unwrap();
             case(&bytes, &format!("byte {at} = {new}"));
         }
-        if asked.is_some() {
+        if is_long {
             let (slowest, peak) = (slowest.as_millis(), peak_rss_bytes() >> 10);
             eprintln!(
                 "{name}: {built} built, {refused} refused, slowest {slowest} ms, peak so far {peak} KiB"

@@ -1,9 +1,8 @@
 //! Any bytes may come in: whatever is cut off or changed in a volume's file, opening and reading it ends in
 //! time, without a panic, and without more memory than it was allowed.
 //!
-//! By default a few hundred changes of small files made here and of a few real ones. `INFOBYTE_MUTATIONS`
-//! sets the number of changes for each file, `INFOBYTE_MUTATE` names a folder whose files (those up to
-//! 2 MiB) are used instead.
+//! A few hundred changes of small files made here and of a few real ones, and with INFOBYTE_LONG=N so many times as
+//! many; `INFOBYTE_MUTATE` names a folder whose files (those up to 2 MiB) are used instead.
 
 use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
@@ -17,6 +16,7 @@ use infobyte::progress::Silent;
 use infobyte::source::OpenOptions;
 use infobyte::volume::Workspace;
 
+use crate::common::long;
 use crate::common::{data, dicom, random};
 use random::Random;
 
@@ -108,8 +108,7 @@ fn small_files(folder: &Path, found: &mut Vec<PathBuf>) {
 
 #[test]
 fn nothing_that_a_file_holds_makes_reading_panic_hang_or_swell() {
-    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().unwrap());
-    let changes = number("INFOBYTE_MUTATIONS").unwrap_or(300);
+    let changes = 300 * u64::from(long());
     let made = tempfile::tempdir().unwrap();
     let mut files = Vec::new();
     if let Some(folder) = std::env::var_os("INFOBYTE_MUTATE") {

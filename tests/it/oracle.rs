@@ -15,6 +15,7 @@
 //! grid's side, the camera's distance and that of the near limit. So for L = 10 and a camera within 10^6 cells it is
 //! 1.8 * 10^-5 cell, and a hit differs from the true one only where a ray passes an edge that closely.
 
+use crate::common::long;
 use crate::common::models::finest;
 use crate::common::{oracle, scenes};
 
@@ -32,9 +33,9 @@ use infobyte::render::traverse::{first_hit, first_hit_sealed};
 use oracle::{Dyadic, ExactRay};
 use scenes::{Scene, in_ball, in_gyroid, noise, plane};
 
-/// Rays for each scene, from the environment for longer runs.
+/// Rays for each scene.
 fn rays(usual: u32) -> u32 {
-    std::env::var("INFOBYTE_ORACLE_RAYS").ok().map_or(usual, |n| n.parse().expect("a number of rays"))
+    usual * long()
 }
 
 fn scenes() -> Vec<Scene> {

@@ -17,13 +17,7 @@ fn stack(folder: &Path, slices: u32) -> Vec<PathBuf> {
 }
 
 fn build(inputs: &[&Path], output: &Path, extra: &[&str]) -> Run {
-    let inputs: Vec<String> = inputs.iter().map(|path| text(path)).collect();
-    let mut args = vec!["build"];
-    args.extend(inputs.iter().map(String::as_str));
-    let output = text(output);
-    args.extend(["-o", &output, "--iso", "128", "--json"]);
-    args.extend(extra);
-    oct(&args)
+    command::build(inputs, output, &[&["--iso", "128", "--json"], extra].concat())
 }
 
 fn slices(run: &Run) -> u64 {

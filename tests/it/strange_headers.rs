@@ -256,9 +256,8 @@ fn build(folder: &Path, singles: &[f32], extra: &[&str]) -> (Run, PathBuf) {
     let raw = folder.join("a.raw");
     fs::write(&raw, singles.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()).unwrap();
     let model = folder.join("m.oct");
-    let (input, output) = (text(&raw), text(&model));
-    let args = ["build", &input, "-o", &output, "--dims", "6x5x4", "--dtype", "f32"];
-    (oct(&[&args[..], extra].concat()), model)
+    let run = command::build(&[raw], &model, &[&["--dims", "6x5x4", "--dtype", "f32"], extra].concat());
+    (run, model)
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! also with the intersection of the ray with every skin voxel. The rays that others stumbled over are in
 //! `hard_cases`.
 
+use crate::common::long;
 use crate::common::scenes as support;
 
 use infobyte::geom::Dims;
@@ -74,14 +75,9 @@ fn sealed_hit(tree: &MemoryTree, ray: &Ray, lod_edge_log2: u32) -> Option<Hit> {
     want
 }
 
-/// Rays per scene from the environment, for longer runs than a test should take.
-fn rays_asked() -> Option<u64> {
-    std::env::var("INFOBYTE_RAYS").ok().map(|n| n.parse().expect("INFOBYTE_RAYS is a number of rays"))
-}
-
 #[test]
 fn a_million_random_rays_hit_what_the_reference_hits() {
-    let rays_each = rays_asked().unwrap_or(30_000);
+    let rays_each = 30_000 * u64::from(long());
     let mut all = Mismatches::default();
     for (i, scene) in scenes().iter().enumerate() {
         let seed = 1000 + i as u64;

@@ -1,10 +1,11 @@
 //! What cannot be seen is left out, and no ray from there meets anything else than before. Would break: a wall that
 //! is missing where a ray slips between two voxels, a model that hangs on the budget, inner walls that stay.
 //!
-//! `INFOBYTE_HARD` is how many times as many rays are tried: 20,000 each time, so that 500 tries ten million.
+//! With INFOBYTE_LONG=N so many times as many rays are tried; 500 are ten million.
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "samples are clamped to bytes")]
 
+use crate::common::long;
 use crate::common::{command, data, random};
 
 use std::fs;
@@ -22,7 +23,7 @@ use infobyte::{BuildOptions, RayCaster, SurfacePoint, Threshold};
 use random::Random;
 
 fn times() -> u64 {
-    std::env::var("INFOBYTE_HARD").ok().map_or(1, |n| n.parse().expect("INFOBYTE_HARD is a number"))
+    long().into()
 }
 
 fn options(iso: f64, surface: SurfaceKind, from: &[ViewedFrom]) -> BuildOptions {

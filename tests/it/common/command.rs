@@ -62,6 +62,13 @@ pub(crate) fn oct<S: AsRef<OsStr>>(args: &[S]) -> Run {
     Run::of(&Command::new(binary()).args(args).stdin(Stdio::null()).output().unwrap())
 }
 
+/// `oct build INPUTS -o OUTPUT EXTRA`.
+pub(crate) fn build<P: AsRef<Path>>(inputs: &[P], output: &Path, extra: &[&str]) -> Run {
+    let inputs = inputs.iter().map(|path| path.as_ref().as_os_str());
+    let args = ["build".as_ref()].into_iter().chain(inputs).chain(["-o".as_ref(), output.as_os_str()]);
+    oct(&args.chain(extra.iter().map(OsStr::new)).collect::<Vec<_>>())
+}
+
 /// Runs a shell script with `$OCT` the binary and `$1`, `$2` ... the arguments.
 pub(crate) fn shell<S: AsRef<OsStr>>(script: &str, args: &[S]) -> Run {
     let mut command = Command::new("sh");

@@ -24,6 +24,11 @@ use random::Random;
 use infobyte::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
 use infobyte::format::{Metadata, SourceMeta, normal};
 
+/// How many times as much is tried as in a usual run, where random rays, volumes and bytes are: `INFOBYTE_LONG`, or 1.
+pub(crate) fn long() -> u32 {
+    std::env::var("INFOBYTE_LONG").ok().map_or(1, |n| n.parse().expect("INFOBYTE_LONG is a number of times"))
+}
+
 /// Normals and coarse means, no values.
 pub(crate) const NORMALS: OptionalSections = OptionalSections { normal: true, value_bytes: 0, lod: true };
 

@@ -1,6 +1,7 @@
 //! Volumes in memory.
 
 use std::ops::Range;
+use std::path::Path;
 
 use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::volume::{Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
@@ -18,6 +19,16 @@ pub(crate) fn encode(scalar: ScalarType, v: f64, out: &mut Vec<u8>) {
         ScalarType::F32 => out.extend((v as f32).to_le_bytes()),
         ScalarType::F64 => out.extend(v.to_le_bytes()),
     }
+}
+
+/// Writes samples that are a function of their place.
+pub(crate) fn write_raw<const BYTES: usize>(
+    path: &Path,
+    [nx, ny, nz]: [u32; 3],
+    sample: impl FnMut([u32; 3]) -> [u8; BYTES],
+) {
+    let places = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+    std::fs::write(path, places.flat_map(sample).collect::<Vec<u8>>()).unwrap();
 }
 
 /// The value of a little-endian sample.

@@ -11,8 +11,8 @@
 //! | `places` | affines: tiny, huge, oblique, mirrored, nearly flat |
 //! | `cameras` | where a picture may be taken from |
 //!
-//! `cargo test --test it -- --nocapture all_cases_are_told` prints the list. `scripts/hard_cases.sh` runs
-//! longer versions: `INFOBYTE_HARD` is how many times as many rays and volumes are tried.
+//! `cargo test --test it -- --nocapture all_cases_are_told` prints the list. With
+//! INFOBYTE_LONG=N so many times as many rays and volumes are tried.
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers here are made to fit")]
 
@@ -54,11 +54,6 @@ macro_rules! hard_cases {
     };
 }
 pub(crate) use hard_cases;
-
-/// How many times as much is tried as in the usual test run.
-pub(crate) fn times() -> u32 {
-    std::env::var("INFOBYTE_HARD").ok().map_or(1, |n| n.parse().expect("INFOBYTE_HARD is a number"))
-}
 
 #[test]
 fn all_cases_are_told() {

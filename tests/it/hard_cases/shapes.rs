@@ -8,7 +8,8 @@ use infobyte::synthetic::analytic;
 use infobyte::volume::VolumeSource;
 use infobyte::{Dims, Threshold, Voxels};
 
-use super::{build, dot, hard_cases, skin, times, unit};
+use super::{build, dot, hard_cases, skin, unit};
+use crate::common::long;
 
 fn voxels(dims: [u32; 3], inside: impl Fn([u32; 3]) -> bool) -> Voxels<u8> {
     let [x, y, z] = dims;
@@ -127,7 +128,7 @@ hard_cases! {
         let built = check([64, 64, 64], wall, "a wall");
         let (model, mut random) = (built.model(), Random::new(1));
         let view = model.view();
-        for i in 0..200 * times() {
+        for i in 0..200 * long() {
             let k = f64::from(29 + i % 6);
             let along = 2.0 + f64::from(i % 60);
             // Through the edges at x + y = 64.
@@ -143,7 +144,7 @@ hard_cases! {
         "found here: the plain kernel's gradient vanishes in the middle of a plate" => {
         let mut random = Random::new(2);
         let mut worst = 0.0_f64;
-        for i in 0..100 * times() {
+        for i in 0..100 * long() {
             let n = unit([0.0; 3].map(|_: f64| random.range(-1.0, 1.0)));
             let reach = n.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
             // As thin as a plate can be without holes.

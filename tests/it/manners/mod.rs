@@ -13,6 +13,7 @@
 //! | `sentences` | messages that once did not help |
 
 use crate::common::command;
+use crate::common::volume::write_raw;
 
 mod dashes;
 mod folders;
@@ -22,23 +23,13 @@ mod measures;
 mod pictures;
 mod sentences;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use command::{oct, text};
 
 /// Writes a raw volume of unsigned 16-bit samples.
 fn raw(path: &Path, dims: [u32; 3], value: impl Fn([u32; 3]) -> u16) {
-    let [nx, ny, nz] = dims;
-    let mut bytes = Vec::new();
-    for z in 0..nz {
-        for y in 0..ny {
-            for x in 0..nx {
-                bytes.extend(value([x, y, z]).to_le_bytes());
-            }
-        }
-    }
-    fs::write(path, bytes).unwrap();
+    write_raw(path, dims, |at| value(at).to_le_bytes());
 }
 
 /// Builds a raw volume into `NAME.oct` in a folder.

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# The hard cases, the oracle and the reference with more rays and volumes than a test run takes.
-# usage: scripts/hard_cases.sh [TIMES]     as many times as much as usual; 20 by default, some 15 minutes on 2 cores
+# Every test that tries random rays, volumes or bytes, with more of them than a test run takes.
+# usage: scripts/long.sh [TIMES]     as many times as much as usual; 20 by default, some 20 minutes on 2 cores
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 times=${1:-20}
 [[ $times =~ ^[1-9][0-9]*$ ]] || { echo "'$times' is not a number of times; give 1 or more" >&2; exit 2; }
-export INFOBYTE_HARD=$times INFOBYTE_RAYS=$((30000 * times)) INFOBYTE_ORACLE_RAYS=$((1200 * times))
-tests=(hard_cases oracle traversal traversal_forms normals synthetic visible)
+export INFOBYTE_LONG=$times
+tests=(hard_cases oracle traversal visible light_leaks mutations mesh_containers)
 
 bar() {
     local done=$1 all=$2 width=30
