@@ -10,7 +10,6 @@ use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, CWD, Mode, OFlags};
-
 use thiserror::Error;
 
 /// Why a target cannot be written that the system itself would not refuse; held by an [`io::Error`].
