@@ -1,13 +1,13 @@
 //! Nameless files for what does not fit into memory: gone with their last descriptor, even when the
 //! process is killed.
 
-use crate::budget::Bytes;
 use std::fmt;
 use std::fs::File;
 use std::io;
 use std::path::Path;
 
 use crate::platform;
+use crate::budget::Bytes;
 
 /// A disk with less room than a scratch file needs; held by an [`io::Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

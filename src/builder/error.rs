@@ -6,17 +6,17 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
+use thiserror::Error;
+
+use crate::budget::{ExactSize, SizeArgument};
 use crate::exit::ExitKind;
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
 use crate::progress::Stopped;
-use crate::volume::SourceError;
-
-use crate::budget::{ExactSize, SizeArgument};
 use crate::text::names::{
     DTYPE, ISO, MEMORY, NORMAL_BITS, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
 };
 use crate::text::{Short, reading, shown, writing};
-use thiserror::Error;
+use crate::volume::SourceError;
 
 /// A build that cannot be finished; the old target, if any, is untouched.
 #[non_exhaustive]

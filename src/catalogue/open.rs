@@ -349,7 +349,7 @@ mod tests {
         std::fs::write(&data, [1; 8]).unwrap();
         let opened = || open(std::slice::from_ref(&data), &OpenOptions::default());
         let text = opened().err().unwrap().to_string();
-        assert!(text.contains("add --dims") && text.contains("side-car"), "{text}");
+        assert!(text.contains("add dims") && text.contains("side-car"), "{text}");
         let describe = |text: &str| std::fs::write(folder.path().join("a.json"), text).unwrap();
         describe(r#"{"dims": [1, 2, 4], "dtype": "u8", "spacing_mm": [1, 2, 3]}"#);
         let volume = opened().unwrap();
@@ -360,7 +360,7 @@ mod tests {
         assert!(text.contains("a.json") && text.contains("dtype"), "{text}");
         // It describes something else.
         describe(r#"{"dims": [1, 2, 4], "dtype": "u8", "file": "b.raw"}"#);
-        assert!(opened().err().unwrap().to_string().contains("add --dims"));
+        assert!(opened().err().unwrap().to_string().contains("add dims"));
     }
 
     #[test]
@@ -373,7 +373,7 @@ mod tests {
             (error.kind(), error.to_string())
         };
         for (name, bytes, kind, words) in [
-            ("a.raw", &[7; 100][..], ExitKind::Usage, "add --dims"),
+            ("a.raw", &[7; 100][..], ExitKind::Usage, "add dims"),
             ("a.dcm", &[7; 100], ExitKind::Input, "in spite of its name"),
             ("b.raw", &[], ExitKind::Input, "is empty"),
             ("a.nrrd", b"NRRD0004\n", ExitKind::Input, "no sample type"),

@@ -4,13 +4,15 @@
 
 use std::io;
 
-use super::MOST_LARGEST;
+use thiserror::Error;
+
 use crate::builder::BuildError;
 use crate::exit::ExitKind;
 use crate::format::Selection;
-
 use crate::text::names::DROP_BELOW;
-use thiserror::Error;
+
+/// Most components that can be asked for by [`CleanOptions::keep_largest`](super::CleanOptions::keep_largest).
+pub const MOST_LARGEST: u32 = 4000;
 
 /// A volume that cannot be cleaned.
 #[non_exhaustive]

@@ -31,7 +31,7 @@ mod sets;
 mod stream;
 
 pub use components::ComponentConnectivity;
-pub use error::{CleanError, TooManyRuns};
+pub use error::{CleanError, MOST_LARGEST, TooManyRuns};
 pub use preset::{Preset, PresetDoubt};
 
 use std::ops::Range;
@@ -49,9 +49,6 @@ use crate::volume::{Crop, Downsample, SourceError, Treatment, VolumeSource};
 use bits::BitVolume;
 use components::{Component, Task, TaskMemory};
 use masked::Masked;
-
-/// Most components that can be asked for by [`CleanOptions::keep_largest`].
-pub const MOST_LARGEST: u32 = 4000;
 
 /// What cleaning leaves resident in a process of its own, because the allocator keeps it.
 fn reserve_left_over(budget: &Budget) -> Result<Reservation, TooSmall> {

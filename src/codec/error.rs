@@ -75,50 +75,19 @@ impl From<Mismatch> for CodecError {
     }
 }
 
-impl From<jpeg::Damage> for CodecError {
-    fn from(damage: jpeg::Damage) -> Self {
-        Self::Damaged(Damage::Jpeg(damage))
-    }
-}
+macro_rules! of_codecs {
+    ($($family:ident($codec:ident)),*) => {$(
+        impl From<$codec::Damage> for CodecError {
+            fn from(damage: $codec::Damage) -> Self {
+                Self::Damaged(Damage::$family(damage))
+            }
+        }
 
-impl From<jpeg::Feature> for CodecError {
-    fn from(feature: jpeg::Feature) -> Self {
-        Self::Unsupported(Feature::Jpeg(feature))
-    }
+        impl From<$codec::Feature> for CodecError {
+            fn from(feature: $codec::Feature) -> Self {
+                Self::Unsupported(Feature::$family(feature))
+            }
+        }
+    )*};
 }
-
-impl From<jpegls::Damage> for CodecError {
-    fn from(damage: jpegls::Damage) -> Self {
-        Self::Damaged(Damage::JpegLs(damage))
-    }
-}
-
-impl From<jpegls::Feature> for CodecError {
-    fn from(feature: jpegls::Feature) -> Self {
-        Self::Unsupported(Feature::JpegLs(feature))
-    }
-}
-
-impl From<jpeg2000::Damage> for CodecError {
-    fn from(damage: jpeg2000::Damage) -> Self {
-        Self::Damaged(Damage::Jpeg2000(damage))
-    }
-}
-
-impl From<jpeg2000::Feature> for CodecError {
-    fn from(feature: jpeg2000::Feature) -> Self {
-        Self::Unsupported(Feature::Jpeg2000(feature))
-    }
-}
-
-impl From<rle::Damage> for CodecError {
-    fn from(damage: rle::Damage) -> Self {
-        Self::Damaged(Damage::Rle(damage))
-    }
-}
-
-impl From<rle::Feature> for CodecError {
-    fn from(feature: rle::Feature) -> Self {
-        Self::Unsupported(Feature::Rle(feature))
-    }
-}
+of_codecs!(Jpeg(jpeg), JpegLs(jpegls), Jpeg2000(jpeg2000), Rle(rle));

@@ -4,8 +4,9 @@
 
 use std::io;
 
-use crate::text::names::{LEVELS, SIMPLIFY, STRIP};
 use thiserror::Error;
+
+use crate::text::names::{LEVELS, SIMPLIFY, STRIP};
 
 /// Why a format cannot hold a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]

@@ -237,30 +237,30 @@ pub enum Fault {
     Mesh,
     #[error("{0}")]
     MeshFile(MeshFault),
-    #[error("{0}")]
-    Csg(CsgFault),
-    #[error("{0}")]
-    Raw(RawFault),
-    #[error("{0}")]
-    Header(HeaderFault),
-    #[error("{0}")]
-    Stored(StoredFault),
-    #[error("{0}")]
-    Nrrd(NrrdFault),
-    #[error("{0}")]
-    Nifti(NiftiFault),
-    #[error("{0}")]
-    MetaImage(MetaImageFault),
-    #[error("{0}")]
-    Npy(NpyFault),
-    #[error("{0}")]
-    Tiff(TiffFault),
-    #[error("{0}")]
-    Png(PngFault),
-    #[error("{0}")]
-    SideCar(SideCarFault),
-    #[error("{0}")]
-    Numbers(NumberFault),
+    #[error(transparent)]
+    Csg(#[from] CsgFault),
+    #[error(transparent)]
+    Raw(#[from] RawFault),
+    #[error(transparent)]
+    Header(#[from] HeaderFault),
+    #[error(transparent)]
+    Stored(#[from] StoredFault),
+    #[error(transparent)]
+    Nrrd(#[from] NrrdFault),
+    #[error(transparent)]
+    Nifti(#[from] NiftiFault),
+    #[error(transparent)]
+    MetaImage(#[from] MetaImageFault),
+    #[error(transparent)]
+    Npy(#[from] NpyFault),
+    #[error(transparent)]
+    Tiff(#[from] TiffFault),
+    #[error(transparent)]
+    Png(#[from] PngFault),
+    #[error(transparent)]
+    SideCar(#[from] SideCarFault),
+    #[error(transparent)]
+    Numbers(#[from] NumberFault),
 }
 
 /// What is wrong with a request.
@@ -296,27 +296,3 @@ pub enum Misuse {
     #[error("{0}")]
     Synthetic(SyntheticFault),
 }
-
-macro_rules! of_family {
-    ($($family:ident($fault:ty)),* $(,)?) => {$(
-        impl From<$fault> for Fault {
-            fn from(fault: $fault) -> Self {
-                Self::$family(fault)
-            }
-        }
-    )*};
-}
-of_family!(
-    Csg(CsgFault),
-    Raw(RawFault),
-    Header(HeaderFault),
-    Stored(StoredFault),
-    Nrrd(NrrdFault),
-    Nifti(NiftiFault),
-    MetaImage(MetaImageFault),
-    Npy(NpyFault),
-    Tiff(TiffFault),
-    Png(PngFault),
-    SideCar(SideCarFault),
-    Numbers(NumberFault),
-);

@@ -5,9 +5,6 @@ use thiserror::Error;
 use crate::budget::Bytes;
 use crate::text::names::FOLLOW_LINKS;
 
-/// The sentence about pictures that are not slices.
-pub(super) const SWEEP: &str = "is a list of pictures, each with a place of its own (a free-hand sweep), and these are no slices; reconstruct a volume from it first, and give that";
-
 /// What is wrong with a header of text, or with the data files that it names.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -30,4 +27,8 @@ pub enum HeaderFault {
     MoreFilesThanSlices { slices: u64 },
     #[error("`{}` is no pattern with one number", .pattern.escape_debug())]
     Pattern { pattern: String },
+    #[error(
+        "is a list of pictures, each with a place of its own (a free-hand sweep), and these are no slices; reconstruct a volume from it first, and give that"
+    )]
+    Sweep,
 }

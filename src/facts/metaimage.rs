@@ -2,8 +2,6 @@
 
 use thiserror::Error;
 
-use super::header::SWEEP;
-
 /// Why a MetaImage header is refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -20,8 +18,6 @@ pub enum MetaImageFault {
     Type { name: String },
     #[error("its spacing, offset or matrix has fewer numbers than the volume has dimensions")]
     FewNumbers,
-    #[error("{SWEEP}")]
-    Sweep,
     #[error("compressed text is not read")]
     CompressedText,
     #[error("HeaderSize = -1 is for uncompressed samples only")]

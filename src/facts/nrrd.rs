@@ -2,8 +2,6 @@
 
 use thiserror::Error;
 
-use super::header::SWEEP;
-
 /// Why an NRRD header is refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -42,8 +40,6 @@ pub enum NrrdFault {
     SpatialAxes { count: usize },
     #[error("an axis has no direction")]
     NoDirection,
-    #[error("{SWEEP}")]
-    Sweep,
 }
 
 fn quoted(kind: &str) -> String {

@@ -3,9 +3,10 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
+use thiserror::Error;
+
 use crate::text::names::GAPS;
 use crate::text::shown;
-use thiserror::Error;
 
 /// Numbers of slices that lack some.
 #[derive(Clone, Debug, PartialEq)]

@@ -43,6 +43,8 @@ impl Display for RawFault {
     }
 }
 
+impl std::error::Error for RawFault {}
+
 /// The same of files that a side-car describes.
 pub(super) struct BySideCar<'a>(pub(super) &'a RawFault);
 

@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use super::raw::{BySideCar, RawFault, RawLayout};
-
-use crate::text::names::FOLLOW_LINKS;
 use thiserror::Error;
+
+use super::raw::{BySideCar, RawFault, RawLayout};
+use crate::text::names::FOLLOW_LINKS;
 
 /// Why a side-car cannot be used.
 #[non_exhaustive]

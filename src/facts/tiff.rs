@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use super::samples::Damage;
-
 use thiserror::Error;
+
+use super::samples::Damage;
 
 /// Why TIFF files are refused.
 #[non_exhaustive]

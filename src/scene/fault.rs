@@ -5,12 +5,12 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use thiserror::Error;
+
 use crate::exit::ExitKind;
 use crate::format::Channel;
 use crate::render::CameraFault;
-
 use crate::text::{Short, shown};
-use thiserror::Error;
 
 /// A scene that cannot be shown.
 #[derive(Debug, Error)]

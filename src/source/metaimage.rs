@@ -158,7 +158,7 @@ impl Header {
         let pictures = self.axes == 3 || self.size.get(2) == Some(&1);
         let listed = self.kinds.iter().any(|kind| kind == "list");
         if pictures && (listed || self.placed_one_by_one) {
-            return Err(refuse(MetaImageFault::Sweep));
+            return Err(unusable(path, HeaderFault::Sweep));
         }
         let samples =
             samples(&self.kind).ok_or_else(|| refuse(MetaImageFault::Type { name: self.kind.clone() }))?;

@@ -209,7 +209,7 @@ impl Header {
         // A list of volumes is read as volumes; a list of pictures is no volume.
         let listed = axes.iter().any(|axis| axis.kind == "list" && axis.size > 1);
         if layout.size[2] == 1 && (listed || (self.placed_one_by_one && layout.volumes > 1)) {
-            return Err(NrrdFault::Sweep.into());
+            return Err(HeaderFault::Sweep.into());
         }
         let affine = self.geometry.affine(&axes, &layout.space, &mut notes)?;
         let slices = layout.size[2].saturating_mul(layout.volumes);

@@ -392,7 +392,7 @@ fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
     for cut in (0..whole.len()).step_by(7) {
         put(folder.path(), "i.png", &whole[..cut]);
         if let Err(told) = build(std::slice::from_ref(&obj), asked, 1, 8) {
-            assert!(told.contains("i.png") && told.contains("--channels normal"), "{told}");
+            assert!(told.contains("i.png") && told.contains("channels normal"), "{told}");
         }
         let mut changed = whole.clone();
         changed[cut] ^= 0x5a;

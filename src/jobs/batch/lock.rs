@@ -97,7 +97,7 @@ mod tests {
         let refused = FolderLock::take(folder.path()).unwrap_err();
         assert_eq!(refused.kind(), ExitKind::Io);
         let text = refused.to_string();
-        assert!(text.contains("another batch") && text.contains("--out"), "{text}");
+        assert!(text.contains("another batch") && text.contains("folder with out"), "{text}");
         drop(lock);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         // One that a killed batch left means nothing, whatever is in it.

@@ -105,7 +105,7 @@ fn behaviour_01_dicom_is_found_by_content_and_others_are_summed_up() {
             ("not a volume".to_owned(), 3),
             ("DICOMDIR without pixels".to_owned(), 1),
             ("empty file".to_owned(), 1),
-            ("folder that a link leads to, which is searched with --follow-links only".to_owned(), 1),
+            ("folder that a link leads to, which is searched with follow_links only".to_owned(), 1),
         ]
     );
     assert!(found.left_out()[1].first.ends_with("sub/note0.txt"));
@@ -259,7 +259,7 @@ fn behaviour_08_missing_slices_are_refused_filled_or_kept() {
     let error = folder.open(GapPolicy::Error).unwrap_err().to_string();
     assert!(
         error.contains("2 slice(s) seem to be missing in 1 place(s), first between 2.dcm and 3.dcm")
-            && error.contains("--gaps"),
+            && error.contains("choose gaps fill or gaps keep"),
         "{error}"
     );
     let filled = folder.open(GapPolicy::Fill).unwrap();

@@ -2,6 +2,17 @@
 
 use std::fs;
 
+use infobyte::clean::CleanOptions;
+use infobyte::export::ExportForm;
+use infobyte::geom::{Dims, Orientation};
+use infobyte::jobs::batch::BatchRequest;
+use infobyte::jobs::export::ExportRequest;
+use infobyte::jobs::pack::StripRequest;
+use infobyte::mesh::{GridChoice, MeshOptions};
+use infobyte::source::{OpenOptions, RawOptions};
+use infobyte::text::Name;
+use infobyte::volume::{Endian, ScalarType};
+use infobyte::{BuildOptions, RenderRequest, ViewPoint};
 use serde_json::Value;
 
 use super::{ball, built, raw};
@@ -154,4 +165,38 @@ fn an_error_is_an_object_under_json_whatever_went_wrong() {
         );
         assert_eq!(told.as_object().unwrap().len(), 3, "{told}");
     }
+}
+
+/// Without a speller sentences name what a Rust caller sets: fields of the options, as `Debug` writes them.
+#[test]
+fn the_library_names_its_own_options() {
+    let dims = Dims::new(2, 2, 2).unwrap();
+    let raw = RawOptions {
+        dims,
+        scalar: ScalarType::U8,
+        endian: Endian::Little,
+        spacing_mm: [1.0; 3],
+        skip: 0,
+        orientation: Orientation::LPS,
+    };
+    let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
+    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
+    let open = OpenOptions { raw: Some(raw), ..Default::default() };
+    let _ = |batch: &BatchRequest| (batch.out.is_dir(), batch.min_slices, batch.thumbnails_of_all);
+    let point = ViewPoint::Free { eye: [0.0; 3], look_at: [0.0; 3], up: None };
+    let picture = RenderRequest { point, ..Default::default() };
+    let export = ExportRequest { form: ExportForm::Stl, skin_only: false, simplify: 0 };
+    let (build, clean, strip) = (BuildOptions::default(), CleanOptions::default(), StripRequest::default());
+    let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?}");
+    // Values of fields, arguments of functions, and functions.
+    let others = ["GridChoice::Voxel", "Threshold::Iso", "Threshold::Range", "anyway", "output", "build"];
+    let of_batch = ["min_slices", "out", "thumbnails_of_all"];
+    for name in Name::ALL {
+        if others.contains(name) || of_batch.contains(name) || name.starts_with("jobs::") {
+            continue;
+        }
+        assert!(fields.contains(&format!(" {name}: ")), "{name}: {fields}");
+    }
+    let told = infobyte::open("/dev/null").err().unwrap().to_string();
+    assert!(!told.contains("--"), "{told}");
 }
