@@ -133,7 +133,7 @@ pub use budget::MemoryCap;
 pub use builder::{BuildOptions, BuildReport, Connectivity, Threshold};
 pub use clean::{CleanOptions, CleanReport};
 pub use error::{Error, UsageError};
-pub use exit::ExitKind;
+pub use exit::{ErrorReport, ExitKind};
 pub use export::Mesh;
 pub use format::{Channel, Channels};
 pub use geom::{Affine, Dims};
