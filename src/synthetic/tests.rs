@@ -129,7 +129,7 @@ fn rays_enter_bodies_where_their_distance_vanishes() {
             if let Some(t) = t.filter(|t| *t > 0.0) {
                 hits += 1;
                 let d = math::unit(direction);
-                let at = math::along(origin, t, d);
+                let at = crate::geom::add_scaled(origin, t, d);
                 assert!(body.surface(at).distance.abs() < 1e-6, "{name} {i}: {:?}", body.surface(at));
             }
         }
