@@ -6,8 +6,8 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
-use crate::platform;
 use crate::budget::Bytes;
+use crate::platform;
 
 /// A disk with less room than a scratch file needs; held by an [`io::Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -242,7 +242,9 @@ fn spoken(source: &Source) -> Vec<String> {
         code[at + 2..].starts_with(|c: char| c.is_ascii_lowercase())
             && code[..*at].ends_with(|c: char| c.is_whitespace() || "\"'`(".contains(c))
             && !code[..*at].ends_with("var(")
-            && !code[*at..].trim_start_matches(|c: char| c == '-' || c.is_ascii_alphanumeric()).starts_with(':')
+            && !code[*at..]
+                .trim_start_matches(|c: char| c == '-' || c.is_ascii_alphanumeric())
+                .starts_with(':')
     };
     code.match_indices("--").map(|(at, _)| at).filter(flag).map(|at| source.line(at)).collect()
 }

@@ -94,7 +94,7 @@ fn the_script_reads_what_the_program_reads() {
         };
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let script: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        let program = infobyte::jobs::info::read_info(&file).unwrap().json();
+        let program = serde_json::to_value(infobyte::jobs::info::read_info(&file).unwrap().json()).unwrap();
         let keys = script.as_object().unwrap();
         assert!(keys.len() >= 20);
         for (key, value) in keys {
