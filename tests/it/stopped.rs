@@ -1,6 +1,5 @@
 //! A job that its watcher stops ends soon, with an error of its own kind, and leaves no trace, wherever it was. If this
 //! fails, a program that was interrupted goes on for minutes, or loses the model that it had.
-#![expect(clippy::cast_possible_truncation, reason = "small volumes")]
 
 use std::collections::BTreeSet;
 use std::fs;
