@@ -3,7 +3,7 @@
 //! `cargo run --release --example function [FOLDER]` writes `gyroid.oct` and `gyroid.png`.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use infobyte::volume::{SourceDescription, SourceError};
 use infobyte::{
@@ -65,6 +65,11 @@ impl VolumeSource for Gyroid {
 
 fn main() -> Result<(), Error> {
     let folder = PathBuf::from(std::env::args_os().nth(1).unwrap_or_else(|| ".".into()));
+    make(&folder)
+}
+
+/// Builds the model in a folder, and makes a picture of it.
+pub(crate) fn make(folder: &Path) -> Result<(), Error> {
     let gyroid = Gyroid::new(Dims::new(SIDE, SIDE, SIDE).expect("sides of 1 to 65536"));
     let options = BuildOptions { threshold: Threshold::Iso(0.0), ..BuildOptions::default() };
     let report = infobyte::build(&gyroid, &options, folder.join("gyroid.oct"))?;

@@ -122,13 +122,14 @@ impl<'a> Block<'a> {
             count => (count - 1) * pitch + row_bytes,
         };
         // Padding between rows is not part of the request.
-        let asked = if out.len() == wanted { rows.len() * row_bytes } else { usize::MAX };
+        let is_as_long = row_bytes == 0 || out.len() == wanted;
+        let asked = if is_as_long { rows.len() * row_bytes } else { usize::MAX };
         check_request(info, z, &rows, &cols, asked).map_err(|cause| SourceError::ReadFailed {
             path: PathBuf::from(&info.description.name),
             slice: z,
             cause,
         })?;
-        if out.is_empty() {
+        if rows.is_empty() || row_bytes == 0 {
             return Ok(());
         }
         let [sx, sy, sz] = self.strides;

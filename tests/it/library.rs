@@ -2,6 +2,10 @@
 //! voxels. If this fails, a program gets another model, or other answers, than the command.
 #![expect(clippy::cast_possible_truncation, reason = "small volumes")]
 
+#[allow(dead_code, reason = "a program of its own")]
+#[path = "../../examples/function.rs"]
+mod function;
+
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -302,6 +306,14 @@ fn a_bad_ray_among_many_is_named() {
     assert!(counts(caster.first_hits(&origins, &few, &mut hits).unwrap_err()));
     assert!(counts(caster.any_hit(&origins, &few, 1.0, &mut met).unwrap_err()));
     assert!(counts(caster.any_hit(&origins, &origins, 1.0, &mut met[..3]).unwrap_err()));
+}
+
+#[test]
+fn the_example_of_a_function_works() {
+    let folder = tempfile::tempdir().unwrap();
+    function::make(folder.path()).unwrap();
+    assert!(Model::open(folder.path().join("gyroid.oct")).unwrap().header().voxels > 100_000);
+    assert!(fs::metadata(folder.path().join("gyroid.png")).unwrap().len() > 10_000);
 }
 
 #[test]
