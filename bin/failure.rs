@@ -7,10 +7,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use infobyte::export::ExportForm;
-use infobyte::text;
-use infobyte::text::shown;
-use infobyte::{Error, ExitKind};
-use serde_json::{Value, json};
+use infobyte::text::{self, shown};
+use infobyte::{Error, ErrorReport, ExitKind};
 
 /// Why the command ends without success.
 pub(crate) enum Failure {
@@ -208,16 +206,11 @@ impl Failure {
     }
 }
 
-/// The keys of a failure under `--json`.
-pub(crate) fn json_of(sentence: &str, kind: ExitKind) -> Value {
-    json!({ "error": sentence, "kind": kind.name(), "exit_code": kind.code() })
-}
-
 /// Tells a failure on stderr, and as an object on stdout if that was asked for. Nobody may be listening.
 pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
     let sentence = one_line(sentence);
     if as_json {
-        let _ = writeln!(io::stdout(), "{}", text::json(&json_of(&sentence, kind)));
+        let _ = writeln!(io::stdout(), "{}", text::json(&ErrorReport::new(&sentence, kind)));
     }
     let _ = writeln!(io::stderr(), "oct: {sentence}");
     ExitCode::from(kind.code())

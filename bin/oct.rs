@@ -19,7 +19,7 @@ use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::export::ExportForm;
 use infobyte::geom::{Affine, Orientation};
-use infobyte::jobs::batch::BatchRequest;
+use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::opened::open_model;
@@ -32,12 +32,12 @@ use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::source::{OpenOptions, RawOptions};
 use infobyte::text::{self, data, plain, shown};
 use infobyte::volume::Placement;
-use infobyte::{Error, ExitKind};
-use serde_json::{Value, json};
+use infobyte::{Error, ErrorReport, ExitKind};
+use serde::Serialize;
 
 use args::{Cli, Command, Switch, cores};
 use bars::{Bars, BatchBars};
-use failure::{Dash, Failure, Refusal, Written, json_of, one_line, tell};
+use failure::{Dash, Failure, Refusal, Written, one_line, tell};
 use pictures::{print_picture, print_scene};
 use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash};
 
@@ -135,7 +135,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
             let input = Input::of(&args.model)?;
             let mut report = verify::verify_file(input.path())?;
             report.input = data(&args.model);
-            Ok(print(args.json, || report.json(), || report.text())?)
+            Ok(print(args.json, || &report, || report.text())?)
         }
         Command::Pack(args) => pack_with(&args, pack::pack),
         Command::Unpack(args) => pack_with(&args, pack::unpack),
@@ -300,26 +300,19 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         // The items come from the report just written: they are never all in memory.
         copy_to_stdout(&args.out.join("report.json"))?
     } else {
-        print(
-            false,
-            || Value::Null,
-            || {
-                let notes: String =
-                    report.warnings.iter().map(|note| format!("  note: {}\n", shown(note))).collect();
-                format!(
-                    "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n  the folder holds {} model(s), {}\n{notes}",
-                    shown(&args.out),
-                    counts.converted,
-                    counts.skipped,
-                    counts.failed,
-                    report.wall_s,
-                    Bytes(report.peak_rss_bytes),
-                    Bytes(report.memory_budget_bytes),
-                    report.holds.models,
-                    Bytes(report.holds.bytes)
-                )
-            },
-        )?
+        let notes: String = report.warnings.iter().map(|note| format!("  note: {}\n", shown(note))).collect();
+        put(&format!(
+            "{}: {} converted, {} skipped, {} failed; {:.1} s, peak resident memory {} of {} allowed\n  the folder holds {} model(s), {}\n{notes}",
+            shown(&args.out),
+            counts.converted,
+            counts.skipped,
+            counts.failed,
+            report.wall_s,
+            Bytes(report.peak_rss_bytes),
+            Bytes(report.memory_budget_bytes),
+            report.holds.models,
+            Bytes(report.holds.bytes)
+        ))?
     };
     Ok(if counts.failed > 0 { ExitCode::from(ExitKind::Partial.code()) } else { code })
 }
@@ -334,7 +327,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     let _ = args.keep_names;
     let notice = ScanReport::notice();
     let begin = if args.json {
-        format!("{{\"notice\":{},\"items\":[\n", json!(notice))
+        format!("{{\"notice\":{},\"items\":[\n", text::json(&notice))
     } else {
         format!("{notice}\n")
     };
@@ -352,14 +345,14 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
             (true, false) => ",\n",
             (false, _) => "",
         };
-        let text = if args.json { text::json(&listed.json()) } else { listed.text() };
-        print(false, || Value::Null, || format!("{before}{text}")).map(|_| ())
+        let text = if args.json { text::json(listed) } else { listed.text() };
+        put(&format!("{before}{text}")).map(|_| ())
     });
     let report = match report {
         Err(e) if args.json && !first => {
             // The object that was begun is ended with what stopped it.
             let sentence = one_line(&e.to_string());
-            let rest = json_of(&sentence, e.kind()).to_string();
+            let rest = text::json(&ErrorReport::new(&sentence, e.kind()));
             let _ = writeln!(io::stdout(), "\n],{}", rest.strip_prefix('{').unwrap_or(&rest));
             return Ok(tell(&sentence, e.kind(), false));
         }
@@ -371,7 +364,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
             text += &format!(", {} skipped as copies", report.copies);
         }
         text += "; only headers were read, so that damaged pixels, or none inside, show in the batch\n";
-        for (reason, count, first) in &report.left_out {
+        for LeftOutCount { reason, count, first } in &report.left_out {
             text += &format!("  {count} file(s) left out: {} (first: {})\n", shown(reason), shown(first));
             if *count > 1 && reason == NOT_VOLUME {
                 text += "    headerless slices are taken with a side-car: NAME.json beside the folder NAME, with {\"dims\": [512, 512, 300], \"dtype\": \"u16\", \"spacing\": [0.5, 0.5, 1.0]}\n";
@@ -381,10 +374,10 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
     };
     let json = || {
         let head = if first { &begin } else { "" };
-        let rest = text::json(&report.json());
+        let rest = text::json(&report);
         format!("{head}\n],{}\n", rest.strip_prefix('{').unwrap_or(&rest))
     };
-    Ok(print(false, || Value::Null, || if args.json { json() } else { text() })?)
+    Ok(put(&if args.json { json() } else { text() })?)
 }
 
 /// Why files are left out of which nothing is known.
@@ -432,7 +425,7 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     let mut report = report?;
     (report.input, report.output) = (data(&args.model), data(&args.output));
     let text = || if args.quiet { String::new() } else { report.text() };
-    output.finish(|| print(args.json, || report.json(), text))
+    output.finish(|| print(args.json, || &report, text))
 }
 
 fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
@@ -443,7 +436,7 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
         row[3] += by;
     }
     let report = jobs::intersect::intersect([&args.one, &args.other], &placement)?;
-    Ok(print(args.json, || report.json(), || report.text())?)
+    Ok(print(args.json, || &report, || report.text())?)
 }
 
 fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
@@ -463,13 +456,13 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
         bars.finish();
         let report = report?;
         return output
-            .finish(|| print_scene(args.json, (&args.model, &args.output), depth.is_some(), &report));
+            .finish(|| print_scene(args.json, (&args.model, &args.output), depth.is_some(), report));
     }
     let model = Input::of(&args.model)?;
     let report = picture::render_file(model.path(), &outputs, &args.request(), &bars);
     bars.finish();
     let report = report?;
-    output.finish(|| print_picture(args.json, (&args.model, &args.output), depth.is_some(), &report))
+    output.finish(|| print_picture(args.json, (&args.model, &args.output), depth.is_some(), report))
 }
 
 fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
@@ -478,7 +471,7 @@ fn thumbnail(args: &args::ThumbnailArgs) -> Result<ExitCode, Failure> {
     let model = Input::of(&args.model)?;
     platform::tell_of(&args.model, args.json);
     let report = picture::thumbnail_file(model.path(), output.path(), args.size, threads)?;
-    output.finish(|| print_picture(args.json, (&args.model, &args.output), false, &report))
+    output.finish(|| print_picture(args.json, (&args.model, &args.output), false, report))
 }
 
 fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
@@ -517,7 +510,7 @@ fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
     let total = found.total();
     let code = print(
         args.json,
-        || serde_json::to_value(found).unwrap_or_default(),
+        || &found,
         || format!("{} rays, {total} mismatches against the exact reference\n", args.rays),
     )?;
     Ok(if total == 0 { code } else { ExitCode::FAILURE })
@@ -542,7 +535,7 @@ fn report(args: &args::ReportArgs) -> Result<ExitCode, Error> {
     let report = jobs::report::report(&request, &bars);
     bars.finish();
     let report = report?;
-    print(args.json, || report.json(), || report.text())
+    print(args.json, || &report, || report.text())
 }
 
 fn pack_with(
@@ -551,52 +544,24 @@ fn pack_with(
 ) -> Result<ExitCode, Failure> {
     let output = Output::of(&args.output, Written::Model, args.force, args.json)?;
     let input = Input::of(&args.input)?;
-    let report = work(input.path(), output.path())?;
-    output.finish(|| print_packed(args, &report))
+    let mut report = work(input.path(), output.path())?;
+    (report.input, report.output) = (data(&args.input), data(&args.output));
+    output.finish(|| print(args.json, || &report, || report.text()))
 }
 
-fn print_packed(args: &args::PackArgs, report: &pack::PackReport) -> Result<ExitCode, Error> {
-    let per_voxel = to_f64(report.bytes_out) / to_f64(report.skin_voxels);
-    print(
-        args.json,
-        || {
-            json!({
-                "input": data(&args.input),
-                "output": data(&args.output),
-                "bytes_in": report.bytes_in,
-                "bytes": report.bytes_out,
-                "skin_voxels": report.skin_voxels,
-                "bytes_per_skin_voxel": per_voxel,
-                "peak_rss_bytes": infobyte::budget::peak_rss_bytes(),
-                "wall_s": report.wall_s,
-            })
-        },
-        || {
-            format!(
-                "{}: {} -> {} ({per_voxel:.4} bytes per skin voxel)\n",
-                shown(&args.output),
-                Bytes(report.bytes_in),
-                Bytes(report.bytes_out)
-            )
-        },
-    )
-}
-
-#[expect(clippy::cast_precision_loss, reason = "ratios for people")]
-fn to_f64(count: u64) -> f64 {
-    count.max(1) as f64
-}
-
-/// Prints the report as JSON or as text. A reader that has gone away (`oct info x | head -1`) is no
-/// error.
-pub(crate) fn print(
+/// Prints the report as JSON or as text.
+pub(crate) fn print<T: Serialize>(
     as_json: bool,
-    json: impl FnOnce() -> Value,
+    json: impl FnOnce() -> T,
     text: impl FnOnce() -> String,
 ) -> Result<ExitCode, Error> {
-    let output = if as_json { text::json(&json()) + "\n" } else { plain(&text(), true).into_owned() };
+    put(&if as_json { text::json(&json()) + "\n" } else { text() })
+}
+
+/// Prints a text. A reader that has gone away (`oct info x | head -1`) is no error.
+fn put(text: &str) -> Result<ExitCode, Error> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(plain(text, true).as_bytes()).and_then(|()| stdout.flush()) {
         Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {
             Err(Error::Output { path: "standard output".into(), cause })
         }

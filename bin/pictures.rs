@@ -1,94 +1,85 @@
-//! What is told of a picture.
+//! The sentences on a picture.
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use infobyte::Error;
+use infobyte::jobs::picture::PictureReport;
 use infobyte::jobs::render::RenderReport;
 use infobyte::jobs::scene::SceneReport;
-use infobyte::text::{data, shown};
-use serde_json::{Value, json};
+use infobyte::text::shown;
 
 use crate::print;
 
-/// What is said of a picture that shows nothing.
+/// Warning of a picture that shows nothing.
 const NO_HIT: &str = "no ray meets the model, so the picture is empty; check --eye, --look-at and --fov";
 
 /// The same of a scene.
 const NO_HIT_IN_SCENE: &str = "no ray meets a model, so the picture is empty; check what [clip] and the models' clip leave, and --eye, --look-at and --fov or the scene's [camera]";
 
+/// Lines behind the first of both.
+fn notes<R>(report: &PictureReport<R>, has_depth: bool, [near_mm, far_mm]: [f64; 2]) -> String {
+    let mut notes: String = report.warnings.iter().map(|note| format!("  note: {note}\n")).collect();
+    if has_depth {
+        notes += &format!("  distances: grey 1 is {near_mm:.3} mm, grey 65535 {far_mm:.3} mm, 0 nothing\n");
+    }
+    notes
+}
+
+fn warnings(hits: u64, sentence: &str) -> Vec<String> {
+    if hits == 0 { vec![sentence.to_owned()] } else { Vec::new() }
+}
+
 pub(crate) fn print_picture(
     as_json: bool,
     (model, output): (&Path, &Path),
     has_depth: bool,
-    report: &RenderReport,
+    picture: RenderReport,
 ) -> Result<ExitCode, Error> {
-    let warnings: &[&str] = if report.hits == 0 { &[NO_HIT] } else { &[] };
-    let json = || {
-        let report = serde_json::to_value(report).unwrap_or_default();
-        with_files(report, model, output, warnings)
-    };
+    let warnings = warnings(picture.hits, NO_HIT);
+    let report = PictureReport::new(model, output, picture, warnings);
     let text = || {
-        let mut notes: String = warnings.iter().map(|note| format!("  note: {note}\n")).collect();
-        notes += &depths(has_depth, report.depth_near_mm, report.depth_far_mm);
+        let p = &report.picture;
         format!(
-            "{}: {}x{}, {} rays, {} hits, {:.3} s\n{notes}",
+            "{}: {}x{}, {} rays, {} hits, {:.3} s\n{}",
             shown(output),
-            report.width,
-            report.height,
-            report.rays,
-            report.hits,
-            report.wall_s
+            p.width,
+            p.height,
+            p.rays,
+            p.hits,
+            p.wall_s,
+            notes(&report, has_depth, [p.depth_near_mm, p.depth_far_mm])
         )
     };
-    print(as_json, json, text)
-}
-
-/// What the greys of a picture of distances mean.
-fn depths(is_written: bool, near_mm: f64, far_mm: f64) -> String {
-    if !is_written {
-        return String::new();
-    }
-    format!("  distances: grey 1 is {near_mm:.3} mm, grey 65535 {far_mm:.3} mm, 0 nothing\n")
-}
-
-/// The keys of every report of a picture.
-fn with_files(mut report: Value, input: &Path, output: &Path, warnings: &[&str]) -> Value {
-    if let Value::Object(map) = &mut report {
-        map.insert("input".into(), json!(data(input)));
-        map.insert("output".into(), json!(data(output)));
-        map.insert("warnings".into(), json!(warnings));
-        map.insert("peak_rss_bytes".into(), json!(infobyte::budget::peak_rss_bytes()));
-    }
-    report
+    print(as_json, || &report, text)
 }
 
 pub(crate) fn print_scene(
     as_json: bool,
     (scene, output): (&Path, &Path),
     has_depth: bool,
-    report: &SceneReport,
+    picture: SceneReport,
 ) -> Result<ExitCode, Error> {
-    let warnings: &[&str] = if report.hits == 0 { &[NO_HIT_IN_SCENE] } else { &[] };
-    let json = || with_files(serde_json::to_value(report).unwrap_or_default(), scene, output, warnings);
+    let warnings = warnings(picture.hits, NO_HIT_IN_SCENE);
+    let report = PictureReport::new(scene, output, picture, warnings);
     let text = || {
-        let mut notes: String = warnings.iter().map(|note| format!("  note: {note}\n")).collect();
-        notes += &depths(has_depth, report.depth_near_mm, report.depth_far_mm);
+        let p = &report.picture;
         format!(
-            "{}: {}x{}, {} model(s) in {} file(s), {} rays, {} hits; {} to lights, {} mirrored, {} bent, {} for ambient occlusion; {:.3} s\n{notes}",
+            "{}: {}x{}, {} model(s) in {} file(s), {} rays, {} hits; {} to lights, {} mirrored, {} bent, {} for ambient occlusion; {:.3} s\n{}",
             shown(output),
-            report.width,
-            report.height,
-            report.models,
-            report.files,
-            report.rays,
-            report.hits,
-            report.shadow_rays,
-            report.mirrored_rays,
-            report.refracted_rays,
-            report.ambient_rays,
-            report.wall_s
+            p.width,
+            p.height,
+            p.models,
+            p.files,
+            p.rays,
+            p.hits,
+            p.shadow_rays,
+            p.mirrored_rays,
+            p.refracted_rays,
+            p.ambient_rays,
+            p.wall_s,
+            notes(&report, has_depth, [p.depth_near_mm, p.depth_far_mm])
         )
     };
-    print(as_json, json, text)
+    print(as_json, || &report, text)
 }

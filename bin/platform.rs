@@ -13,13 +13,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use infobyte::ExitKind;
-use infobyte::text;
-use infobyte::text::shown;
+use infobyte::text::{self, shown};
+use infobyte::{ErrorReport, ExitKind};
 use signal_hook::consts::{SIGBUS, SIGXFSZ};
 use signal_hook::{flag, low_level};
-
-use crate::failure::json_of;
 
 /// Makes writing past a file-size limit an error that can be reported, not the end of the process. Where the handler
 /// cannot be set, the system's way stays.
@@ -42,8 +39,11 @@ pub(crate) fn tell_of(path: &Path, as_json: bool) {
         "{}: was cut short while it was in use, or its disk failed, so that nothing was made of it; copy it again",
         shown(path)
     );
-    let object =
-        if as_json { text::json(&json_of(&sentence, ExitKind::Input)) + "\n" } else { String::new() };
+    let object = if as_json {
+        text::json(&ErrorReport::new(&sentence, ExitKind::Input)) + "\n"
+    } else {
+        String::new()
+    };
     let told: [(i32, Box<[u8]>); 2] = [
         (libc::STDOUT_FILENO, object.into_bytes().into()),
         (libc::STDERR_FILENO, format!("oct: {sentence}\n").into_bytes().into()),

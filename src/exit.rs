@@ -1,7 +1,11 @@
 //! Who has to act on a failure, hence the exit code of the command.
 
+use serde::Serialize;
+
 /// Who has to act on a failure; each kind is one exit code of the command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum ExitKind {
     /// The caller is wrong: exit 2.
     Usage,
@@ -26,15 +30,23 @@ impl ExitKind {
             Self::Partial => 8,
         }
     }
+}
 
-    /// Its name, as reports in JSON have it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Usage => "usage",
-            Self::Input => "input",
-            Self::Budget => "budget",
-            Self::Io => "io",
-            Self::Partial => "partial",
-        }
+/// The report of a command that fails, for `--json`.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct ErrorReport {
+    /// Cause and remedy in one sentence; the same as on stderr.
+    pub error: String,
+    /// Kind of failure: wrong usage, unusable input, too little memory, or disk and system.
+    pub kind: ExitKind,
+    /// Exit code of the command: 2, 3, 4, 5 or 8.
+    pub exit_code: u8,
+}
+
+impl ErrorReport {
+    /// The report of a failure of some kind.
+    pub fn new(sentence: &str, kind: ExitKind) -> Self {
+        Self { error: sentence.to_owned(), kind, exit_code: kind.code() }
     }
 }

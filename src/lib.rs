@@ -119,7 +119,7 @@ pub mod volume;
 pub use budget::MemoryCap;
 pub use builder::{BuildOptions, BuildReport, Connectivity, Threshold};
 pub use error::{Error, UsageError};
-pub use exit::ExitKind;
+pub use exit::{ErrorReport, ExitKind};
 pub use format::{Channel, Channels};
 pub use geom::{Affine, Dims};
 pub use jobs::render::{RenderReport, RenderRequest};

@@ -106,7 +106,8 @@ impl Default for CleanOptions {
 }
 
 /// Passes that cleaning adds to those of a build.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ExtraPasses {
     /// Over the samples of the volume.
     pub volume: u32,
@@ -278,7 +279,7 @@ fn row_words(dims: Dims) -> usize {
 }
 
 /// What cleaning did.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct CleanReport {
     /// Passes over volume and occupancy that were added.
     pub passes: ExtraPasses,

@@ -26,13 +26,14 @@ pub(crate) use sweep::Sweep;
 use crate::format::normal;
 
 /// Voxels that the skin encloses.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Enclosed {
     /// Inside the object.
     pub inside: u64,
     /// In cavities.
     pub cavities: u64,
-    /// The normals around contradict each other, or there are none.
+    /// Either: the normals around contradict each other, or there are none.
     pub unknown: u64,
 }
 

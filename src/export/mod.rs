@@ -53,7 +53,9 @@ use tint::Lights;
 use write::{Glb, Obj, Ply, Sink, Stl, Vertex};
 
 /// What a model is exported as.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum ExportForm {
     /// Triangles, binary STL.
     Stl,
@@ -68,8 +70,10 @@ pub enum ExportForm {
     /// A mask, NRRD.
     Nrrd,
     /// A mask, NIfTI-1.
+    #[serde(rename = "nii")]
     Nifti,
     /// A mask, gzipped NIfTI-1.
+    #[serde(rename = "nii.gz")]
     NiftiGz,
 }
 

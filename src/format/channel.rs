@@ -553,9 +553,9 @@ mod tests {
 
         pack::pack(&at("m.oct"), &at("p.oct")).unwrap();
         let shown = info::read_info(&at("p.oct")).unwrap().json();
-        assert_eq!(shown["channels"], serde_json::json!(["dummy"]));
-        assert!(shown["channel_bytes"]["dummy"].as_u64().unwrap() > 0, "{shown}");
-        assert_eq!(shown["channel_bytes"]["dummy_lod"], 0);
+        assert_eq!(shown.channels, ["dummy"]);
+        assert!(shown.model.channel_bytes["dummy"] > 0, "{shown:?}");
+        assert_eq!(shown.model.channel_bytes["dummy_lod"], 0);
         pack::unpack(&at("p.oct"), &at("u.oct")).unwrap();
         assert!(std::fs::read(at("u.oct")).unwrap() == std::fs::read(at("m.oct")).unwrap());
     }

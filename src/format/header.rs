@@ -33,7 +33,9 @@ const PACKED: u8 = 1;
 const CELLS: u8 = 2;
 
 /// How sections are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Encoding {
     /// Used in place.
     Mapped,

@@ -1,7 +1,9 @@
 //! Names of what a file holds: its surface, its channels and its sections.
 
 /// What the boxes of the finest level of a model are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum SurfaceKind {
     /// Skin voxels: the boxes themselves are the surface.
     #[default]

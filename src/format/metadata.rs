@@ -10,19 +10,22 @@ pub const METADATA_LIMIT: usize = 1 << 20;
 
 /// Where the voxels came from.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SourceMeta {
-    /// `raw`, `dicom`, `synthetic`, ...
+    /// Kind of source: dicom, raw, nrrd, mesh, csg, synthetic, ...
     pub format: String,
     /// The kind of image, and what was done to it; never what the input is called.
     pub kind: String,
     /// Files read.
     pub files: u64,
-    /// Bytes of voxel data.
+    /// Bytes of the volume as a raw file.
     pub bytes: u64,
 }
 
 /// How the range was chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum SelectionKind {
     /// `value >= lo`, given by the user.
     Iso,

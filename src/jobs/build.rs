@@ -1,14 +1,16 @@
 //! `oct build`: a volume on disk into a model on disk, and the report of it.
 
+mod report;
+
+pub use report::BuildFigures;
+
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use serde_json::{Value, json};
-
 use super::hint::Hint;
-use super::info::{Info, read_info, static_facts};
+use super::info::{Info, read_info};
 use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
@@ -270,44 +272,6 @@ pub(super) fn prepare(
 }
 
 impl BuildSummary {
-    /// One JSON object with the keys of the command contract.
-    pub fn json(&self) -> Value {
-        let r = &self.report;
-        let mut facts = static_facts(&self.info.frame);
-        let mut put = |key: &str, value: Value| facts.insert(key.to_owned(), value);
-        put("input", json!(self.input));
-        put("output", json!(data(&self.output)));
-        put("memory_budget_bytes", json!(self.memory_bytes));
-        put("memory_plan_bytes", json!(r.plan_bytes));
-        put("peak_rss_bytes", json!(peak_rss_bytes()));
-        put("scratch_bytes", json!(r.scratch_bytes));
-        put("threads", json!(r.threads));
-        put("tile_columns", json!(r.tile));
-        let s = &r.seconds;
-        put("read_s", json!(s.read));
-        put("build_s", json!(s.histogram + s.sight + s.scan - s.read + s.merge));
-        put("write_s", json!(s.seal + s.commit));
-        put("wall_s", json!(self.wall_s));
-        put(
-            "stages_s",
-            json!({
-                "histogram": s.histogram, "scan": s.scan, "merge": s.merge, "seal": s.seal, "commit": s.commit
-            }),
-        );
-        if let Some(hidden) = r.hidden {
-            put(
-                "sight",
-                json!({ "hidden": hidden, "bytes_saved_about": r.bytes_saved_about(), "seconds": s.sight }),
-            );
-        }
-        if let Some((operations, report)) = &self.cleaning {
-            put("cleaning", cleaning_json(operations, report.as_ref()));
-        }
-        put("warnings", json!(self.warnings));
-        put("hints", json!(self.hints));
-        Value::Object(facts)
-    }
-
     /// A few lines for people.
     pub fn text(&self) -> String {
         let r = &self.report;
@@ -367,22 +331,4 @@ impl BuildSummary {
         }
         text
     }
-}
-
-/// The `cleaning` object: all its keys are always there; the figures are 0 where the occupancy was not touched.
-fn cleaning_json(operations: &[String], report: Option<&CleanReport>) -> Value {
-    json!({
-        "operations": operations,
-        "passes": {
-            "volume": report.map_or(0, |r| r.passes.volume),
-            "occupancy": report.map_or(0, |r| r.passes.occupancy),
-        },
-        "voxels": report.map(|r| r.voxels),
-        "voxels_added": report.map_or(0, |r| r.voxels_added),
-        "voxels_removed": report.map_or(0, |r| r.voxels_removed),
-        "components": report.map_or(0, |r| r.components),
-        "kept": report.map_or(0, |r| r.kept),
-        "scratch_bytes": report.map_or(0, |r| r.scratch_bytes),
-        "seconds": report.map_or(0.0, |r| r.seconds),
-    })
 }

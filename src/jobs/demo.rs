@@ -4,9 +4,9 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
-use super::build::{BuildSummary, build_source};
+use super::build::{BuildFigures, BuildSummary, build_source};
 use super::picture::{Outputs, refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
 use super::verify::verify_file;
@@ -50,6 +50,27 @@ pub struct DemoSummary {
     verify_s: f64,
     render_s: f64,
     thumbnail_s: f64,
+}
+
+/// The report of a demonstration for `--json`.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct DemoFigures {
+    /// The build.
+    #[serde(flatten)]
+    pub build: BuildFigures,
+    /// The picture written.
+    pub picture: String,
+    /// The thumbnail written.
+    pub thumbnail: String,
+    /// Seconds of checking every invariant.
+    pub verify_s: f64,
+    /// Seconds of making the picture.
+    pub render_s: f64,
+    /// Seconds of making the thumbnail.
+    pub thumbnail_s: f64,
+    /// Always true: every invariant holds.
+    pub verified: bool,
 }
 
 /// Builds, verifies and renders a synthetic head of `side` voxels along each axis.
@@ -113,19 +134,17 @@ impl DemoSummary {
         self.build_peak_bytes
     }
 
-    /// One JSON object.
-    pub fn json(&self) -> Value {
-        let mut report = self.built.json();
-        if let Value::Object(map) = &mut report {
-            map.insert("peak_rss_bytes".into(), json!(self.build_peak_bytes));
-            map.insert("picture".into(), json!(data(&self.files.picture)));
-            map.insert("thumbnail".into(), json!(data(&self.files.thumbnail)));
-            map.insert("verify_s".into(), json!(self.verify_s));
-            map.insert("render_s".into(), json!(self.render_s));
-            map.insert("thumbnail_s".into(), json!(self.thumbnail_s));
-            map.insert("verified".into(), json!(true));
+    /// The report for `--json`.
+    pub fn json(&self) -> DemoFigures {
+        DemoFigures {
+            build: BuildFigures { peak_rss_bytes: self.build_peak_bytes, ..self.built.json() },
+            picture: data(&self.files.picture),
+            thumbnail: data(&self.files.thumbnail),
+            verify_s: self.verify_s,
+            render_s: self.render_s,
+            thumbnail_s: self.thumbnail_s,
+            verified: true,
         }
-        report
     }
 
     /// A short table.

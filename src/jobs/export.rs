@@ -4,7 +4,7 @@ use std::io;
 use std::path::Path;
 use std::time::Instant;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use super::opened::open_model;
 use super::verify::{verify_file, verify_unless_packed};
@@ -39,27 +39,32 @@ impl ExportRequest {
 }
 
 /// What was written.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ExportReport {
-    /// The model, as named.
+    /// Input as named on the command line; several separated by blanks; `-` for standard input.
     pub input: String,
-    /// The file, as named.
+    /// Output as named on the command line.
     pub output: String,
     /// Kind of file.
     pub form: ExportForm,
     /// Corners of triangles, or points.
     pub vertices: u64,
-    /// Triangles.
+    /// Triangles written.
     pub triangles: u64,
-    /// Voxels set in a mask.
+    /// Voxels set in a mask; 0 for other forms.
     pub inside_voxels: u64,
-    /// Voxels that the skin encloses, of which the normals do not tell whether they are inside; they were taken to be
-    /// what is likelier, and inside where there are no normals.
+    /// Enclosed voxels that may be inside or outside by the normals; written as the likelier, inside without normals.
     pub unknown_voxels: u64,
     /// Are coordinates of 32 bits too coarse for the place of the model: more than 1/128 of a voxel?
+    #[serde(skip)]
     pub is_far: bool,
-    /// Bytes of the file.
+    /// Sentences about the input: assumptions, parts left out, oddities.
+    pub warnings: Vec<String>,
+    /// Size of the file that was written or read.
     pub bytes: u64,
+    /// Peak resident memory of the process.
+    pub peak_rss_bytes: u64,
     /// Seconds from start to end.
     pub wall_s: f64,
 }
@@ -120,6 +125,7 @@ pub fn export(
     model.check_unchanged(input)?;
     let bytes = out.file().metadata().map_err(unwritable)?.len();
     out.commit().map_err(unwritable)?;
+    let is_far = request.form.has_coordinates() && is_far(&model.affine(), model.dims());
     Ok(ExportReport {
         input: data(input),
         output: data(output),
@@ -128,8 +134,10 @@ pub fn export(
         triangles: made.triangles,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
-        is_far: request.form.has_coordinates() && is_far(&model.affine(), model.dims()),
+        is_far,
+        warnings: warnings(made.unknown, is_far),
         bytes,
+        peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
     })
 }
@@ -149,35 +157,18 @@ fn fault_of(cause: &io::Error) -> Option<ExportFault> {
     cause.get_ref().and_then(|inner| inner.downcast_ref::<ExportFault>()).copied()
 }
 
+/// Oddities in sentences.
+fn warnings(unknown_voxels: u64, is_far: bool) -> Vec<String> {
+    let unknown = format!(
+        "{unknown_voxels} voxel(s) are enclosed, and the normals do not tell whether they are inside; they were taken to be what is likelier"
+    );
+    let far =
+        "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel";
+    let all = [(unknown_voxels > 0, unknown), (is_far, far.to_owned())];
+    all.into_iter().filter_map(|(told, sentence)| told.then_some(sentence)).collect()
+}
+
 impl ExportReport {
-    /// One JSON object.
-    pub fn json(&self) -> Value {
-        json!({
-            "input": self.input,
-            "output": self.output,
-            "form": self.form.name(),
-            "vertices": self.vertices,
-            "triangles": self.triangles,
-            "inside_voxels": self.inside_voxels,
-            "unknown_voxels": self.unknown_voxels,
-            "warnings": self.warnings(),
-            "bytes": self.bytes,
-            "peak_rss_bytes": peak_rss_bytes(),
-            "wall_s": self.wall_s,
-        })
-    }
-
-    /// What is odd, in sentences.
-    fn warnings(&self) -> Vec<String> {
-        let unknown = format!(
-            "{} voxel(s) are enclosed, and the normals do not tell whether they are inside; they were taken to be what is likelier",
-            self.unknown_voxels
-        );
-        let far = "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel";
-        let all = [(self.unknown_voxels > 0, unknown), (self.is_far, far.to_owned())];
-        all.into_iter().filter_map(|(told, sentence)| told.then_some(sentence)).collect()
-    }
-
     /// For people.
     pub fn text(&self) -> String {
         let what = match self.form {
@@ -189,7 +180,7 @@ impl ExportReport {
         };
         let mut text =
             format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);
-        for warning in self.warnings() {
+        for warning in &self.warnings {
             text += &format!("  note: {warning}\n");
         }
         text

@@ -1,9 +1,11 @@
 //! `oct info`: what a file says of itself, without touching its large sections.
 
+mod report;
+
+pub use report::{InfoReport, MeasuredFigures, ModelFigures, NotMeasured, RangeFigures};
+
 use std::fmt::Write;
 use std::path::Path;
-
-use serde_json::{Map, Value, json};
 
 use super::measure::{Measures, measure};
 use super::opened::open_model;
@@ -126,7 +128,7 @@ pub(super) fn dtype(frame: &Frame) -> &'static str {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "ratios for people")]
-fn ratio(a: u64, b: u64) -> f64 {
+pub(super) fn ratio(a: u64, b: u64) -> f64 {
     a as f64 / b.max(1) as f64
 }
 
@@ -145,73 +147,12 @@ pub(crate) fn kind_name(kind: SelectionKind) -> &'static str {
     }
 }
 
-/// The facts that the reports of `build` and `info` share, keyed as the command contract says.
-pub fn static_facts(frame: &Frame) -> Map<String, Value> {
-    let m = &frame.metadata;
-    let finite = |v: f64| v.is_finite().then_some(v);
-    let mut facts = Map::new();
-    let mut put = |key: &str, value: Value| facts.insert(key.to_owned(), value);
-    put("dims", json!(m.dims));
-    put("spacing_mm", json!(m.spacing_mm));
-    put("grid", json!(1_u64 << frame.dims().depth()));
-    put("levels", json!(frame.dims().depth()));
-    put("dtype", json!(dtype(frame)));
-    let s = &m.selection;
-    put("range", json!({"kind": kind_name(s.kind), "lo": finite(s.lo), "hi": finite(s.hi)}));
-    put("surface", json!(frame.surface().name()));
-    put("skin_voxels", json!(frame.header.voxels));
-    put("nodes", json!(frame.header.nodes));
-    put("bytes", json!(frame.header.file_bytes));
-    put("bytes_per_skin_voxel", json!(ratio(frame.header.file_bytes, frame.header.voxels)));
-    put("structure_bytes", json!(structure_bytes(frame)));
-    let channels: Map<String, Value> =
-        channel_bytes(frame).into_iter().map(|(name, bytes)| (name.to_owned(), json!(bytes))).collect();
-    put("channel_bytes", Value::Object(channels));
-    facts
-}
-
 /// Names of the channels per voxel.
 fn channels(frame: &Frame) -> Vec<&'static str> {
     frame.channels().map(|(channel, _)| channel.name()).collect()
 }
 
 impl Info {
-    /// One JSON object.
-    pub fn json(&self) -> Value {
-        let frame = &self.frame;
-        let m = &frame.metadata;
-        let mut facts = static_facts(frame);
-        let mut put = |key: &str, value: Value| facts.insert(key.to_owned(), value);
-        put("input", json!(self.input));
-        put("format_version", json!(format!("{VERSION_MAJOR}.{}", frame.header.minor)));
-        put("affine", json!(m.affine));
-        put("channels", json!(channels(frame)));
-        put("encoding", json!(frame.header.encoding.name()));
-        put("checksum", json!(format!("{:08x}", content_checksum(frame))));
-        put("level_nodes", json!(level_nodes(frame)));
-        put("program", json!(m.program));
-        let source = &m.source;
-        put(
-            "source",
-            json!({"format": source.format, "kind": source.kind, "files": source.files, "bytes": source.bytes}),
-        );
-        put("rescale", json!(m.rescale));
-        put("connectivity", json!(m.connectivity));
-        put("gradient", json!(m.gradient));
-        put("orientation", json!(crate::geom::Affine { rows: m.affine }.orientation_letters()));
-        let bytes = frame.header.file_bytes;
-        let (paper_dims, paper_grid) = paper_bytes(frame);
-        put("raw_bytes", json!(source.bytes));
-        put("ratio_to_raw", json!(ratio(source.bytes, bytes)));
-        put("paper_bytes", json!(paper_dims));
-        put("ratio_to_paper", json!(paper_dims / to_f64(bytes)));
-        put("ratio_to_paper_grid", json!(paper_grid / to_f64(bytes)));
-        if let Some(measured) = &self.measured {
-            facts.extend(measured.json());
-        }
-        Value::Object(facts)
-    }
-
     /// A table for people.
     pub fn text(&self) -> String {
         let frame = &self.frame;
@@ -301,32 +242,6 @@ impl Info {
 }
 
 impl Measured {
-    /// The keys of `--json`: all of them in any case, null where they are not known.
-    fn json(&self) -> Map<String, Value> {
-        let (done, why_not) = match self {
-            Self::Done(measures) => (Some(measures), None),
-            Self::Packed => (None, Some("packed")),
-            Self::Large => (None, Some("large")),
-            Self::Impossible => (None, Some("impossible")),
-        };
-        let area = done.and_then(|m| m.area_mm2);
-        let volume = done.and_then(|m| m.volume_mm3);
-        let enclosed = done.map(|m| m.enclosed);
-        let facts = json!({
-            "not_measured": why_not,
-            "bounding_box_voxels": done.map(|m| m.voxels),
-            "bounding_box_mm": done.map(|m| m.box_mm),
-            "surface_area_mm2": area.map(|(value, _)| value),
-            "surface_area_error_mm2": area.map(|(_, error)| error),
-            "volume_mm3": volume.map(|(value, _)| value),
-            "volume_error_mm3": volume.map(|(_, error)| error),
-            "enclosed_voxels": enclosed.map(|e| json!({
-                "inside": e.inside, "cavities": e.cavities, "unknown": e.unknown
-            })),
-        });
-        if let Value::Object(facts) = facts { facts } else { Map::new() }
-    }
-
     /// Lines of the table.
     fn rows(&self) -> Vec<(&'static str, String)> {
         let measures = match self {

@@ -3,24 +3,35 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use super::opened::open_model;
 use super::verify::verify_file;
 use crate::budget::peak_rss_bytes;
-use crate::contact::{Contact, Placed, contact};
+use crate::contact::{Placed, contact};
 use crate::error::{Error, UsageError};
 use crate::geom::Affine;
 use crate::text::Short;
 use crate::text::{data, shown};
 
 /// Whether two models touch.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct IntersectReport {
-    /// Both, as named.
+    /// Both models, as named on the command line.
     pub inputs: [String; 2],
-    /// What of each touches the other; `None` if they do not touch.
-    pub contacts: Option<[Contact; 2]>,
+    /// True if a voxel of one model has a point in common with a voxel of the other.
+    pub touch: bool,
+    /// Skin voxels, or cells, of each model that touch the other.
+    pub touching_voxels: [u64; 2],
+    /// Centre of the first voxel of the first model that touches the other, in mm (LPS).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_mm: Option<[f64; 3]>,
+    /// Lowest and highest coordinates of the centres of those voxels, in mm (LPS).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_mm: Option<[[f64; 3]; 2]>,
+    /// Peak resident memory of the process.
+    pub peak_rss_bytes: u64,
     /// Seconds from start to end.
     pub wall_s: f64,
 }
@@ -43,44 +54,32 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine) -> Result<IntersectRepo
     let one_placed = Placed { view: &one_view, affine: one.affine() };
     let other_placed = Placed { view: &other_view, affine: placement.after(&other.affine()) };
     let found = contact(one_placed, other_placed);
-    let back = found.and_then(|_| contact(other_placed, one_placed));
+    let both = found.and_then(|one| Some((one, contact(other_placed, one_placed)?)));
     for (model, input) in [(&one, inputs[0]), (&other, inputs[1])] {
         model.check_unchanged(input)?;
     }
     Ok(IntersectReport {
         inputs: inputs.map(data),
-        contacts: found.zip(back).map(|(a, b)| [a, b]),
+        touch: both.is_some(),
+        touching_voxels: both.map_or([0, 0], |(one, other)| [one.boxes, other.boxes]),
+        first_mm: both.map(|(one, _)| one.first_mm),
+        range_mm: both.map(|(one, _)| one.range_mm),
+        peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
     })
 }
 
 impl IntersectReport {
-    /// One JSON object.
-    pub fn json(&self) -> Value {
-        let mut object = json!({
-            "inputs": self.inputs,
-            "touch": self.contacts.is_some(),
-            "touching_voxels": self.contacts.map_or([0, 0], |both| both.map(|c| c.boxes)),
-            "peak_rss_bytes": peak_rss_bytes(),
-            "wall_s": self.wall_s,
-        });
-        if let Some([one, _]) = self.contacts {
-            object["first_mm"] = json!(one.first_mm);
-            object["range_mm"] = json!(one.range_mm);
-        }
-        object
-    }
-
     /// For people.
     pub fn text(&self) -> String {
         let [one, other] = [0, 1].map(|i| shown(&self.inputs[i]).to_string());
-        let Some([a, b]) = self.contacts else { return format!("{one} and {other} do not touch\n") };
-        let [low, high] = a.range_mm;
+        let Some([low, high]) = self.range_mm else { return format!("{one} and {other} do not touch\n") };
+        let [a, b] = self.touching_voxels;
         let range = |i: usize| format!("{} .. {}", Short(low[i]), Short(high[i]));
         format!(
             "{one} and {other} touch: {} box(es) of the first, {} of the second\n  at x {}, y {}, z {} mm (LPS)\n",
-            a.boxes,
-            b.boxes,
+            a,
+            b,
             range(0),
             range(1),
             range(2)

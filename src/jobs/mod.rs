@@ -2,7 +2,7 @@
 #![doc = "\n"]
 #![doc = include_str!("COMMANDS.md")]
 #![doc = "\n"]
-#![doc = include_str!("JSON.md")]
+#![doc = include_str!("../../docs/JSON.md")]
 
 pub mod batch;
 pub mod build;
@@ -22,6 +22,8 @@ pub mod render;
 pub mod report;
 pub mod scan;
 pub mod scene;
+#[cfg(test)]
+mod schema;
 pub mod shots;
 pub mod verify;
 

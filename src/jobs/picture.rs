@@ -2,15 +2,18 @@
 
 use std::path::Path;
 
+use serde::Serialize;
+
 use super::opened::open_model;
 use super::relief::Relief;
 use super::render::{RenderReport, RenderRequest, render_view_parts, render_view_relieved, thumbnail};
 use super::shots::{self, FrameNames, Shots};
-use crate::budget::mapped_rss_bytes;
+use crate::budget::{mapped_rss_bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
 use crate::progress::Progress;
 use crate::render::image::{ImageFile, PngLayer, PngRows};
 use crate::render::{Image, RenderError};
+use crate::text::data;
 
 /// Where the pictures of one call go.
 #[derive(Clone, Copy, Debug)]
@@ -192,6 +195,31 @@ pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) ->
     model.check_unchanged(path)?;
     image.write_layer_to(output, PngLayer::Color)?;
     Ok(report)
+}
+
+/// A picture, or several, of a model or a scene, in files.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct PictureReport<R> {
+    /// Input as named on the command line; several separated by blanks; `-` for standard input.
+    pub input: String,
+    /// Output as named on the command line.
+    pub output: String,
+    /// Size, rays and times.
+    #[serde(flatten)]
+    pub picture: R,
+    /// Sentences about the input: assumptions, parts left out, oddities.
+    pub warnings: Vec<String>,
+    /// Peak resident memory of the process.
+    pub peak_rss_bytes: u64,
+}
+
+impl<R> PictureReport<R> {
+    /// The report of a picture that is finished now.
+    pub fn new(input: &Path, output: &Path, picture: R, warnings: Vec<String>) -> Self {
+        let (input, output) = (data(input), data(output));
+        Self { input, output, picture, warnings, peak_rss_bytes: peak_rss_bytes() }
+    }
 }
 
 /// A picture never takes the place of the model, nor of another picture of the same call.

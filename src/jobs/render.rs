@@ -20,7 +20,7 @@ use crate::render::{Camera, GridSpace, Image, NamedView, Projection, RenderError
 pub struct RenderRequest {
     /// Pixels in a row.
     pub width: u32,
-    /// Rows.
+    /// Rows of pixels.
     pub height: u32,
     /// Where the camera stands.
     pub point: ViewPoint,
@@ -85,45 +85,46 @@ impl Default for RenderRequest {
     }
 }
 
-/// How a picture was made; the keys of `--json`.
+/// How a picture was made.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RenderReport {
     /// Pixels in a row.
     pub width: u32,
-    /// Rows.
+    /// Rows of pixels.
     pub height: u32,
-    /// Threads used.
+    /// Worker threads.
     pub threads: usize,
-    /// What the rays hit: `exact` or `discrete`.
-    pub traversal: &'static str,
-    /// Rays traced.
+    /// Traversal of the rays.
+    pub traversal: Traversal,
+    /// Rays traced, those for soft edges included.
     pub rays: u64,
     /// Rays that hit the model.
     pub hits: u64,
-    /// Seconds to place the camera and get ready.
+    /// Seconds of setup: camera and threads; for a scene everything but tracing.
     pub setup_s: f64,
-    /// Seconds of tracing.
+    /// Seconds of tracing; for a scene with shading.
     pub trace_s: f64,
     /// Seconds of shading.
     pub shade_s: f64,
-    /// Seconds of looking around from what is seen, by rays that are not counted as such; 0 without ambient occlusion.
+    /// Seconds of ambient occlusion, whose rays are not in `rays`; 0 without it.
     pub ambient_s: f64,
-    /// Seconds of all that, and of compressing the pictures; without putting the files in their places.
+    /// Seconds from start to end.
     pub wall_s: f64,
-    /// Rays per second of tracing.
+    /// `rays` / `trace_s`.
     pub rays_per_s: f64,
     /// Traversal steps of all rays.
     pub steps: u64,
     /// Steps of the longest ray.
     pub max_steps: u32,
-    /// Edge in voxels of the smallest boxes shown: 1 for exact voxels.
+    /// Edge of the smallest boxes shown, in voxels: 1 for exact voxels.
     pub smallest_box: u32,
-    /// Bytes of the model's file that came into memory, in whole pages and with those that the kernel maps
-    /// around them: a little more than was looked at. `None` for a model that is not a mapped file.
+    /// Bytes of model files that came into memory, in whole pages, read-ahead included; null for a model that is not a
+    /// mapped file.
     pub bytes_touched: Option<u64>,
-    /// Depth in mm of grey 1 in the depth image: of the model's nearest point.
+    /// Depth in mm of grey 1 of the depth picture.
     pub depth_near_mm: f64,
-    /// Depth in mm of grey 65535: `depth = near + (grey - 1) / 65534 * (far - near)`.
+    /// Depth in mm of grey 65535: depth = near + (grey - 1) / 65534 * (far - near).
     pub depth_far_mm: f64,
 }
 
@@ -319,7 +320,7 @@ impl Prepared {
             width: request.width,
             height: request.height,
             threads: request.threads.max(1),
-            traversal: request.traversal.name(),
+            traversal: request.traversal,
             rays: counts.rays,
             hits: counts.hits,
             setup_s: self.setup.as_secs_f64(),

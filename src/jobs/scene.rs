@@ -37,44 +37,46 @@ pub struct SceneRequest {
     pub threads: usize,
 }
 
-/// How a scene was shown; the keys of `--json`.
+/// How a scene was shown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SceneReport {
     /// Pixels in a row.
     pub width: u32,
-    /// Rows.
+    /// Rows of pixels.
     pub height: u32,
-    /// Threads used.
+    /// Worker threads.
     pub threads: usize,
     /// Models in the scene.
     pub models: usize,
-    /// Files that they are in; models of one file share it.
+    /// Files of the models; models may share a file.
     pub files: usize,
-    /// Rays from the eye.
+    /// Rays traced, those for soft edges included.
     pub rays: u64,
-    /// Of those, rays that hit a model.
+    /// Rays that hit the model.
     pub hits: u64,
     /// Rays towards lights.
     pub shadow_rays: u64,
     /// Mirrored rays.
     pub mirrored_rays: u64,
-    /// Bent rays.
+    /// Refracted rays.
     pub refracted_rays: u64,
     /// Rays of ambient occlusion.
     pub ambient_rays: u64,
-    /// Seconds of everything else: reading the scene, opening the models, writing the picture.
+    /// Seconds of setup: camera and threads; for a scene everything but tracing.
     pub setup_s: f64,
-    /// Seconds of tracing and shading.
+    /// Seconds of tracing; for a scene with shading.
     pub trace_s: f64,
-    /// Seconds of all that, writing included.
+    /// Seconds from start to end.
     pub wall_s: f64,
-    /// Rays from the eye, per second of tracing.
+    /// `rays` / `trace_s`.
     pub rays_per_s: f64,
-    /// Bytes of the models' files that came into memory, in whole pages.
+    /// Bytes of model files that came into memory, in whole pages, read-ahead included; null for a model that is not a
+    /// mapped file.
     pub bytes_touched: Option<u64>,
-    /// Depth in mm of grey 1 in the depth image.
+    /// Depth in mm of grey 1 of the depth picture.
     pub depth_near_mm: f64,
-    /// Depth in mm of grey 65535.
+    /// Depth in mm of grey 65535: depth = near + (grey - 1) / 65534 * (far - near).
     pub depth_far_mm: f64,
 }
 

@@ -3,8 +3,9 @@
 use std::fs::File;
 use std::path::Path;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
+use super::info::content_checksum;
 use super::opened::unpacked;
 use crate::error::Error;
 use crate::format::Encoding;
@@ -12,12 +13,23 @@ use crate::load::{self, Fault, Frame, LoadError, open_regular};
 use crate::text::{data, shown};
 
 /// A file that passed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct VerifyReport {
-    /// The file, as given.
+    /// Input as named on the command line; several separated by blanks; `-` for standard input.
     pub input: String,
-    /// Its frame.
-    pub frame: Frame,
+    /// Always true: a damaged file is an error.
+    pub ok: bool,
+    /// How the file is encoded.
+    pub encoding: Encoding,
+    /// Skin voxels of the model.
+    pub skin_voxels: u64,
+    /// Nodes of the octree, one infobyte each.
+    pub nodes: u64,
+    /// Size of the file that was written or read.
+    pub bytes: u64,
+    /// Eight hex digits; the same for the mapped and the packed file of one model.
+    pub checksum: String,
 }
 
 /// Checks a file completely.
@@ -37,7 +49,15 @@ pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
     } else {
         check(&file).map_err(|fault| fault.at(path))?;
     }
-    Ok(VerifyReport { input: data(path), frame })
+    Ok(VerifyReport {
+        input: data(path),
+        ok: true,
+        encoding: frame.header.encoding,
+        skin_voxels: frame.header.voxels,
+        nodes: frame.header.nodes,
+        bytes: frame.header.file_bytes,
+        checksum: format!("{:08x}", content_checksum(&frame)),
+    })
 }
 
 /// Checks a model that is about to be mapped; a packed one is checked as it is unpacked.
@@ -59,27 +79,14 @@ fn check(file: &File) -> Result<(), Fault> {
 }
 
 impl VerifyReport {
-    /// One JSON object.
-    pub fn json(&self) -> Value {
-        json!({
-            "input": self.input,
-            "ok": true,
-            "encoding": self.frame.header.encoding.name(),
-            "skin_voxels": self.frame.header.voxels,
-            "nodes": self.frame.header.nodes,
-            "bytes": self.frame.header.file_bytes,
-            "checksum": format!("{:08x}", super::info::content_checksum(&self.frame)),
-        })
-    }
-
     /// One sentence.
     pub fn text(&self) -> String {
         format!(
             "{}: sound ({} skin voxels, {} nodes, {})\n",
             shown(&self.input),
-            self.frame.header.voxels,
-            self.frame.header.nodes,
-            self.frame.header.encoding.name()
+            self.skin_voxels,
+            self.nodes,
+            self.encoding.name()
         )
     }
 }

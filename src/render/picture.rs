@@ -64,7 +64,9 @@ pub struct Canvas {
 }
 
 /// What the rays of a picture hit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Traversal {
     /// The first box that the line pierces.
     #[default]

@@ -19,10 +19,11 @@ const LOT: usize = 100;
 
 /// Counts of a comparison; all mismatch counts are 0 for a sound build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Mismatches {
-    /// Rays compared, those that miss the grid included.
+    /// Rays traced, those for soft edges included.
     pub rays: u64,
-    /// Rays that hit skin according to the reference.
+    /// Rays that hit the model.
     pub hits: u64,
     /// Both hit, but different voxels.
     pub voxel: u64,
@@ -32,19 +33,19 @@ pub struct Mismatches {
     pub false_hits: u64,
     /// Only the reference hit.
     pub false_misses: u64,
-    /// The hit's box number is not that of its voxel, or its t is off the entered plane by over 2^-16 cell.
+    /// Hits whose number is not that of their voxel, or whose depth is off its face by over 2^-16 cell.
     pub inconsistent: u64,
-    /// Rays whose sealed hit is not the voxel of the sealed reference walk.
+    /// Hits that differ from the sealed reference walk.
     pub sealed: u64,
-    /// Rays, alone, in batches and in tiles, whose hit in some form of the traversal is not the sealed one.
+    /// Rays whose hit depends on the instruction set, or on being traced alone, in a batch or in a tile.
     pub forms: u64,
     /// Rays traced in tiles.
     pub tile_rays: u64,
     /// Rays that took more steps than allowed.
     pub over_limit: u64,
-    /// Steps of all rays, and of the longest.
+    /// Traversal steps of all rays.
     pub steps: u64,
-    /// Most steps of one ray.
+    /// Steps of the longest ray.
     pub max_steps: u32,
 }
 

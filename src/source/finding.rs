@@ -59,6 +59,7 @@ impl fmt::Debug for Finding {
 /// Why the pixels of an image may carry text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum BurnedIn {
     /// Burned In Annotation (0028,0301) says so.
     Stated,

@@ -32,7 +32,9 @@ pub struct OpenOptions {
 }
 
 /// What to do where slices of a series are missing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum GapPolicy {
     /// Refuse the series, and say where.
     #[default]

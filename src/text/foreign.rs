@@ -11,7 +11,7 @@ use std::ffi::OsStr;
 use std::fmt::{self, Display, Formatter, Write};
 use std::path::Path;
 
-use serde_json::Value;
+use serde::Serialize;
 
 /// What stands for a character that is not shown.
 const REPLACEMENT: char = char::REPLACEMENT_CHARACTER;
@@ -92,12 +92,11 @@ pub fn plain(text: &str, lines: bool) -> Cow<'_, str> {
 }
 
 /// A value as JSON on one line, in which everything that acts is escaped: the same value, whoever reads it.
-pub fn json(value: &Value) -> String {
-    escaped(value.to_string())
+pub fn json<T: Serialize + ?Sized>(value: &T) -> String {
+    escaped(serde_json::to_string(value).unwrap_or_default())
 }
 
-/// As [`json`], of a value that is written down already.
-pub(crate) fn escaped(text: String) -> String {
+fn escaped(text: String) -> String {
     if !text.contains(is_active) {
         return text;
     }
@@ -119,7 +118,7 @@ pub(crate) fn escaped(text: String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json as value;
+    use serde_json::{Value, json as value};
 
     const ACTIVE: &str = "a\u{1b}[31m\n\r\t\u{7f}\u{9b}2J\u{202e}gpj\u{2066}\u{2069}\u{200f}\u{2028}b";
 

@@ -12,7 +12,6 @@ pub(crate) mod names;
 mod number;
 mod system;
 
-pub(crate) use foreign::escaped;
 pub use foreign::{Foreign, Shown, data, json, plain, shown};
 pub use names::{Name, spell};
 pub use number::{Short, WithError};

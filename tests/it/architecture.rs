@@ -48,19 +48,13 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ),
     (
         "builder",
-        &[
-            "atomic", "budget", "cpu", "exit", "format", "geom", "progress", "scratch", "text",
-            "volume",
-        ],
+        &["atomic", "budget", "cpu", "exit", "format", "geom", "progress", "scratch", "text", "volume"],
     ),
     ("clean", &["budget", "builder", "exit", "format", "geom", "progress", "scratch", "text", "volume"]),
     ("mesh", &["budget", "builder", "codec", "cpu", "facts", "format", "geom", "scratch", "source", "stamp"]),
     (
         "csg",
-        &[
-            "budget", "builder", "facts", "format", "geom", "mesh", "progress", "scratch",
-            "stamp", "volume",
-        ],
+        &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "scratch", "stamp", "volume"],
     ),
     ("load", &["budget", "cpu", "exit", "format", "geom", "text"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark", "text"]),

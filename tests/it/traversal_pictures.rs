@@ -315,7 +315,7 @@ fn discrete_rays_show_nearly_the_same_picture() {
         let discrete = RenderRequest { traversal: Traversal::Discrete, ..exact };
         let (a, _) = render(&ball.tree.view(), ball.dims, &unit_affine(), &exact).unwrap();
         let (b, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &discrete).unwrap();
-        assert_eq!(report.traversal, "discrete");
+        assert_eq!(report.traversal, Traversal::Discrete);
         show(&b, "discrete");
         let (color, silhouette) = differing(&a, &b, 0);
         // A voxel that the line passes by may come first: every fifth hit, and a few more at the silhouette.

@@ -25,7 +25,9 @@ mod record;
 mod report;
 
 pub use record::{Cause, Item, ModelFacts, Status};
-pub use report::{BatchReport, Counts, Holdings, NOTICE};
+pub use report::{
+    BatchOptions, BatchReport, Counts, Holdings, LeftOutCount, LeftOutFile, NOTICE, ThresholdOption,
+};
 
 use std::fs;
 use std::io;
@@ -35,13 +37,11 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use serde_json::{Value, json};
-
 use super::build::{BuildSummary, convert_reshaped};
 use super::picture::thumbnail_file;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
-use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
+use crate::builder::{BuildError, BuildOptions};
 use crate::catalogue::Catalogue;
 use crate::clean::{CleanError, CleanOptions};
 use crate::error::Error;
@@ -212,7 +212,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let mut left_out_files = Vec::new();
     catalogue.for_each_left_out::<Error>(&mut |why, path| {
         if left_out_files.len() < MOST_NAMED {
-            left_out_files.push((data(path), why.to_string()));
+            left_out_files.push(LeftOutFile { path: data(path), reason: why.to_string() });
         }
         Ok(())
     })?;
@@ -220,7 +220,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let burned_in = told_of_text(&run.burned_in.map(AtomicU64::into_inner), request);
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
-        left_out: catalogue.left_out().iter().map(|l| (l.why.to_string(), l.count, data(&l.first))).collect(),
+        left_out: catalogue.left_out().iter().map(LeftOutCount::from).collect(),
         left_out_files,
         warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
         memory_budget_bytes: limit,
@@ -228,8 +228,9 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         jobs,
         wall_s: started.elapsed().as_secs_f64(),
         keep_names: request.keep_names,
-        options: options_told(request),
         holds: Holdings::of(&request.out),
+        program: concat!("infobyte ", env!("CARGO_PKG_VERSION")),
+        options: request.into(),
     };
     earlier::take_over(&request.out, request.thumbnails_of_all, &run.journal).map_err(out_error)?;
     report.write(&request.out, &run.journal).map_err(out_error)?;
@@ -724,33 +725,6 @@ fn options_fingerprint(request: &BatchRequest) -> String {
         request.mesh
     );
     format!("{:016x}", fnv(text.as_bytes()))
-}
-
-/// The same for people.
-fn options_told(request: &BatchRequest) -> Value {
-    let b = &request.build;
-    json!({
-        "threshold": match b.threshold {
-            Threshold::Iso(lo) => json!({ "iso": lo }),
-            Threshold::Range(lo, hi) => json!({ "range": [lo, hi] }),
-            Threshold::Otsu => json!("otsu"),
-            Threshold::Chosen(selection) => json!({ "range": [selection.lo, selection.hi] }),
-        },
-        "surface": b.volume_surface().name(),
-        "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
-        "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
-        "gradient": b.gradient.name(),
-        "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
-        "cleaning": request.clean.operations(),
-        "lod": b.lod,
-        "spacing_mm": request.how.placement.spacing_mm,
-        "orientation": request.how.placement.orientation.map(|o| o.to_string()),
-        "modalities": request.modalities,
-        "series": request.series,
-        "thumbnails": request.thumbnails,
-        "thumbnails_of_all": request.thumbnails_of_all,
-        "min_slices": request.min_slices,
-    })
 }
 
 /// FNV-1a, 64 bits: stable over versions and machines; for telling things apart, not for safety.

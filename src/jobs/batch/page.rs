@@ -8,7 +8,7 @@ use std::io::{self, Read, Write};
 use std::path::Path;
 
 use super::record::{Cause, Item, Journal, Status};
-use super::report::{BatchReport, status};
+use super::report::{BatchReport, LeftOutCount, status};
 use crate::budget::Bytes;
 use crate::source::BurnedIn;
 use crate::text::plain;
@@ -102,7 +102,7 @@ pub(super) fn write(
     }
     if !report.left_out.is_empty() {
         w.write_all(b"<h2>Files that are no volume</h2><table>\n")?;
-        for (reason, count, first) in &report.left_out {
+        for LeftOutCount { reason, count, first } in &report.left_out {
             write!(w, "<tr><td>{count}</td><td>{}</td>", escaped(reason))?;
             if report.keep_names {
                 write!(w, "<td>first: {}</td>", escaped(first))?;

@@ -17,6 +17,7 @@ use crate::source::BurnedIn;
 /// What became of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Status {
     /// Built in this run.
     Converted,
@@ -31,12 +32,13 @@ pub enum Status {
 /// Why there is no model, in a word that names nothing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Cause {
     /// It has fewer slices than were asked for.
     FewSlices,
     /// It is not of the modalities or series that were asked for.
     NotAskedFor,
-    /// It is a copy of the volume of this name.
+    /// Name of the volume of which it is a copy.
     CopyOf(String),
     /// The input cannot be used.
     Input,
@@ -66,32 +68,34 @@ impl Cause {
 
 /// One volume of a batch, as reported. It tells where the volume lies, and stays with whoever has that.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Item {
     /// What became of it.
     pub status: Status,
-    /// Its id: the name of its files in the output folder, without extension.
+    /// Name of the model, without .oct.
     pub name: String,
-    /// The file, or the folder of the files, as it was reached from what was searched.
+    /// File, or folder of the files, as reached from the paths searched.
     pub input: String,
-    /// Kind of source.
+    /// Kind of source: dicom, raw, nrrd, mesh, csg, synthetic, ...
     pub format: String,
-    /// What it is: `CT image`, ...; the kind of source again where nothing more is known.
+    /// Kind of image, such as CT image; the format if unknown.
     pub kind: String,
-    /// Which part of its input it is, where that holds several volumes; or empty.
+    /// Part of an input that holds several volumes; else empty.
     pub part: String,
     /// Files read.
     pub files: u64,
-    /// Their bytes.
+    /// Size of these files.
     pub input_bytes: u64,
-    /// Why its pixels may carry text, if there is a reason to think so.
+    /// Reason to think that the pixels carry text; null without one.
     pub burned_in: Option<BurnedIn>,
-    /// Why it failed, or was left alone, in short.
+    /// Why there is no model, in a word: few_slices, not_asked_for, {copy_of: NAME}, input, empty, memory, disk,
+    /// options or defect; else null.
     pub cause: Option<Cause>,
-    /// The same in a sentence, which may name files.
+    /// Why it failed or was left alone, in one sentence that may name files; else null.
     pub reason: Option<String>,
-    /// Sentences about the input.
+    /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
-    /// The model, if there is one.
+    /// The model; null if there is none.
     pub model: Option<ModelFacts>,
 }
 
@@ -118,36 +122,37 @@ impl Item {
 
 /// What is reported of a finished model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ModelFacts {
-    /// File name of the model.
+    /// File name of the model in the output folder.
     pub file: String,
-    /// File name of its thumbnail.
+    /// File name of its thumbnail; null without.
     pub thumbnail: Option<String>,
-    /// Size in voxels.
+    /// Size of the volume in voxels along x, y, z.
     pub dims: [u32; 3],
-    /// Distance of neighbours in mm.
+    /// Distance of neighbouring voxels along x, y, z, in mm.
     pub spacing_mm: [f64; 3],
-    /// Type of the samples.
+    /// Type of the source's samples: u8, i8, u16, i16, u32, i32, f32 or f64.
     pub dtype: String,
-    /// Values inside, in physical units; no upper end means all from the lower one.
+    /// Lowest and highest value inside, in physical units; null if there is no limit.
     pub range: (f64, Option<f64>),
-    /// How these were chosen: `iso`, `range` or `otsu`; empty in records of older versions.
+    /// How the range was chosen: iso, range or otsu; empty for models of older versions.
     #[serde(default)]
     pub selection: String,
-    /// Skin voxels.
+    /// Skin voxels of the model.
     pub skin_voxels: u64,
-    /// Infobytes.
+    /// Nodes of the octree, one infobyte each.
     pub nodes: u64,
-    /// Bytes of the model.
+    /// Size of the file that was written or read.
     pub bytes: u64,
-    /// Seconds from opening the input to the finished thumbnail.
+    /// Seconds from start to end.
     pub wall_s: f64,
-    /// Memory that the job was granted.
+    /// Memory granted to its job.
     pub memory_bytes: u64,
-    /// Most of it that the build had in use at a time; 0 in records of older versions.
+    /// Most memory in use at a time by the plan of the build.
     #[serde(default)]
     pub memory_plan_bytes: u64,
-    /// Bytes of scratch files.
+    /// Size of the scratch files.
     pub scratch_bytes: u64,
 }
 

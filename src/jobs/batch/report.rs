@@ -3,59 +3,180 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use super::record::{Item, Journal, Status};
-use super::{page, write_whole};
-use crate::source::BurnedIn;
-use crate::text::{self, escaped, plain};
+use super::{BatchRequest, page, write_whole};
+use crate::builder::{Connectivity, Threshold};
+use crate::catalogue::LeftOut;
+use crate::format::{Channel, SurfaceKind};
+use crate::source::{BurnedIn, GapPolicy};
+use crate::text::{self, data, plain};
 
 /// How many volumes came to which end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Counts {
-    /// Built in this run.
+    /// Volumes built in this run.
     pub converted: u64,
-    /// Built before, or left alone as asked.
+    /// Volumes built before, or left alone as asked.
     pub skipped: u64,
-    /// Refused or failed.
+    /// Volumes refused, or whose build failed.
     pub failed: u64,
 }
 
-/// What a batch did.
-#[derive(Clone, Debug)]
+/// Files that are not volumes, for one reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct LeftOutCount {
+    /// Why they are left out.
+    pub reason: String,
+    /// Number of files.
+    pub count: u64,
+    /// Path of the first, in natural order.
+    pub first: String,
+}
+
+impl From<&LeftOut> for LeftOutCount {
+    fn from(files: &LeftOut) -> Self {
+        Self { reason: files.why.to_string(), count: files.count, first: data(&files.first) }
+    }
+}
+
+/// A file that is not a volume.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct LeftOutFile {
+    /// The file or folder.
+    pub path: String,
+    /// Why it is left out, or was not entered.
+    pub reason: String,
+}
+
+/// The report of a batch, but for the volumes.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct BatchReport {
     /// Ends of the volumes.
+    #[serde(flatten)]
     pub counts: Counts,
-    /// Files that are no volume: reason, how many, the first.
-    pub left_out: Vec<(String, u64, String)>,
-    /// The same one by one, as many as are named: path and reason.
-    pub left_out_files: Vec<(String, String)>,
-    /// Sentences about the batch as a whole.
+    /// Files that are not volumes, by reason.
+    pub left_out: Vec<LeftOutCount>,
+    /// The same files one by one; at most 10,000 of a scan and 1,000 of a batch.
+    pub left_out_files: Vec<LeftOutFile>,
+    /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
-    /// The cap.
+    /// Limit of the resident memory of the process.
     pub memory_budget_bytes: u64,
     /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
     /// Volumes worked on at a time.
     pub jobs: usize,
-    /// Seconds in all.
+    /// Seconds from start to end.
     pub wall_s: f64,
     /// Are files and folders named in the contact sheet?
+    #[serde(skip)]
     pub(super) keep_names: bool,
-    /// What was asked for, as far as results depend on it.
-    pub options: Value,
-    /// What the output folder holds after it, whenever that was made.
+    /// Contents of the output folder, from this run and earlier ones.
     pub holds: Holdings,
+    /// Name and version of the program that wrote it.
+    pub program: &'static str,
+    /// Options on which the results depend.
+    pub options: BatchOptions,
+}
+
+/// Options of a batch on which its results depend.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BatchOptions {
+    /// otsu, {iso: V} or {range: [LO, HI]}.
+    pub threshold: ThresholdOption,
+    /// Skin voxels, or cells between samples.
+    pub surface: SurfaceKind,
+    /// Connectivity of the skin: 26 or 6.
+    pub connectivity: u8,
+    /// Attributes stored for each skin voxel.
+    pub channels: Vec<&'static str>,
+    /// Estimator of the normals.
+    pub gradient: &'static str,
+    /// Treatment of missing slices.
+    pub gaps: GapPolicy,
+    /// Cleaning of volumes before they are built, as options of the command line.
+    pub cleaning: Vec<String>,
+    /// True if mean attributes of coarse nodes are stored.
+    pub lod: bool,
+    /// Spacing that replaces what files state; null without.
+    pub spacing_mm: Option<[f64; 3]>,
+    /// Directions of the axes that replace what files state; null without.
+    pub orientation: Option<String>,
+    /// Modalities that are taken; empty for all.
+    pub modalities: Vec<String>,
+    /// Volumes that are taken; empty for all.
+    pub series: Vec<String>,
+    /// Longest side of the thumbnails in pixels; 0 for none.
+    pub thumbnails: u32,
+    /// True if images that may carry text have thumbnails, too.
+    pub thumbnails_of_all: bool,
+    /// Fewest slices of a volume that is taken.
+    pub min_slices: u32,
+}
+
+/// How values inside are chosen.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub enum ThresholdOption {
+    /// By Otsu's method.
+    Otsu,
+    /// Lowest value inside.
+    Iso(f64),
+    /// Lowest and highest value inside.
+    Range(f64, f64),
+}
+
+impl From<Threshold> for ThresholdOption {
+    fn from(threshold: Threshold) -> Self {
+        match threshold {
+            Threshold::Otsu => Self::Otsu,
+            Threshold::Iso(lo) => Self::Iso(lo),
+            Threshold::Range(lo, hi) => Self::Range(lo, hi),
+            Threshold::Chosen(selection) => Self::Range(selection.lo, selection.hi),
+        }
+    }
+}
+
+impl From<&BatchRequest> for BatchOptions {
+    fn from(request: &BatchRequest) -> Self {
+        let (b, placement) = (&request.build, &request.how.placement);
+        Self {
+            threshold: b.threshold.into(),
+            surface: b.volume_surface(),
+            connectivity: if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
+            channels: b.channels.iter().map(Channel::name).collect(),
+            gradient: b.gradient.name(),
+            gaps: request.how.gaps,
+            cleaning: request.clean.operations(),
+            lod: b.lod,
+            spacing_mm: placement.spacing_mm,
+            orientation: placement.orientation.map(|o| o.to_string()),
+            modalities: request.modalities.clone(),
+            series: request.series.clone(),
+            thumbnails: request.thumbnails,
+            thumbnails_of_all: request.thumbnails_of_all,
+            min_slices: request.min_slices,
+        }
+    }
 }
 
 /// The models of an output folder.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Holdings {
     /// Models with their records.
     pub models: u64,
-    /// Thumbnails of these.
+    /// Thumbnails of these models.
     pub thumbnails: u64,
-    /// Bytes of the models.
+    /// Size of the models.
     pub bytes: u64,
 }
 
@@ -92,7 +213,7 @@ impl BatchReport {
             journal.for_each(&mut |item| w.write_all(csv_line(&item).as_bytes()))?;
             self.left_out_files
                 .iter()
-                .try_for_each(|(path, why)| w.write_all(left_out_line(path, why).as_bytes()))
+                .try_for_each(|file| w.write_all(left_out_line(&file.path, &file.reason).as_bytes()))
         })?;
         write_whole(&out.join("index.html"), |w| page::write(self, out, journal, w))
     }
@@ -100,45 +221,17 @@ impl BatchReport {
     /// The object of the command contract, items included, as one line of text.
     fn write_json(&self, journal: &Journal, w: &mut dyn Write) -> io::Result<()> {
         // The notice comes first, and the items last, which are never all in memory.
-        write!(w, "{{\"notice\":{}", json!(format!("this report {NOTICE}")))?;
-        if let Value::Object(facts) = self.json() {
-            for (key, value) in facts {
-                write!(w, ",{}:{}", json!(key), text::json(&value))?;
-            }
-        }
-        w.write_all(b",\"items\":[")?;
+        let facts = text::json(self);
+        let facts = facts.strip_prefix('{').and_then(|facts| facts.strip_suffix('}')).unwrap_or_default();
+        let notice = text::json(&format!("this report {NOTICE}"));
+        write!(w, "{{\"notice\":{notice},{facts},\"items\":[")?;
         let mut first = true;
         journal.for_each(&mut |item| {
             w.write_all(if first { b"\n" } else { b",\n" })?;
             first = false;
-            w.write_all(escaped(serde_json::to_string(&item)?).as_bytes())
+            w.write_all(text::json(&item).as_bytes())
         })?;
         w.write_all(b"\n]}\n")
-    }
-
-    /// Everything but the items, which are in `report.json`.
-    pub fn json(&self) -> Value {
-        json!({
-            "converted": self.counts.converted,
-            "skipped": self.counts.skipped,
-            "failed": self.counts.failed,
-            "left_out": self.left_out.iter().map(|(reason, count, first)| json!({
-                "reason": reason, "count": count, "first": first
-            })).collect::<Vec<_>>(),
-            "left_out_files": self.left_out_files.iter().map(|(path, reason)| json!({
-                "path": path, "reason": reason
-            })).collect::<Vec<_>>(),
-            "warnings": self.warnings,
-            "memory_budget_bytes": self.memory_budget_bytes,
-            "peak_rss_bytes": self.peak_rss_bytes,
-            "jobs": self.jobs,
-            "wall_s": self.wall_s,
-            "holds": {
-                "models": self.holds.models, "thumbnails": self.holds.thumbnails, "bytes": self.holds.bytes,
-            },
-            "program": concat!("infobyte ", env!("CARGO_PKG_VERSION")),
-            "options": self.options,
-        })
     }
 }
 

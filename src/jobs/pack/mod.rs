@@ -16,23 +16,51 @@ use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
 
+use serde::Serialize;
+
+use super::info::ratio;
 use crate::atomic::AtomicFile;
+use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
 use crate::load::{Frame, LoadError, ReadAt, open_regular};
 use crate::platform::give_back;
+use crate::text::{data, shown};
 use strip::StripStop;
 
 /// What packing or unpacking did.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PackReport {
-    /// Length of the input file.
+    /// Input as named on the command line; several separated by blanks; `-` for standard input.
+    pub input: String,
+    /// Output as named on the command line.
+    pub output: String,
+    /// Size of the input file.
     pub bytes_in: u64,
-    /// Length of the output file.
+    /// Size of the file that was written or read.
+    #[serde(rename = "bytes")]
     pub bytes_out: u64,
     /// Skin voxels of the model.
     pub skin_voxels: u64,
+    /// `bytes` per skin voxel.
+    pub bytes_per_skin_voxel: f64,
+    /// Peak resident memory of the process.
+    pub peak_rss_bytes: u64,
     /// Seconds from start to end.
     pub wall_s: f64,
+}
+
+impl PackReport {
+    /// One sentence.
+    pub fn text(&self) -> String {
+        format!(
+            "{}: {} -> {} ({:.4} bytes per skin voxel)\n",
+            shown(&self.output),
+            Bytes(self.bytes_in),
+            Bytes(self.bytes_out),
+            self.bytes_per_skin_voxel
+        )
+    }
 }
 
 /// Packs a mapped file. The input is verified first, so that only sound models are archived.
@@ -94,9 +122,13 @@ fn convert_with(
     let frame = work(&source, out.file()).map_err(|stop| stop.at(input, stopped))?;
     out.commit().map_err(unwritable)?;
     Ok(PackReport {
+        input: data(input),
+        output: data(output),
         bytes_in: source.byte_len().map_err(unreadable)?,
         bytes_out: frame.header.file_bytes,
         skin_voxels: frame.header.voxels,
+        bytes_per_skin_voxel: ratio(frame.header.file_bytes, frame.header.voxels),
+        peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
     })
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::rays::{self, Line, Met};
-use super::rows::{Costs, Errors, Experiment, Metric, Row};
+use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row};
 use crate::budget::{Bytes, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, Gradient, Silent, Threshold, build_volume};
 use crate::error::Error;
@@ -165,16 +165,14 @@ impl Bench<'_> {
             id: "surface",
             title: "Where a hit lies",
             about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures. Skin are voxels with their faces, cells lie between the samples and hold a plane each.",
-            cost: 3,
-            metric: Metric::DepthRms,
+            drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
         };
         let shadings = Experiment {
             id: "shading",
             title: "Which normals a picture shows",
             about: "Angle between the normal that a pixel is shaded by and the body's true one: as stored for the box that was hit, or blended with those of the boxes around the hit. The time is that of one ray on one thread, blending included.",
-            cost: 1,
-            metric: Metric::NormalMean,
+            drawn: Drawn { cost: 1, metric: Metric::NormalMean },
             rows: shadings,
         };
         Ok([surfaces, shadings])
@@ -206,8 +204,7 @@ impl Bench<'_> {
             id: "gradient",
             title: "How normals are estimated",
             about: "Angle between the normal at the hit, read back from the file, and the body's true normal at the nearest point of its surface.",
-            cost: 0,
-            metric: Metric::NormalMean,
+            drawn: Drawn { cost: 0, metric: Metric::NormalMean },
             rows,
         })
     }
@@ -248,7 +245,13 @@ impl Bench<'_> {
             Reference::Body(_) => "detail",
             Reference::Frame(_) => "detail_of_frame",
         };
-        Ok(Experiment { id, title: "Level of detail", about, cost: 1, metric: Metric::DepthRms, rows })
+        Ok(Experiment {
+            id,
+            title: "Level of detail",
+            about,
+            drawn: Drawn { cost: 1, metric: Metric::DepthRms },
+            rows,
+        })
     }
 
     fn channels(
@@ -273,8 +276,7 @@ impl Bench<'_> {
             id: "channels",
             title: "What is stored",
             about: "Bytes and time of what a model may hold; means are those of coarse nodes, for small pictures. Geometry is the same in all of them.",
-            cost: 3,
-            metric: Metric::DepthRms,
+            drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
         })
     }
@@ -311,8 +313,7 @@ impl Bench<'_> {
             id: "budget",
             title: "How little memory a build takes",
             about: "Time of a build within a cap on its own memory; the model is the same, byte for byte. Caps that are too small are left out.",
-            cost: 0,
-            metric: Metric::DifferentBytes,
+            drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,
         })
     }
@@ -337,8 +338,7 @@ impl Bench<'_> {
             id: "threads",
             title: "What more threads bring",
             about: "Time of a build by the number of its threads; the model is the same, byte for byte.",
-            cost: 0,
-            metric: Metric::DifferentBytes,
+            drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,
         })
     }

@@ -2,27 +2,29 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use crate::platform;
 use crate::render::form::Form;
 
 /// Facts of the machine and the program.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Machine {
     /// Version of the program.
     pub version: String,
-    /// Day and time in UTC, as `2026-01-31 12:00`.
+    /// Day and minute in UTC, such as 2026-01-31 12:00.
+    #[serde(rename = "measured_utc")]
     pub measured: String,
-    /// Name of the processor, as the system tells it.
+    /// Name of the processor, as the system reports it.
     pub processor: String,
     /// Cores that the process may use.
     pub cores: usize,
-    /// Form of the traversal that is used.
+    /// Instruction set of the traversal.
     pub traversal: &'static str,
     /// Memory of the machine in MiB.
     pub memory_mib: Option<u64>,
-    /// The system.
+    /// Operating system.
     pub system: String,
 }
 
@@ -38,14 +40,6 @@ impl Machine {
             memory_mib: platform::memory_mib(),
             system: format!("{} {}", std::env::consts::OS, platform::system_release().trim()),
         }
-    }
-
-    /// One JSON object.
-    pub fn json(&self) -> Value {
-        json!({
-            "version": self.version, "measured_utc": self.measured, "processor": self.processor, "cores": self.cores,
-            "traversal": self.traversal, "memory_mib": self.memory_mib, "system": self.system,
-        })
     }
 }
 

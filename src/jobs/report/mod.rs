@@ -32,10 +32,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 
 pub use machine::Machine;
-pub use rows::{Costs, Errors, Experiment, Metric, Row};
+pub use rows::{Costs, Drawn, Errors, Experiment, Metric, Row};
 
 use crate::atomic::AtomicFile;
 use crate::builder::Progress;
@@ -62,18 +62,20 @@ pub struct ReportRequest {
     pub command: String,
 }
 
-/// What was measured.
-#[derive(Clone, Debug)]
+/// The measurements: errors are the same on every run, costs are those of this machine.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Report {
-    /// The command as it was typed.
+    /// Command line, quoted for a shell.
     pub command: String,
-    /// The machine that times are of.
+    /// Machine of the measurement.
     pub machine: Machine,
-    /// All experiments, in the order of the page.
+    /// One for each choice that trades time or memory against error.
     pub experiments: Vec<Experiment>,
-    /// Seconds of all that.
+    /// Seconds from start to end.
     pub wall_s: f64,
     /// The files written.
+    #[serde(skip)]
     pub files: Vec<PathBuf>,
 }
 
@@ -136,7 +138,7 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
     for (name, text) in [
         ("report.html", page::page(&report)),
         ("report.csv", report.csv()),
-        ("report.json", format!("{:#}\n", report.json())),
+        ("report.json", serde_json::to_string_pretty(&report).unwrap_or_default() + "\n"),
         ("report.md", table::tables(&report)),
     ]
     .into_iter()
@@ -172,16 +174,6 @@ fn subjects(names: &[String]) -> Vec<String> {
 }
 
 impl Report {
-    /// One JSON object: `errors` are the same on every run, `costs` are this machine's.
-    pub fn json(&self) -> Value {
-        json!({
-            "command": self.command,
-            "machine": self.machine.json(),
-            "wall_s": self.wall_s,
-            "experiments": self.experiments.iter().map(Experiment::json).collect::<Vec<_>>(),
-        })
-    }
-
     /// One line for each row, with a head.
     pub fn csv(&self) -> String {
         let mut text = format!(

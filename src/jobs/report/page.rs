@@ -61,7 +61,7 @@ pub(super) fn page(report: &Report) -> String {
 pub(super) fn drawings(report: &Report) -> Vec<(String, String)> {
     let drawn = |experiment: &Experiment| {
         let series = series(experiment);
-        let svg = scatter(&series, Costs::TITLES[experiment.cost], experiment.metric.title())?;
+        let svg = scatter(&series, Costs::TITLES[experiment.drawn.cost], experiment.drawn.metric.title())?;
         let names: Vec<&str> = series.iter().map(|s| s.name.as_str()).collect();
         (!is_all_right(&series)).then(|| (format!("{}.svg", experiment.id), standalone(&svg, &names)))
     };
@@ -78,7 +78,8 @@ fn section(experiment: &Experiment, html: &mut String) {
     let _ = writeln!(html, "<section id=\"{}\"><h2>{title}</h2><p>{about}</p>", experiment.id);
     let series = series(experiment);
     if !is_all_right(&series)
-        && let Some(svg) = scatter(&series, Costs::TITLES[experiment.cost], experiment.metric.title())
+        && let Some(svg) =
+            scatter(&series, Costs::TITLES[experiment.drawn.cost], experiment.drawn.metric.title())
     {
         html.push_str(&svg);
         html.push_str("<div class=\"key\">");
@@ -100,7 +101,8 @@ fn section(experiment: &Experiment, html: &mut String) {
 fn series(experiment: &Experiment) -> Vec<Series> {
     let mut all: Vec<Series> = Vec::new();
     for row in &experiment.rows {
-        let (Some(x), Some(y)) = (row.costs.values()[experiment.cost], row.errors.get(experiment.metric))
+        let (Some(x), Some(y)) =
+            (row.costs.values()[experiment.drawn.cost], row.errors.get(experiment.drawn.metric))
         else {
             continue;
         };

@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::bits::rounded;
 use super::experiments::Bench;
 use super::rays::{self, Line, Met, Scene};
-use super::rows::{Costs, Errors, Experiment, Metric, Row};
+use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row};
 use crate::error::Error;
 use crate::format::normal;
 use crate::jobs::render::{RenderRequest, render_view};
@@ -83,8 +83,7 @@ impl Bench<'_> {
             id: "traversal",
             title: "How hits are found",
             about: "First hits of single rays on one thread, against those of the exact traversal for any machine. Exact ones agree in every hit.",
-            cost: 1,
-            metric: Metric::DepthRms,
+            drawn: Drawn { cost: 1, metric: Metric::DepthRms },
             rows,
         })
     }
@@ -133,8 +132,7 @@ impl Bench<'_> {
             id: "frame",
             title: "Whole pictures",
             about: "Three shaded perspective pictures on one thread, time for each pixel, against the frame of the same size with a ray through the middle of every pixel that stops at voxels: the discrete rays of the paper, coarse boxes. The difference is in grey levels of 0 to 255.",
-            cost: 1,
-            metric: Metric::Picture,
+            drawn: Drawn { cost: 1, metric: Metric::Picture },
             rows,
         })
     }
@@ -209,8 +207,7 @@ impl Bench<'_> {
             id: "normal_bits",
             title: "In how many bits normals are written",
             about: "The body's true normals at the hits, rounded to so many bits by the octahedral map: what is lost by rounding alone. The format has 16; the other sizes are what the file would take.",
-            cost: 3,
-            metric: Metric::NormalMean,
+            drawn: Drawn { cost: 3, metric: Metric::NormalMean },
             rows,
         })
     }

@@ -1,43 +1,65 @@
 //! What is measured, as values: experiments of rows with costs and errors.
 
-use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+
+use serde::Serialize;
 
 /// A choice is tried in several ways, everything else left alike.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Experiment {
     /// Short name, the same in every version.
     pub id: &'static str,
-    /// Headline.
+    /// Headline: the choices compared.
     pub title: &'static str,
-    /// What is measured, and against what.
+    /// How it is measured, and against which reference.
     pub about: &'static str,
-    /// Which of [`Costs::NAMES`] is drawn from left to right.
-    pub cost: usize,
-    /// What is drawn upwards.
-    pub metric: Metric,
-    /// The measurements.
+    /// The cost and the error that are drawn.
+    pub drawn: Drawn,
+    /// One for each choice measured.
     pub rows: Vec<Row>,
 }
 
+/// The two axes of an experiment's drawing.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(into = "[&'static str; 2]")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Drawn {
+    /// Which of [`Costs::NAMES`] is drawn from left to right.
+    pub cost: usize,
+    /// The error that is drawn upwards.
+    pub metric: Metric,
+}
+
+impl From<Drawn> for [&'static str; 2] {
+    fn from(drawn: Drawn) -> Self {
+        [Costs::NAMES[drawn.cost], drawn.metric.key()]
+    }
+}
+
 /// One measurement.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Row {
-    /// What it was tried on.
+    /// The volume or model.
     pub subject: String,
-    /// The choice.
+    /// The choice measured.
     pub choice: String,
-    /// Is it what the program does if nothing is said?
+    /// True for the default of the program.
+    #[serde(rename = "default")]
     pub usual: bool,
-    /// Is no other row of the subject both cheaper and truer?
+    /// True if no other choice has both a lower cost and a lower error.
     pub on_front: bool,
-    /// What it took.
+    /// Times, sizes and counts, named as in report.csv.
     pub costs: Costs,
-    /// How wrong it is.
+    /// Errors, named as in report.csv; report.html says what they are measured against.
     pub errors: Errors,
 }
 
 /// What a choice takes; what was not measured is `None`.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[serde(into = "BTreeMap<&'static str, f64>")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Costs {
     /// Seconds of the build, the best of some.
     pub build_s: Option<f64>,
@@ -69,6 +91,7 @@ impl Costs {
 
 /// Kinds of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Metric {
     /// Root of the mean square of the distance to the reference, in voxels of the finest spacing.
     DepthRms,
@@ -131,8 +154,22 @@ impl Metric {
 }
 
 /// Errors by [`Metric`]; what does not apply is `None`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(into = "BTreeMap<&'static str, f64>")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Errors([Option<f64>; Metric::ALL.len()]);
+
+impl From<Costs> for BTreeMap<&'static str, f64> {
+    fn from(costs: Costs) -> Self {
+        Costs::NAMES.into_iter().zip(costs.values()).filter_map(|(name, v)| Some((name, v?))).collect()
+    }
+}
+
+impl From<Errors> for BTreeMap<&'static str, f64> {
+    fn from(errors: Errors) -> Self {
+        Metric::ALL.into_iter().filter_map(|m| Some((m.key(), errors.get(m)?))).collect()
+    }
+}
 
 impl Errors {
     /// With one error more.
@@ -166,7 +203,9 @@ pub(super) fn join(all: &mut Vec<Experiment>, found: Experiment) {
 /// Marks the rows that no other of the same subject beats in both cost and error.
 pub(super) fn mark_fronts(all: &mut [Experiment]) {
     for experiment in all {
-        let at = |row: &Row| Some((row.costs.values()[experiment.cost]?, row.errors.get(experiment.metric)?));
+        let at = |row: &Row| {
+            Some((row.costs.values()[experiment.drawn.cost]?, row.errors.get(experiment.drawn.metric)?))
+        };
         let places: Vec<_> = experiment.rows.iter().map(|row| (row.subject.clone(), at(row))).collect();
         for (row, (subject, place)) in experiment.rows.iter_mut().zip(&places) {
             let Some((cost, error)) = *place else { continue };
@@ -211,33 +250,9 @@ impl Experiment {
         let all = costs.chain(Metric::ALL.into_iter().map(Column::Error));
         all.filter(|column| self.rows.iter().any(|row| column.of(row).is_some())).collect()
     }
-
-    /// One JSON object.
-    pub fn json(&self) -> Value {
-        let rows: Vec<Value> = self.rows.iter().map(Row::json).collect();
-        json!({
-            "id": self.id, "title": self.title, "about": self.about,
-            "drawn": [Costs::NAMES[self.cost], self.metric.key()], "rows": rows,
-        })
-    }
 }
 
 impl Row {
-    fn json(&self) -> Value {
-        let mut costs = Map::new();
-        for (name, value) in Costs::NAMES.iter().zip(self.costs.values()) {
-            costs.extend(value.map(|v| ((*name).to_owned(), json!(v))));
-        }
-        let mut errors = Map::new();
-        for metric in Metric::ALL {
-            errors.extend(self.errors.get(metric).map(|v| (metric.key().to_owned(), json!(v))));
-        }
-        json!({
-            "subject": self.subject, "choice": self.choice, "default": self.usual, "on_front": self.on_front,
-            "costs": costs, "errors": errors,
-        })
-    }
-
     pub(super) fn csv(&self, experiment: &str) -> String {
         let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
         let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
@@ -269,8 +284,13 @@ mod tests {
             errors: Errors::default().with(Metric::DepthRms, error),
         };
         let rows = vec![row("a", 1.0, 3.0), row("a", 2.0, 3.0), row("a", 3.0, 1.0), row("b", 9.0, 9.0)];
-        let mut all =
-            vec![Experiment { id: "x", title: "", about: "", cost: 0, metric: Metric::DepthRms, rows }];
+        let mut all = vec![Experiment {
+            id: "x",
+            title: "",
+            about: "",
+            drawn: Drawn { cost: 0, metric: Metric::DepthRms },
+            rows,
+        }];
         mark_fronts(&mut all);
         let front: Vec<bool> = all[0].rows.iter().map(|r| r.on_front).collect();
         assert_eq!(front, [true, false, true, true]);

@@ -2,7 +2,7 @@
 
 use super::experiments::Bench;
 use super::rays::{self, Line};
-use super::rows::{Costs, Experiment, Metric};
+use super::rows::{Costs, Drawn, Experiment, Metric};
 use crate::builder::{BuildOptions, ViewedFrom};
 use crate::error::Error;
 use crate::load::Model;
@@ -46,8 +46,7 @@ impl Bench<'_> {
             id: "sight",
             title: "What is kept of what can be seen",
             about: "Models of what rays from there can reach, against the whole model in pictures from there: three perspective ones from outside, a parallel one from the front. What differs is counted; nothing should.",
-            cost: 3,
-            metric: Metric::WrongPixels,
+            drawn: Drawn { cost: 3, metric: Metric::WrongPixels },
             rows,
         })
     }

@@ -1,0 +1,115 @@
+//! The report of `oct scan`.
+
+use serde::Serialize;
+
+use crate::jobs::batch::{LeftOutCount, LeftOutFile, NOTICE};
+use crate::source::BurnedIn;
+use crate::text::shown;
+
+/// One volume that was found.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Listed {
+    /// Number of the volume, for `oct build --volume`.
+    pub number: usize,
+    /// File, or folder of the files, as reached from the paths searched.
+    pub input: String,
+    /// Kind of source: dicom, raw, nrrd, mesh, csg, synthetic, ...
+    pub format: String,
+    /// Kind of image, such as CT image; the format if unknown.
+    pub kind: String,
+    /// Part of an input that holds several volumes; else empty.
+    pub part: String,
+    /// Name of the model, without .oct.
+    pub name: String,
+    /// Reason to think that the pixels carry text; null without one.
+    pub burned_in: Option<BurnedIn>,
+    /// Files read.
+    pub files: u64,
+    /// Size of these files.
+    pub input_bytes: u64,
+    /// Name of the volume of which it is a copy, byte for byte; a batch skips it.
+    pub copy_of: Option<String>,
+    /// True if it would be converted, judging by the headers.
+    pub usable: bool,
+    /// Why it would be refused or skipped, in one sentence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// Its size; that of a mesh follows from the grid that is asked for.
+    #[serde(flatten)]
+    pub size: Option<ListedSize>,
+    /// Sentences about the input: assumptions, parts left out, oddities.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warnings: Option<Vec<String>>,
+}
+
+/// Size of a usable volume.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct ListedSize {
+    /// Size of the volume in voxels along x, y, z.
+    pub dims: [u32; 3],
+    /// Distance of neighbouring voxels along x, y, z, in mm.
+    pub spacing_mm: [f64; 3],
+    /// Type of the source's samples: u8, i8, u16, i16, u32, i32, f32 or f64.
+    pub dtype: &'static str,
+    /// Size of the scratch files.
+    pub scratch_bytes: u64,
+}
+
+/// The report of a scan, but for the volumes.
+#[derive(Clone, Debug, Default, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct ScanReport {
+    /// Volumes that would be converted.
+    pub usable: u64,
+    /// Volumes that would be refused.
+    pub refused: u64,
+    /// Volumes that are copies of others; a batch skips them.
+    pub copies: u64,
+    /// Always false: only headers are read.
+    pub pixels_looked_at: bool,
+    /// Files that are not volumes, by reason.
+    pub left_out: Vec<LeftOutCount>,
+    /// The same files one by one; at most 10,000 of a scan and 1,000 of a batch.
+    pub left_out_files: Vec<LeftOutFile>,
+    /// Peak resident memory of the process.
+    pub peak_rss_bytes: u64,
+}
+
+impl ScanReport {
+    /// First line of a list.
+    pub fn notice() -> String {
+        format!("this list {NOTICE}")
+    }
+}
+
+impl Listed {
+    /// The volume is not to be converted, for this reason.
+    pub(super) fn refuse(&mut self, reason: String) {
+        (self.usable, self.reason, self.size, self.warnings) = (false, Some(reason), None, None);
+    }
+
+    /// A few lines for people.
+    pub fn text(&self) -> String {
+        let part = if self.part.is_empty() { String::new() } else { format!(", {}", shown(&self.part)) };
+        let (input, format) = (shown(&self.input), &self.format);
+        let head = format!("{:>3}. {input} ({format}{part}, {} file(s))", self.number, self.files);
+        if let Some(reason) = &self.reason {
+            let end = if self.copy_of.is_some() { "skipped" } else { "refused" };
+            return format!("{head}\n  {end}: {}\n", shown(reason));
+        }
+        let mut text = match &self.size {
+            None => format!("{head}\n  a mesh, on the grid that is asked for -> {}\n", self.name),
+            Some(size) => {
+                let ([x, y, z], [a, b, c]) = (size.dims, size.spacing_mm);
+                let size = format!("{x}x{y}x{z} {}, {a:.4} x {b:.4} x {c:.4} mm", size.dtype);
+                format!("{head}\n  {size} -> {}\n", self.name)
+            }
+        };
+        for warning in self.warnings.iter().flatten() {
+            text += &format!("  note: {warning}\n");
+        }
+        text
+    }
+}
