@@ -24,10 +24,10 @@ pub struct IntersectReport {
     pub touch: bool,
     /// Skin voxels, or cells, of each model that touch the other.
     pub touching_voxels: [u64; 2],
-    /// Center of the first voxel of the first model that touches the other, in mm (LPS).
+    /// Centre of the first voxel of the first model that touches the other, in mm (LPS).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_mm: Option<[f64; 3]>,
-    /// Lowest and highest coordinates of the centers of those voxels, in mm (LPS).
+    /// Lowest and highest coordinates of the centres of those voxels, in mm (LPS).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_mm: Option<[[f64; 3]; 2]>,
     /// Peak resident memory of the process.

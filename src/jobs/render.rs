@@ -91,7 +91,7 @@ impl Default for RenderRequest {
 pub struct RenderReport {
     /// Pixels in a row.
     pub width: u32,
-    /// Rows.
+    /// Rows of pixels.
     pub height: u32,
     /// Worker threads.
     pub threads: usize,

@@ -71,6 +71,10 @@ fn schema<T: JsonSchema>() -> Value {
     schema
 }
 
+fn holds(list: &Value, key: &str) -> bool {
+    list.as_array().is_some_and(|list| list.iter().any(|name| name == key))
+}
+
 fn simplify(schema: &mut Value) {
     let Value::Object(words) = schema else { return };
     for word in ["$schema", "title", "format", "maximum", "default"] {
@@ -91,8 +95,16 @@ fn simplify(schema: &mut Value) {
             join(words, alternatives);
         }
     }
+    let required = words.get("required").cloned().unwrap_or_default();
     for (key, member) in words.get_mut("properties").and_then(Value::as_object_mut).into_iter().flatten() {
         simplify(member);
+        // An optional key is left out in place of null.
+        if let (false, Value::Array(types)) = (holds(&required, key), &mut member["type"]) {
+            types.retain(|name| name != "null");
+            if let [only] = types.as_slice() {
+                member["type"] = only.clone();
+            }
+        }
         if key.ends_with("_s") || key == "seconds" {
             let stages =
                 member["properties"].as_object().map(|stages| stages.keys().cloned().collect::<Vec<_>>());
@@ -178,7 +190,9 @@ fn lines(schema: &Value, at: &str, into: &mut Vec<[String; 3]>) {
         let optional = if required.contains(&key) { "" } else { " (optional)" };
         let names = member["enum"].as_array().into_iter().flatten().filter_map(Value::as_str);
         let names = names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
-        let mut meaning = member["description"].as_str().unwrap_or_default().trim_end_matches('.').to_owned();
+        let meaning = member["description"].as_str().unwrap_or_default();
+        let sentence = meaning.strip_suffix('.').filter(|rest| !rest.ends_with('.'));
+        let mut meaning = sentence.unwrap_or(meaning).to_owned();
         if !names.is_empty() {
             let _ = write!(meaning, ": {names}");
         }

@@ -150,8 +150,7 @@ pub enum NotMeasured {
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MeasuredFigures {
-    /// Why the keys below are null: packed or large (use --measure), or impossible (no volume, or damaged); null if
-    /// measured.
+    /// Why the keys below are null; `--measure` measures packed and large models; null if measured.
     pub not_measured: Option<NotMeasured>,
     /// First voxel of the skin along x, y, z, and the one after the last.
     pub bounding_box_voxels: Option<[[u32; 3]; 2]>,
