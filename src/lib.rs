@@ -58,6 +58,24 @@
 //! # }
 //! ```
 //!
+//! # A mesh, or a tree of solids
+//!
+//! ```
+//! use infobyte::{BuildOptions, GridOptions, OpenOptions, Subject, mesh::GridChoice};
+//!
+//! # fn main() -> Result<(), infobyte::Error> {
+//! # let folder = tempfile::tempdir().expect("a temporary folder");
+//! # let (part, model) = (folder.path().join("part.csg"), folder.path().join("part.oct"));
+//! # std::fs::write(&part, "difference() { cube(10); sphere(6); }").expect("a file");
+//! // STL, PLY, OBJ, OFF, glTF, 3MF or .csg: told by the content, too.
+//! let subject = Subject::open(&[part], &OpenOptions::default())?;
+//! let grid = GridOptions { grid: Some(GridChoice::Side { voxels: 64, margin: 1 }), ..Default::default() };
+//! let report = infobyte::build_subject(subject, &grid, &BuildOptions::default(), &model)?;
+//! assert!(report.skin_voxels > 10_000);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! # An existing model
 //!
 //! ```
@@ -121,13 +139,17 @@ pub use error::{Error, UsageError};
 pub use exit::ExitKind;
 pub use format::{Channel, Channels};
 pub use geom::{Affine, Dims};
+pub use jobs::build::GridOptions;
 pub use jobs::render::{RenderReport, RenderRequest};
 pub use load::Model;
 pub use render::{Image, NamedView, Projection, RayCaster, SurfacePoint, ViewPoint};
-pub use source::OpenOptions;
+pub use source::{OpenOptions, Subject};
 pub use volume::{VolumeInfo, VolumeSource, Voxels};
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use jobs::build::BuildJob;
 
 /// Opens the volume in a file or a folder, ready to be built from; see [`catalogue::open`] for several files, or
 /// to choose among several volumes.
@@ -150,6 +172,25 @@ pub fn build(
     output: impl AsRef<Path>,
 ) -> Result<BuildReport, Error> {
     Ok(builder::build_volume(volume, options, output.as_ref(), &progress::Silent)?)
+}
+
+/// Builds the model of anything that can be opened: a volume, a mesh, or a tree of solids, the latter two on the grid
+/// that is asked for.
+///
+/// Memory and temporary disk as [`build`].
+///
+/// # Errors
+/// Those of reading it, [`Error::Source`], and of building it, [`Error::Build`]; an old file of that name is untouched
+/// then.
+pub fn build_subject(
+    subject: Subject,
+    grid: &GridOptions,
+    options: &BuildOptions,
+    output: impl AsRef<Path>,
+) -> Result<BuildReport, Error> {
+    let (clean, output) = (clean::CleanOptions::default(), output.as_ref());
+    let job = BuildJob { clean: &clean, grid, options, output, progress: &progress::Silent };
+    Ok(job.build(subject, String::new(), Instant::now())?.report)
 }
 
 /// Makes a picture of a model; it depends on the model and the request only, not on the machine.

@@ -35,6 +35,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
         "catalogue",
         &[
             "budget",
+            "csg",
             "exit",
             "facts",
             "geom",
@@ -58,7 +59,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
         "csg",
         &[
             "budget", "builder", "facts", "format", "geom", "mesh", "progress", "resident", "scratch",
-            "stamp", "volume",
+            "source", "stamp", "volume",
         ],
     ),
     ("load", &["budget", "cpu", "exit", "format", "geom"]),

@@ -304,6 +304,8 @@ pub enum Misuse {
     },
     /// Nothing says how fine the grid of a mesh is to be.
     NoGrid,
+    /// A tree of solids among other inputs.
+    SeveralTrees,
     /// There is no volume at all.
     NoneFound,
     /// The description of a synthetic volume is wrong.

@@ -21,6 +21,8 @@ pub enum NotVolume {
     SinglePicture,
     /// A triangle mesh, where only volumes are taken.
     Mesh,
+    /// A tree of solids, where only volumes are taken.
+    Tree,
     /// Of a kind that is known, but not read.
     Known(Known),
     /// A side-car of data that another one describes.

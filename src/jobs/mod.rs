@@ -6,13 +6,11 @@
 
 pub mod batch;
 pub mod build;
-pub mod csg;
 pub mod demo;
 pub mod export;
 pub mod info;
 pub mod intersect;
 pub mod measure;
-pub mod mesh;
 pub mod opened;
 pub mod pack;
 pub mod picture;
@@ -22,6 +20,7 @@ pub mod report;
 pub mod scan;
 pub mod scene;
 pub mod shots;
+mod summary;
 pub mod verify;
 pub mod wording;
 

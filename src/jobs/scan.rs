@@ -10,7 +10,7 @@ use super::wording::sentences;
 use crate::budget::peak_rss_bytes;
 use crate::catalogue::{Catalogue, LeftOut};
 use crate::error::Error;
-use crate::source::{BurnedIn, Finding, OpenOptions};
+use crate::source::{BurnedIn, Finding, OpenOptions, Subject, SubjectKind};
 
 /// One volume that was found.
 #[derive(Clone, Debug)]
@@ -35,11 +35,11 @@ pub struct Listed {
     pub copy_of: Option<String>,
     /// Facts, or why it is refused.
     pub facts: Result<ListedFacts, String>,
-    /// Is it a mesh, whose size follows from the grid that is asked for?
-    pub mesh: bool,
+    /// What it is; the size of a mesh and of a tree follows from the grid that is asked for.
+    pub subject: SubjectKind,
 }
 
-/// Facts of a usable volume; those of a mesh follow from its grid.
+/// Facts of a usable volume; those of a mesh or a tree follow from its grid.
 #[derive(Clone, Debug, Default)]
 pub struct ListedFacts {
     /// Size in voxels.
@@ -120,11 +120,11 @@ fn list(number: usize, finding: &Finding) -> Listed {
         burned_in: finding.burned_in,
         copy_of: None,
         files: (finding.files.count, finding.files.bytes),
-        mesh: finding.mesh,
-        facts: match &finding.volume {
-            _ if finding.mesh => Ok(ListedFacts::default()),
+        subject: finding.subject.as_ref().map_or(SubjectKind::Volume, Subject::kind),
+        facts: match &finding.subject {
             Err(e) => Err(e.to_string()),
-            Ok(source) => {
+            Ok(Subject::Mesh(_) | Subject::Tree(_)) => Ok(ListedFacts::default()),
+            Ok(Subject::Volume(source)) => {
                 let info = source.info();
                 Ok(ListedFacts {
                     dims: info.dims.to_array(),
@@ -189,7 +189,7 @@ impl Listed {
             "files": self.files.0, "input_bytes": self.files.1,
         });
         let more = match &self.facts {
-            Ok(f) if self.mesh => json!({ "usable": true, "warnings": f.warnings }),
+            Ok(f) if self.subject != SubjectKind::Volume => json!({ "usable": true, "warnings": f.warnings }),
             Ok(f) => json!({
                 "usable": true, "dims": f.dims, "spacing_mm": f.spacing_mm, "dtype": f.dtype,
                 "scratch_bytes": f.scratch_bytes, "warnings": f.warnings,
@@ -211,12 +211,14 @@ impl Listed {
             Ok(f) => {
                 let [x, y, z] = f.dims;
                 let [a, b, c] = f.spacing_mm;
-                let mut text = if self.mesh {
-                    format!("{head}\n  a mesh, on the grid that is asked for -> {}\n", self.name)
-                } else {
-                    let size = format!("{x}x{y}x{z} {}, {a:.4} x {b:.4} x {c:.4} mm", f.dtype);
-                    format!("{head}\n  {size} -> {}\n", self.name)
+                let what = match self.subject {
+                    SubjectKind::Volume => {
+                        format!("{x}x{y}x{z} {}, {a:.4} x {b:.4} x {c:.4} mm", f.dtype)
+                    }
+                    SubjectKind::Mesh => "a mesh, on the grid that is asked for".to_owned(),
+                    SubjectKind::Tree => "a tree of solids, on the grid that is asked for".to_owned(),
                 };
+                let mut text = format!("{head}\n  {what} -> {}\n", self.name);
                 for warning in &f.warnings {
                     text += &format!("  note: {warning}\n");
                 }

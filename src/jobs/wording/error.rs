@@ -172,6 +172,9 @@ impl fmt::Display for Misuse {
             Self::NoGrid => f.write_str(
                 "is a mesh or a tree of solids; say how fine its grid is with --grid N (voxels along its longest side) or --voxel MM",
             ),
+            Self::SeveralTrees => f.write_str(
+                "a tree of solids (.csg) is built by itself; join several by union() { ... } in one file, and meshes by import()",
+            ),
             Self::NoneFound => f.write_str("no volume was found"),
             Self::Synthetic(fault) => fault.fmt(f),
         }

@@ -14,6 +14,7 @@ impl fmt::Display for NotVolume {
             Self::ModelPicture => f.write_str("picture of a model"),
             Self::SinglePicture => f.write_str("single picture, no stack"),
             Self::Mesh => f.write_str("a triangle mesh, which is taken with --grid N or --voxel MM only"),
+            Self::Tree => f.write_str("a tree of solids, which is taken with --grid N or --voxel MM only"),
             Self::Known(known) => known.fmt(f),
             Self::OtherSideCar => f.write_str("another side-car describes the same data"),
             Self::SideCar(unparsed) => unparsed.fmt(f),
