@@ -18,8 +18,10 @@ use clap::{CommandFactory, Parser};
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::export::ExportForm;
+use infobyte::format::Channels;
 use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
+use infobyte::jobs::build::BuildJob;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::opened::open_model;
@@ -29,7 +31,8 @@ use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::scene::is_scene;
 use infobyte::jobs::{self, info, pack, picture, verify};
-use infobyte::source::{OpenOptions, RawOptions};
+use infobyte::mesh::usual_channels;
+use infobyte::source::{OpenOptions, RawOptions, SubjectKind};
 use infobyte::text::{self, data, plain, shown};
 use infobyte::volume::Placement;
 use infobyte::{Error, ErrorReport, ExitKind};
@@ -146,11 +149,23 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
 }
 
 fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.output.as_path()], Dash::Model)?;
+    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
+    // The arguments have been read: what that took is not left beside what follows.
+    jobs::give_back();
+    // Standard input gives headerless voxels only.
+    let is_piped = args.input.iter().any(|path| is_dash(path));
+    let kind = if is_piped { SubjectKind::Volume } else { SubjectKind::of(&args.input) };
+    args.refuse_foreign(kind)?;
+    let usual = match kind {
+        SubjectKind::Mesh => usual_channels(args.skin.surface),
+        SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
+    };
     let options = BuildOptions {
         threshold: args.selection.threshold(),
         surface: args.skin.surface,
         connectivity: args.skin.connectivity,
-        channels: args.skin.channels.unwrap_or_default(),
+        channels: args.skin.channels.unwrap_or(usual),
         gradient: args.skin.gradient,
         normal_bits: args.skin.normal_bits,
         visible_from: args.visible_from.clone(),
@@ -159,33 +174,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         threads: args.threads.count(),
         scratch: args.scratch.clone(),
     };
-    refuse_dash([args.output.as_path()], Dash::Model)?;
-    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
-    if jobs::mesh::are_meshes(&args.input) {
-        if let Some(flag) = args.volume_flag() {
-            return Err(Refusal::ForVolumes(flag).into());
-        }
-        let bars = Bars::new(args.quiet || args.json);
-        let mesh = args.mesh.options(args.raw.dims, &args.which.links);
-        let channels = args.skin.channels.unwrap_or(jobs::mesh::usual_channels(args.skin.surface));
-        let options = BuildOptions { channels, ..options };
-        let summary = jobs::mesh::convert(&args.input, mesh.as_ref(), &options, &args.output, &bars);
-        bars.finish();
-        let summary = summary?;
-        let text = || if args.quiet { String::new() } else { summary.text() };
-        return Ok(print(args.json, || summary.json(), text)?);
-    }
-    if jobs::csg::is_csg(&args.input) {
-        return build_tree(args, &options);
-    }
-    let is_tree = |path: &PathBuf| jobs::csg::is_csg(std::slice::from_ref(path));
-    if args.input.len() > 1 && args.input.iter().any(is_tree) {
-        return Err(Refusal::SeveralTrees.into());
-    }
-    if let Some(flag) = args.mesh.grid.flag() {
-        return Err(Refusal::ForMeshes(flag).into());
-    }
-    let raw = raw_options(&args.raw)?;
+    let raw = if kind == SubjectKind::Volume { raw_options(&args.raw)? } else { None };
     let spool = args.scratch.clone().unwrap_or_else(std::env::temp_dir);
     let (inputs, _held) = match args.input.as_slice() {
         [only] if is_dash(only) && raw.is_some() => {
@@ -207,26 +196,13 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         ..OpenOptions::default()
     };
     let bars = Bars::new(args.quiet || args.json);
-    let cleaning = args.clean.options();
-    let summary = jobs::build::convert(&inputs, &how, &cleaning, &options, &args.output, &bars);
+    let (clean, grid) = (args.clean.options(), args.mesh.options(args.raw.dims, &args.which.links));
+    let job =
+        BuildJob { clean: &clean, grid: &grid, options: &options, output: &args.output, progress: &bars };
+    let summary = jobs::build::convert(kind, &inputs, &how, &job);
     bars.finish();
     let mut summary = summary?;
     summary.input = args.input.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
-    Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
-}
-
-fn build_tree(args: &args::BuildArgs, options: &BuildOptions) -> Result<ExitCode, Failure> {
-    let grid = &args.mesh.grid;
-    let of_meshes = grid.fill.map(|_| "--fill").or(grid.keep_thin.then_some("--keep-thin"));
-    if let Some(flag) = args.volume_flag().or(of_meshes) {
-        return Err(Refusal::ForOthers(flag).into());
-    }
-    let csg = args.mesh.tree_options(args.raw.dims);
-    let bars = Bars::new(args.quiet || args.json);
-    let follow_links = args.which.links.follow_links;
-    let summary = jobs::csg::convert(&args.input, &csg, follow_links, options, &args.output, &bars);
-    bars.finish();
-    let summary = summary?;
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
 }
 
@@ -263,7 +239,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
-        mesh: args.mesh.options(&args.search.links),
+        grid: args.mesh.options(&args.search.links),
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
@@ -312,7 +288,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         opening_bytes: Some(SCAN_OPENING_BYTES),
         follow_links: args.search.links.follow_links,
         all_volumes: args.search.all_volumes,
-        meshes: args.mesh.options(&args.search.links).is_some(),
+        meshes: args.mesh.options(&args.search.links).grid.is_some(),
         ..OpenOptions::default()
     };
     let report = jobs::scan::scan(&args.input, &how, &mut |listed| {

@@ -58,6 +58,24 @@
 //! # }
 //! ```
 //!
+//! # A mesh, or a tree of solids
+//!
+//! ```
+//! use infobyte::{BuildOptions, GridOptions, OpenOptions, Subject, mesh::GridChoice};
+//!
+//! # fn main() -> Result<(), infobyte::Error> {
+//! # let folder = tempfile::tempdir().expect("a temporary folder");
+//! # let (part, model) = (folder.path().join("part.csg"), folder.path().join("part.oct"));
+//! # std::fs::write(&part, "difference() { cube(10); sphere(6); }").expect("a file");
+//! // STL, PLY, OBJ, OFF, glTF, 3MF or .csg: told by the content, too.
+//! let subject = Subject::open(&[part], &OpenOptions::default())?;
+//! let grid = GridOptions { grid: Some(GridChoice::Side { voxels: 64, margin: 1 }), ..Default::default() };
+//! let report = infobyte::build_subject(subject, &grid, &BuildOptions::default(), &model)?;
+//! assert!(report.skin_voxels > 10_000);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! # An existing model
 //!
 //! ```
@@ -137,15 +155,19 @@ pub use exit::{ErrorReport, ExitKind};
 pub use export::Mesh;
 pub use format::{Channel, Channels};
 pub use geom::{Affine, Dims};
+pub use jobs::build::GridOptions;
 pub use jobs::export::triangles;
 pub use jobs::render::{RenderReport, RenderRequest};
 pub use load::Model;
 pub use progress::Progress;
 pub use render::{Hits, Image, NamedView, Projection, RayCaster, SurfacePoint, ViewPoint};
-pub use source::OpenOptions;
+pub use source::{OpenOptions, Subject};
 pub use volume::{Rescale, ScalarType, Slices, VolumeInfo, VolumeSource, VolumeView, Voxels};
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use jobs::build::BuildJob;
 
 use budget::Budget;
 use volume::Workspace;
@@ -231,6 +253,25 @@ pub fn clean_and_build(
     };
     let report = builder::build_volume(source, &options, output, progress)?;
     Ok((report, cleaned.map(|cleaned| cleaned.report)))
+}
+
+/// Builds the model of anything that can be opened: a volume, a mesh, or a tree of solids, the latter two on the grid
+/// that is asked for.
+///
+/// Memory and temporary disk as [`build`].
+///
+/// # Errors
+/// Those of reading it, [`Error::Source`], and of building it, [`Error::Build`]; an old file of that name is untouched
+/// then.
+pub fn build_subject(
+    subject: Subject,
+    grid: &GridOptions,
+    options: &BuildOptions,
+    output: impl AsRef<Path>,
+) -> Result<BuildReport, Error> {
+    let (clean, output) = (clean::CleanOptions::default(), output.as_ref());
+    let job = BuildJob { clean: &clean, grid, options, output, progress: &progress::Silent };
+    Ok(job.build(subject, String::new(), Instant::now())?.report)
 }
 
 /// Makes a picture of a model; it depends on the model and the request only, not on the machine.

@@ -6,16 +6,17 @@ use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::builder::{Connectivity, Gradient, Threshold, ViewedFrom};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
-use infobyte::csg::CsgOptions;
 use infobyte::facts::Fill;
 use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
-use infobyte::mesh::{GridChoice, MeshOptions};
-use infobyte::source::GapPolicy;
+use infobyte::jobs::build::GridOptions;
+use infobyte::mesh::GridChoice;
+use infobyte::source::{GapPolicy, SubjectKind};
 use infobyte::volume::{Endian, ScalarType};
 
 use super::{Switch, ThreadArgs, parse};
+use crate::failure::Refusal;
 
 #[derive(Debug, Args)]
 pub(crate) struct BuildArgs {
@@ -345,8 +346,21 @@ impl CleanArgs {
 }
 
 impl BuildArgs {
+    /// Refuses a flag that says nothing about what is built.
+    pub(crate) fn refuse_foreign(&self, kind: SubjectKind) -> Result<(), Refusal> {
+        let grid = &self.mesh.grid;
+        let of_meshes = || grid.fill.map(|_| "--fill").or(grid.keep_thin.then_some("--keep-thin"));
+        let refusal = match kind {
+            SubjectKind::Volume => grid.flag().map(Refusal::ForMeshes),
+            SubjectKind::Mesh => self.volume_flag().map(Refusal::ForVolumes),
+            SubjectKind::Tree if self.input.len() > 1 => Some(Refusal::SeveralTrees),
+            SubjectKind::Tree => self.volume_flag().or_else(of_meshes).map(Refusal::ForOthers),
+        };
+        refusal.map_or(Ok(()), Err)
+    }
+
     /// A flag that was given and says something about volumes only.
-    pub(crate) fn volume_flag(&self) -> Option<&'static str> {
+    fn volume_flag(&self) -> Option<&'static str> {
         let Self { selection, clean, raw, which, mesh, .. } = self;
         let given = [
             ("--iso", selection.iso.is_some()),
@@ -420,7 +434,7 @@ pub(crate) enum FillRule {
 
 impl GridArgs {
     /// A flag that was given.
-    pub(crate) fn flag(&self) -> Option<&'static str> {
+    fn flag(&self) -> Option<&'static str> {
         let given = [
             ("--grid", self.grid.is_some()),
             ("--voxel", self.voxel.is_some()),
@@ -445,32 +459,31 @@ impl GridArgs {
         }
     }
 
-    fn within(&self, whole: Option<([f64; 3], Dims)>, follow_links: bool) -> Option<MeshOptions> {
-        let grid = self.choice(whole)?;
+    fn within(&self, whole: Option<([f64; 3], Dims)>, links: &LinkArgs) -> GridOptions {
         let fill = self.fill.map(|rule| match rule {
             FillRule::Winding => Fill::Winding,
             FillRule::Parity => Fill::Parity,
             FillRule::Surface => Fill::Surface,
         });
-        let (unit_mm, keep_thin) = (self.unit.unwrap_or(1.0), self.keep_thin);
-        Some(MeshOptions { grid, unit_mm, fill, keep_thin, follow_links })
+        GridOptions {
+            grid: self.choice(whole),
+            unit_mm: self.unit.unwrap_or(1.0),
+            fill,
+            keep_thin: self.keep_thin,
+            follow_links: links.follow_links,
+        }
     }
 
-    /// The options of the library, each mesh on a grid of its own, if anything says how fine that is.
-    pub(crate) fn options(&self, links: &LinkArgs) -> Option<MeshOptions> {
-        self.within(None, links.follow_links)
+    /// The options of the library, each mesh and tree on a grid of its own.
+    pub(crate) fn options(&self, links: &LinkArgs) -> GridOptions {
+        self.within(None, links)
     }
 }
 
 impl MeshArgs {
-    /// The options of a tree of solids.
-    pub(crate) fn tree_options(&self, dims: Option<Dims>) -> CsgOptions {
-        CsgOptions { grid: self.grid.choice(self.origin.zip(dims)), unit_mm: self.grid.unit.unwrap_or(1.0) }
-    }
-
-    /// The options of the library, if anything says how fine the grid is.
-    pub(crate) fn options(&self, dims: Option<Dims>, links: &LinkArgs) -> Option<MeshOptions> {
-        self.grid.within(self.origin.zip(dims), links.follow_links)
+    /// The options of the library.
+    pub(crate) fn options(&self, dims: Option<Dims>, links: &LinkArgs) -> GridOptions {
+        self.grid.within(self.origin.zip(dims), links)
     }
 }
 

@@ -107,6 +107,15 @@ impl BuildError {
             _ => None,
         }
     }
+
+    /// The same where so much is held beside the cap that was too small.
+    pub(crate) fn beside(mut self, held_bytes: u64) -> Self {
+        if let Self::BudgetTooSmall { limit_bytes, minimum_bytes, .. } = &mut self {
+            *limit_bytes = limit_bytes.saturating_add(held_bytes);
+            *minimum_bytes = minimum_bytes.saturating_add(held_bytes);
+        }
+        self
+    }
 }
 
 /// A range without voxels.

@@ -1,11 +1,12 @@
 //! Names and copies of volumes by their content: what files are called, and where they lie, does not matter.
 
+use crate::platform::FileExt;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::platform::FileExt;
-use crate::source::{Finding, StableHash};
+use crate::csg::named_files;
+use crate::source::{Finding, StableHash, Subject};
 use crate::volume::VolumeInfo;
 
 /// Bytes that are looked at of a volume of one file; of several, these are shared among them.
@@ -71,31 +72,23 @@ fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHas
     Ok(hash)
 }
 
-/// Is a volume made of the same bytes as another, and placed alike? Two that cannot be used are no copies.
+/// Is a subject made of the same bytes as another, and placed alike? Two that cannot be used are no copies.
 ///
 /// Cost: all files of both are read, up to the first difference.
 ///
 /// # Errors
 /// A file cannot be read.
 pub(super) fn is_copy(a: &Finding, b: &Finding) -> io::Result<bool> {
-    if a.mesh && b.mesh {
-        return Ok(a.format == b.format && same_bytes(&a.path, &b.path)?);
-    }
-    let (Ok(one), Ok(other)) = (&a.volume, &b.volume) else { return Ok(false) };
-    if !alike(one.info(), other.info()) {
+    let alike = match (&a.subject, &b.subject) {
+        (Ok(Subject::Volume(one)), Ok(Subject::Volume(other))) => alike(one.info(), other.info()),
+        (Ok(Subject::Mesh(_)), Ok(Subject::Mesh(_))) => a.format == b.format,
+        (Ok(Subject::Tree(_)), Ok(Subject::Tree(_))) => true,
+        _ => false,
+    };
+    if !alike {
         return Ok(false);
     }
-    let listed = |finding: &Finding| {
-        let mut files: Vec<PathBuf> = Vec::new();
-        if finding.path.is_file() {
-            files.push(finding.path.clone());
-        }
-        if let Ok(volume) = &finding.volume {
-            volume.for_each_file(&mut |path| files.push(path.to_path_buf()));
-        }
-        files
-    };
-    let (mine, others) = (listed(a), listed(b));
+    let (mine, others) = (listed(a)?, listed(b)?);
     if mine.len() != others.len() {
         return Ok(false);
     }
@@ -105,6 +98,23 @@ pub(super) fn is_copy(a: &Finding, b: &Finding) -> io::Result<bool> {
         }
     }
     Ok(true)
+}
+
+/// The files of a subject.
+fn listed(finding: &Finding) -> io::Result<Vec<PathBuf>> {
+    let mut files: Vec<PathBuf> = Vec::new();
+    if finding.path.is_file() {
+        files.push(finding.path.clone());
+    }
+    match &finding.subject {
+        Ok(Subject::Volume(volume)) => volume.for_each_file(&mut |path| files.push(path.to_path_buf())),
+        Ok(Subject::Tree(path)) => {
+            // It was read already, within what that may take.
+            files.extend(named_files(path, u64::MAX, true).map_err(io::Error::other)?);
+        }
+        Ok(Subject::Mesh(_)) | Err(_) => {}
+    }
+    Ok(files)
 }
 
 /// Have two volumes the same size, type and place?

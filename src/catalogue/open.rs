@@ -13,6 +13,7 @@ use crate::facts::{
     Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, OtherVolume, Refusal, StatedBy,
     SyntheticFault,
 };
+use crate::mesh;
 use crate::progress::Silent;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, known};
@@ -100,6 +101,8 @@ pub fn open_unprepared_in(
         _ => None,
     };
     let inputs = header.as_ref().map_or(inputs, std::slice::from_ref);
+    // Meshes and trees are no volumes.
+    let options = &OpenOptions { meshes: false, ..options.clone() };
     let found = Catalogue::survey_to_depth(inputs, options, scratch, DEPTH)?;
     if found.is_empty() {
         // Nothing by itself, but described beside it.
@@ -163,10 +166,11 @@ impl Chooser {
         let number = self.seen;
         let size = finding.size.unwrap_or_default();
         let voxels = size.iter().map(|n| u64::from(*n)).product();
-        let damaged = finding.volume.as_ref().err().is_some_and(SourceError::is_damage);
-        let has_gaps = finding.volume.as_ref().err().is_some_and(SourceError::has_gaps);
+        let error = finding.subject.as_ref().err();
+        let damaged = error.is_some_and(SourceError::is_damage);
+        let has_gaps = error.is_some_and(SourceError::has_gaps);
         // A slice that is cut short is no reason to take another volume in silence.
-        let usable = finding.volume.is_ok() || (damaged && finding.size.is_some());
+        let usable = error.is_none() || (damaged && finding.size.is_some());
         let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
         let rank = (tier, voxels);
         let candidate =
@@ -178,8 +182,8 @@ impl Chooser {
         if damaged && self.damaged.len() < NAMED {
             self.damaged.push(number);
         }
-        let volume = match finding.volume {
-            Ok(volume) => Some(volume),
+        let volume = match finding.subject {
+            Ok(subject) => subject.into_volume(),
             Err(error) => {
                 self.errors.insert(number, error);
                 None
@@ -321,7 +325,7 @@ fn refuse_file(path: &Path) -> SourceError {
     if ["dcm", "dicom", "ima"].iter().any(|e| promises(e)) {
         return unusable(Fault::NotDicom);
     }
-    if ["stl", "obj", "off", "ply", "gltf", "glb", "3mf"].iter().any(|e| promises(e)) {
+    if mesh::is_named(path) {
         return unusable(Fault::Mesh);
     }
     let undescribed = || SourceError::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed };

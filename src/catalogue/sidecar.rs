@@ -393,7 +393,7 @@ mod tests {
         let found = Catalogue::survey(&[folder.path().to_path_buf()], &options, folder.path()).unwrap();
         let findings: Vec<Finding> = (0..found.len()).flat_map(|i| found.open(i)).collect();
         let [only] = findings.as_slice() else { panic!("{findings:?}") };
-        assert!(only.path.ends_with("a.raw.json") && only.volume.is_ok(), "{only:?}");
+        assert!(only.path.ends_with("a.raw.json") && only.subject.is_ok(), "{only:?}");
         for (name, words) in [
             ("a.json", "another side-car"),
             ("b.json", "cannot be parsed: expected"),

@@ -2,91 +2,26 @@
 //!
 //! [`Catalogue`]: super::Catalogue
 
+use crate::platform::OsStrExt;
 use std::collections::HashMap;
 use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use super::item::{Item, Weight, What};
+use super::kind::solid_kind;
+use super::left_out::LeftOutFiles;
 use super::log::{Log, NONE, Record};
+use super::order::{full_path, precedes};
 use super::walk::{Visitor, changed};
-use super::{Item, LeftOut, OpenOptions, Weight, What, full_path, precedes};
 use super::{placing, sidecar};
 use crate::facts::{NotVolume, SyntheticFault};
 use crate::mark::is_own_picture;
-use crate::mesh;
-use crate::platform::OsStrExt;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognised, recognise};
-use crate::source::natural_cmp;
-use crate::source::{FORMATS, HEAD_BYTES, STACKS, known};
+use crate::source::{FORMATS, HEAD_BYTES, OpenOptions, STACKS, SubjectKind, known};
 use crate::synthetic;
 use crate::volume::SourceError;
-
-/// Different reasons that are kept apart.
-const MAX_REASONS: usize = 32;
-
-/// Counts a file among those left out.
-pub(super) fn leave_out(left_out: &mut Vec<LeftOut>, why: NotVolume, path: PathBuf) {
-    let at = left_out.iter().position(|known| known.why == why);
-    // Offsets and counts can make many reasons; a bound keeps a folder of junk from piling them up.
-    let at = at.or_else(|| {
-        (left_out.len() >= MAX_REASONS)
-            .then(|| left_out.iter().position(|known| known.why == NotVolume::Other))
-            .flatten()
-    });
-    match at.and_then(|at| left_out.get_mut(at)) {
-        Some(known) => {
-            known.count += 1;
-            if natural_cmp(path.as_os_str().as_bytes(), known.first.as_os_str().as_bytes()).is_lt() {
-                known.first = path;
-            }
-        }
-        None => {
-            let why = if left_out.len() >= MAX_REASONS { NotVolume::Other } else { why };
-            left_out.push(LeftOut { why, count: 1, first: path });
-        }
-    }
-}
-
-/// The files that were left out, one by one, each with its reason.
-#[derive(Debug)]
-pub(super) struct LeftOutFiles {
-    log: Log,
-    /// Reasons, by the number that stands in a record in place of the file's size.
-    reasons: Vec<NotVolume>,
-}
-
-impl LeftOutFiles {
-    fn new(scratch: &Path) -> Self {
-        Self { log: Log::new(scratch), reasons: Vec::new() }
-    }
-
-    /// Adds a file by its whole path.
-    pub(super) fn add(&mut self, why: &NotVolume, path: &Path) -> Result<(), SourceError> {
-        let number = self.reasons.iter().position(|known| known == why);
-        let number = number.unwrap_or_else(|| {
-            // As for the counts: many reasons become one.
-            let full = self.reasons.len() >= MAX_REASONS;
-            self.reasons.push(if full { NotVolume::Other } else { why.clone() });
-            if self.reasons.len() > MAX_REASONS + 1 {
-                self.reasons.pop();
-            }
-            self.reasons.len() - 1
-        });
-        let size = number as u64;
-        self.log.push(&Record { before: NONE, size, changed: 0, input: 0, path: path.to_path_buf() })?;
-        Ok(())
-    }
-
-    /// Every file with its reason.
-    pub(super) fn all(&self) -> impl Iterator<Item = Result<(&NotVolume, PathBuf), SourceError>> + '_ {
-        self.log.all().map(|record| {
-            let record = record?;
-            let why = usize::try_from(record.size).ok().and_then(|at| self.reasons.get(at));
-            Ok((why.unwrap_or(&NotVolume::Other), record.path))
-        })
-    }
-}
 
 /// A catalogue in the making.
 pub(super) struct Surveyor<'a> {
@@ -94,8 +29,7 @@ pub(super) struct Surveyor<'a> {
     options: &'a OpenOptions,
     items: Vec<Item>,
     log: Log,
-    left_out: Vec<LeftOut>,
-    left_out_files: LeftOutFiles,
+    left_out: LeftOutFiles,
     /// Items that take more than one file, by what they are and a hash of their key.
     index: HashMap<(What, u64), u32>,
 }
@@ -117,15 +51,14 @@ impl<'a> Surveyor<'a> {
             options,
             items: Vec::new(),
             log: Log::new(scratch),
-            left_out: Vec::new(),
-            left_out_files: LeftOutFiles::new(scratch),
+            left_out: LeftOutFiles::new(scratch),
             index: HashMap::new(),
         }
     }
 
     /// What was found, in the order in which it was met.
-    pub(super) fn finish(self) -> (Vec<Item>, Log, Vec<LeftOut>, LeftOutFiles) {
-        (self.items, self.log, self.left_out, self.left_out_files)
+    pub(super) fn finish(self) -> (Vec<Item>, Log, LeftOutFiles) {
+        (self.items, self.log, self.left_out)
     }
 
     fn path(&self, input: u32, path: &Path) -> PathBuf {
@@ -186,12 +119,16 @@ impl<'a> Surveyor<'a> {
             let key = StableHash::new().part(folder).finish();
             return Ok(Class::Item(What::Stack(index(at)), Some(key), Weight::FILE));
         }
-        if mesh::format_of(&head, meta.len(), path).is_some() {
-            return if self.options.meshes {
-                Ok(Class::Item(What::Mesh, None, Weight::FILE))
-            } else {
-                left_out(NotVolume::Mesh)
-            };
+        match solid_kind(&head, meta.len(), path) {
+            Some(SubjectKind::Mesh) if self.options.meshes => {
+                return Ok(Class::Item(What::Mesh, None, Weight::FILE));
+            }
+            Some(SubjectKind::Tree) if self.options.meshes => {
+                return Ok(Class::Item(What::Tree, None, Weight::of_text(meta.len())));
+            }
+            Some(SubjectKind::Mesh) => return left_out(NotVolume::Mesh),
+            Some(SubjectKind::Tree) => return left_out(NotVolume::Tree),
+            Some(SubjectKind::Volume) | None => {}
         }
         if let Some(what) = known(&head) {
             return left_out(NotVolume::Known(what));
@@ -252,11 +189,7 @@ impl Visitor for Surveyor<'_> {
         let full = self.path(input, path);
         match self.classify(&full, meta, path.as_os_str().is_empty())? {
             Class::Part => Ok(()),
-            Class::LeftOut(why) => {
-                self.left_out_files.add(&why, &full)?;
-                leave_out(&mut self.left_out, why, full);
-                Ok(())
-            }
+            Class::LeftOut(why) => self.left_out.add(why, full),
             Class::Item(what, key, weight) => {
                 let record = Record {
                     before: NONE,
@@ -295,8 +228,7 @@ impl Visitor for Surveyor<'_> {
 
     fn not_entered(&mut self, path: &Path, why: NotVolume) {
         // It is counted in any case.
-        let _ = self.left_out_files.add(&why, path);
-        leave_out(&mut self.left_out, why, path.to_path_buf());
+        let _ = self.left_out.add(why, path.to_path_buf());
     }
 }
 

@@ -291,6 +291,10 @@ pub enum Misuse {
         "is a mesh or a tree of solids; say how fine its grid is with {GRID} N (voxels along its longest side) or {VOXEL} MM"
     )]
     NoGrid,
+    #[error(
+        "a tree of solids (.csg) is built by itself; join several by union() {{ ... }} in one file, and meshes by import()"
+    )]
+    SeveralTrees,
     #[error("no volume was found")]
     NoneFound,
     #[error("{0}")]

@@ -1,74 +1,113 @@
-//! `oct build`: a volume on disk into a model on disk, and the report of it.
-
-mod report;
-
-pub use report::BuildFigures;
+//! `oct build`: whatever lies at some paths into a model on disk.
+//!
+//! ```text
+//! paths --catalogue--> Subject --+-- volume: reshape, prepare, clean --+
+//!                                +-- mesh:   bounds, bins, caps -------+--> solid --builder--> .oct, BuildSummary
+//!                                +-- tree:   parse, place, lay --------+
+//! ```
 
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+mod report;
+mod summary;
+
+pub use report::BuildFigures;
+pub use summary::BuildSummary;
+
 use super::hint::Hint;
-use super::info::{Info, read_info};
-use crate::budget::{Budget, Bytes, MemoryCap, costs, peak_rss_bytes};
+use super::info::read_info;
+use crate::budget::{Budget, MemoryCap, costs};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::catalogue;
 use crate::clean::{CleanError, CleanOptions, CleanReport};
+use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, read_tree};
 use crate::error::{Error, UsageError};
-use crate::facts::sentences;
+use crate::facts::{Fill, Misuse, sentences};
 use crate::format::{MAGIC, SurfaceKind};
+use crate::mesh::{GridChoice, MeshOptions, build_mesh, least_share};
 use crate::platform::give_back;
-use crate::source::OpenOptions;
-use crate::text::Short;
-use crate::text::{data, shown};
+use crate::source::{OpenOptions, Subject, SubjectKind};
+use crate::text::data;
 use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
 
-/// What was built, from what, and what it took.
-#[derive(Clone, Debug)]
-pub struct BuildSummary {
-    /// The inputs, as given.
-    pub input: String,
-    /// The model, as given.
-    pub output: PathBuf,
-    /// The cap.
-    pub memory_bytes: u64,
-    /// Figures of the build.
-    pub report: BuildReport,
-    /// Facts of the finished file.
-    pub info: Info,
-    /// What cleaning was asked for, and what it did to the occupancy if it touched that.
-    pub cleaning: Option<(Vec<String>, Option<CleanReport>)>,
-    /// Sentences about the input.
-    pub warnings: Vec<String>,
-    /// Sentences about what may be wanted besides, or instead.
-    pub hints: Vec<String>,
-    /// Seconds from opening the input to the model's name on disk.
-    pub wall_s: f64,
+/// How a mesh or a tree of solids is put on a grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridOptions {
+    /// How fine the grid is; with a volume in a tree it is that of the volume.
+    pub grid: Option<GridChoice>,
+    /// Millimetres of a unit of the files.
+    pub unit_mm: f64,
+    /// What is inside a mesh; what fits it, if not given.
+    pub fill: Option<Fill>,
+    /// Are walls of meshes kept that are thinner than a voxel? See [`MeshOptions::keep_thin`].
+    pub keep_thin: bool,
+    /// May links lead from files that a mesh or a tree names out of its folder?
+    pub follow_links: bool,
 }
 
-/// Opens the inputs, cleans the volume, and builds the model.
+impl Default for GridOptions {
+    /// No grid, units of a millimetre.
+    fn default() -> Self {
+        Self { grid: None, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false }
+    }
+}
+
+impl GridOptions {
+    /// What is said of a mesh, if anything says how fine its grid is.
+    pub fn mesh(&self) -> Option<MeshOptions> {
+        let Self { grid, unit_mm, fill, keep_thin, follow_links } = *self;
+        grid.map(|grid| MeshOptions { grid, unit_mm, fill, keep_thin, follow_links })
+    }
+
+    /// What is said of a tree.
+    pub fn tree(&self) -> CsgOptions {
+        CsgOptions { grid: self.grid, unit_mm: self.unit_mm }
+    }
+}
+
+/// How subjects are built, and into what.
+#[derive(Clone, Copy)]
+pub struct BuildJob<'a> {
+    /// What is done to a volume before.
+    pub clean: &'a CleanOptions,
+    /// How what is no volume is put on a grid.
+    pub grid: &'a GridOptions,
+    /// What is built, and within which means.
+    pub options: &'a BuildOptions,
+    /// The model.
+    pub output: &'a Path,
+    /// Told how it goes on.
+    pub progress: &'a dyn Progress,
+}
+
+/// What a subject gave.
+struct Built {
+    report: BuildReport,
+    cleaned: Option<CleanReport>,
+    warnings: Vec<String>,
+    hints: Vec<String>,
+}
+
+/// Opens what lies at the inputs, of the kind that [`SubjectKind::of`] tells, and builds its model.
 ///
 /// # Errors
-/// As [`catalogue::open_unprepared_in`], [`builder::build_volume`] and [`CleanOptions::clean`]; an old model is untouched then.
+/// As [`Subject::open`], [`BuildJob::reshape`] and [`BuildJob::build`]; an old model is untouched then.
 pub fn convert(
+    kind: SubjectKind,
     inputs: &[PathBuf],
     how: &OpenOptions,
-    cleaning: &CleanOptions,
-    options: &BuildOptions,
-    output: &Path,
-    progress: &dyn Progress,
+    job: &BuildJob<'_>,
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
     give_back();
-    // Where not even a little is left, the builder says it better.
-    let opening_bytes = Budget::of(options.memory).left_bytes().max(costs::LEAST_OPENING);
-    let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
-    let source = catalogue::open_unprepared_in(inputs, &how, &options.scratch_folder(output))?;
-    refuse_own_input(inputs, output)?;
+    let subject = job.open(kind, inputs, how)?;
+    refuse_own_input(inputs, job.output)?;
     let input = inputs.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
-    convert_source(source, input, cleaning, options, output, progress, started)
-        .map_err(|error| in_full(error, inputs))
+    let built = job.reshape(subject).and_then(|subject| job.build(subject, input, started));
+    built.map_err(|error| in_full(error, inputs))
 }
 
 /// An error with the whole path of the only input, where it names that by its last part.
@@ -97,7 +136,7 @@ fn in_full(mut error: Error, inputs: &[PathBuf]) -> Error {
 
 /// A model never takes the place of the volume it is made of, nor of a file in an input folder that is
 /// not a model itself.
-pub(super) fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
+fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     let Ok(real) = output.canonicalize() else { return Ok(()) };
     let is_model = || {
         let mut head = [0; MAGIC.len()];
@@ -112,35 +151,6 @@ pub(super) fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), 
         Some(_) => Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: true }.into()),
         None => Ok(()),
     }
-}
-
-/// Builds the model of an open source; `started` is when the job began.
-///
-/// # Errors
-/// As [`builder::build_volume`].
-pub fn build_source(
-    source: &mut dyn VolumeSource,
-    input: String,
-    options: &BuildOptions,
-    output: &Path,
-    progress: &dyn Progress,
-    started: Instant,
-) -> Result<BuildSummary, Error> {
-    prepare(source, &CleanOptions::default(), options, output, progress)?;
-    give_back();
-    let report = builder::build_volume(source, options, output, progress)?;
-    let wall_s = started.elapsed().as_secs_f64();
-    Ok(BuildSummary {
-        input,
-        output: output.to_path_buf(),
-        memory_bytes: options.memory.bytes(),
-        info: read_info(output)?,
-        cleaning: None,
-        warnings: told(source, &report),
-        hints: Vec::new(),
-        report,
-        wall_s,
-    })
 }
 
 /// Voxels this many times as long along one axis as along another make stairs of a surface.
@@ -166,82 +176,137 @@ fn hints(
     bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
 }
 
-/// Cleans an open source and builds its model; `started` is when the job began.
-///
-/// # Errors
-/// As [`builder::build_volume`] and [`CleanOptions::clean`].
-pub fn convert_source(
-    source: Box<dyn VolumeSource>,
-    input: String,
-    cleaning: &CleanOptions,
-    options: &BuildOptions,
-    output: &Path,
-    progress: &dyn Progress,
-    started: Instant,
-) -> Result<BuildSummary, Error> {
-    convert_reshaped(cleaning.reshape(source)?, input, cleaning, options, output, progress, started)
-}
-
-/// As [`convert_source`], of a source that [`CleanOptions::reshape`] has cut and shrunk already.
-///
-/// # Errors
-/// As [`convert_source`].
-pub fn convert_reshaped(
-    mut source: Box<dyn VolumeSource>,
-    input: String,
-    cleaning: &CleanOptions,
-    options: &BuildOptions,
-    output: &Path,
-    progress: &dyn Progress,
-    started: Instant,
-) -> Result<BuildSummary, Error> {
-    let mut options = options.clone();
-    let threshold = cleaning.preset.map_or(options.threshold, |preset| preset.threshold());
-    let doubt = cleaning.preset.and_then(|preset| {
-        options.threshold = preset.threshold();
-        preset.doubt(source.modality())
-    });
-    prepare(&mut *source, cleaning, &options, output, progress)?;
-    give_back();
-    let cleaned = cleaning.clean(&*source, &options, output, progress)?;
-    if cleaned.is_some() {
-        give_back();
+impl BuildJob<'_> {
+    /// Opens what lies at the inputs, within what the cap leaves for that.
+    fn open(&self, kind: SubjectKind, inputs: &[PathBuf], how: &OpenOptions) -> Result<Subject, Error> {
+        // Where not even a little is left, the builder says it better.
+        let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::LEAST_OPENING);
+        let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
+        Ok(Subject::open_as(kind, inputs, &how, &self.options.scratch_folder(self.output))?)
     }
-    let report = match &cleaned {
-        Some(cleaned) => {
-            options.threshold = Threshold::Chosen(cleaned.selection);
-            builder::build_volume(cleaned.source(), &options, output, progress)?
+
+    /// Cuts and shrinks a volume, as [`CleanOptions::reshape`] does.
+    ///
+    /// # Errors
+    /// As [`CleanOptions::reshape`].
+    pub fn reshape(&self, subject: Subject) -> Result<Subject, Error> {
+        Ok(subject.map_volume(|volume| self.clean.reshape(volume))?)
+    }
+
+    /// The least memory of a share in which a reshaped subject can be built; of what is no volume about that.
+    pub fn least_share(&self, subject: &Subject) -> u64 {
+        match subject {
+            Subject::Volume(volume) => {
+                let unrolling = volume.preparation().memory_bytes;
+                self.clean.smallest_share(&**volume, self.options).max(unrolling)
+            }
+            Subject::Mesh(_) | Subject::Tree(_) => {
+                self.grid.mesh().map_or(0, |mesh| least_share(&mesh, self.options))
+            }
         }
-        None => builder::build_volume(&*source, &options, output, progress)?,
-    };
-    // What is told of the model runs beside the last stage's code otherwise.
-    give_back();
-    let wall_s = started.elapsed().as_secs_f64();
-    let mut warnings = told(&*source, &report);
-    warnings.extend(doubt.map(|doubt| doubt.to_string()));
-    let hints = hints(&*source, threshold, options.surface, &report);
-    Ok(BuildSummary {
-        input,
-        output: output.to_path_buf(),
-        memory_bytes: options.memory.bytes(),
-        report,
-        info: read_info(output)?,
-        cleaning: (!cleaning.is_empty()).then(|| (cleaning.operations(), cleaned.map(|c| c.report))),
-        warnings,
-        hints,
-        wall_s,
-    })
+    }
+
+    /// Builds the model of a reshaped subject; `started` is when the work on it began.
+    ///
+    /// # Errors
+    /// As [`builder::build_volume`] and [`CleanOptions::clean`], [`build_mesh`], [`build_csg`]; of a mesh without a
+    /// grid a sentence that says what to add.
+    pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
+        let Built { report, cleaned, warnings, hints } = match subject {
+            Subject::Volume(volume) => self.volume(volume)?,
+            Subject::Mesh(paths) => self.mesh(&paths)?,
+            Subject::Tree(path) => self.tree(&path)?,
+        };
+        // What is told of the model runs beside the last stage's code otherwise.
+        give_back();
+        let wall_s = started.elapsed().as_secs_f64();
+        Ok(BuildSummary {
+            input,
+            output: self.output.to_path_buf(),
+            memory_bytes: self.options.memory.bytes(),
+            report,
+            info: read_info(self.output)?,
+            cleaning: (!self.clean.is_empty()).then(|| (self.clean.operations(), cleaned)),
+            warnings,
+            hints,
+            wall_s,
+        })
+    }
+
+    fn volume(&self, mut source: Box<dyn VolumeSource>) -> Result<Built, Error> {
+        let Self { clean, output, progress, .. } = *self;
+        let threshold = clean.preset.map_or(self.options.threshold, |preset| preset.threshold());
+        let mut options = BuildOptions { threshold, ..self.options.clone() };
+        prepare(&mut *source, clean, &options, output, progress)?;
+        give_back();
+        let cleaned = clean.clean(&*source, &options, output, progress)?;
+        let report = match &cleaned {
+            Some(cleaned) => {
+                give_back();
+                options.threshold = Threshold::Chosen(cleaned.selection);
+                builder::build_volume(cleaned.source(), &options, output, progress)?
+            }
+            None => builder::build_volume(&*source, &options, output, progress)?,
+        };
+        let doubt = clean.preset.and_then(|preset| preset.doubt(source.modality()));
+        let mut warnings = sentences(&source.info().notes);
+        warnings.extend(report.notes.iter().map(|note| note.to_string()));
+        warnings.extend(doubt.map(|doubt| doubt.to_string()));
+        let hints = hints(&*source, threshold, options.surface, &report);
+        Ok(Built { report, cleaned: cleaned.map(|cleaned| cleaned.report), warnings, hints })
+    }
+
+    fn mesh(&self, inputs: &[PathBuf]) -> Result<Built, Error> {
+        let Some(mesh) = self.grid.mesh() else {
+            let path = inputs.first().cloned().unwrap_or_default();
+            return Err(SourceError::Usage { path, misuse: Misuse::NoGrid }.into());
+        };
+        let made = build_mesh(inputs, &mesh, self.options, self.output, self.progress)?;
+        let notes = made.notes.iter().map(ToString::to_string);
+        let warnings = std::iter::once(made.facts.to_string()).chain(notes).collect();
+        Ok(Built { report: made.build, cleaned: None, warnings, hints: Vec::new() })
+    }
+
+    fn tree(&self, path: &Path) -> Result<Built, Error> {
+        let (tree, root) = read_tree(path, self.options.memory)?;
+        if !self.grid.follow_links {
+            check_links(&tree, path)?;
+        }
+        let volumes = self.open_volumes(&tree)?;
+        give_back();
+        let volumes = volumes.iter().map(|(path, source)| (path.clone(), &**source)).collect();
+        let input = CsgInput { tree, root, name: path.to_path_buf(), volumes };
+        let made = build_csg(input, &self.grid.tree(), self.options, self.output, self.progress)?;
+        let warnings = vec![made.facts.to_string()];
+        Ok(Built { report: made.build, cleaned: None, warnings, hints: Vec::new() })
+    }
+
+    /// Opens the volumes that leaves of a tree name, each once, ready to be read.
+    fn open_volumes(&self, tree: &Tree) -> Result<Vec<Named>, Error> {
+        let mut open: Vec<Named> = Vec::new();
+        for shape in tree.files() {
+            let Shape::Volume { path, .. } = shape else { continue };
+            if open.iter().any(|(known, _)| known == path) {
+                continue;
+            }
+            let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::LEAST_OPENING);
+            let follow_links = self.grid.follow_links;
+            let how =
+                OpenOptions { opening_bytes: Some(opening_bytes), follow_links, ..OpenOptions::default() };
+            let scratch = self.options.scratch_folder(self.output);
+            let mut source = catalogue::open_unprepared_in(std::slice::from_ref(path), &how, &scratch)?;
+            prepare(&mut *source, &CleanOptions::default(), self.options, self.output, self.progress)?;
+            open.push((path.clone(), source));
+        }
+        Ok(open)
+    }
 }
 
-/// Sentences about the input, and about what was found in it.
-fn told(source: &dyn VolumeSource, report: &BuildReport) -> Vec<String> {
-    let mut all = sentences(&source.info().notes);
-    all.extend(report.notes.iter().map(|note| note.to_string()));
-    all
-}
+/// A volume, and the name by which leaves know it.
+type Named = (PathBuf, Box<dyn VolumeSource>);
 
 /// Unrolls a source that has to be, unless the cap would be too small for that or for what follows.
-pub(super) fn prepare(
+fn prepare(
     source: &mut dyn VolumeSource,
     cleaning: &CleanOptions,
     options: &BuildOptions,
@@ -269,66 +334,4 @@ pub(super) fn prepare(
         }));
     }
     Ok(source.prepare(&Workspace { scratch: &scratch, memory: Budget::of(cap), progress })?)
-}
-
-impl BuildSummary {
-    /// A few lines for people.
-    pub fn text(&self) -> String {
-        let r = &self.report;
-        let metadata = &self.info.frame.metadata;
-        let range = if !super::info::has_values(metadata) {
-            metadata.source.kind.clone()
-        } else if r.selection.hi.is_finite() {
-            format!("values {}..{}", Short(r.selection.lo), Short(r.selection.hi))
-        } else {
-            format!(
-                "values {} and more ({})",
-                Short(r.selection.lo),
-                super::info::kind_name(r.selection.kind)
-            )
-        };
-        #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
-        let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
-        let (kept, one) = match self.info.frame.surface() {
-            SurfaceKind::Skin if r.skin_voxels == 1 => ("skin voxel", "skin voxel"),
-            SurfaceKind::Skin => ("skin voxels", "skin voxel"),
-            SurfaceKind::Cells if r.skin_voxels == 1 => ("cell", "cell"),
-            SurfaceKind::Cells => ("cells", "cell"),
-        };
-        let [x, y, z] = self.info.frame.metadata.dims;
-        let mut text = format!(
-            "{}: {} {kept} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {}, peak resident memory {} of {} allowed\n",
-            shown(&self.output),
-            r.skin_voxels,
-            Bytes(r.file_bytes),
-            r.nodes,
-            self.wall_s,
-            if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) },
-            Bytes(peak_rss_bytes()),
-            Bytes(self.memory_bytes),
-        );
-        if let Some(hidden) = r.hidden {
-            text.push_str(&format!(
-                "  left out: {hidden} {kept} that cannot be seen from there, about {}\n",
-                Bytes(r.bytes_saved_about())
-            ));
-        }
-        if let Some((operations, report)) = &self.cleaning {
-            text.push_str(&format!("  cleaned: {}", operations.join(", ")));
-            if let Some(r) = report {
-                text.push_str(&format!("; {} voxels added, {} removed", r.voxels_added, r.voxels_removed));
-                if r.components > 0 {
-                    text.push_str(&format!(", {} of {} components kept", r.kept, r.components));
-                }
-            }
-            text.push('\n');
-        }
-        for warning in &self.warnings {
-            text.push_str(&format!("  note: {warning}\n"));
-        }
-        for hint in &self.hints {
-            text.push_str(&format!("  hint: {hint}\n"));
-        }
-        text
-    }
 }

@@ -6,14 +6,16 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::build::{BuildFigures, BuildSummary, build_source};
+use super::build::{BuildFigures, BuildJob, BuildSummary, GridOptions};
 use super::picture::{Outputs, refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
 use super::verify::verify_file;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::{BuildOptions, Progress};
+use crate::clean::CleanOptions;
 use crate::error::{Error, UsageError};
+use crate::source::Subject;
 use crate::synthetic::SyntheticHead;
 use crate::text::{data, shown};
 use crate::volume::{Endian, VolumeSource};
@@ -84,10 +86,12 @@ pub fn demo(
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<DemoSummary, Error> {
-    let mut head = SyntheticHead::new(side).ok_or(UsageError::HeadSize { side })?;
+    let head = SyntheticHead::new(side).ok_or(UsageError::HeadSize { side })?;
     refuse_clash(&files.model, &[&files.picture, &files.thumbnail])?;
     let name = format!("synthetic head {side}");
-    let built = build_source(&mut head, name, options, &files.model, progress, Instant::now())?;
+    let (clean, grid) = (CleanOptions::default(), GridOptions::default());
+    let job = BuildJob { clean: &clean, grid: &grid, options, output: &files.model, progress };
+    let built = job.build(Subject::Volume(Box::new(head)), name, Instant::now())?;
     // Taken here: the steps that follow map the whole file, which is theirs to do.
     let build_peak_bytes = peak_rss_bytes();
     let timed = |step: &mut dyn FnMut() -> Result<(), Error>| -> Result<f64, Error> {

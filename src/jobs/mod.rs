@@ -6,14 +6,12 @@
 
 pub mod batch;
 pub mod build;
-pub mod csg;
 pub mod demo;
 pub mod export;
 mod hint;
 pub mod info;
 pub mod intersect;
 pub mod measure;
-pub mod mesh;
 pub mod opened;
 pub mod pack;
 pub mod picture;

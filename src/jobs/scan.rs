@@ -11,7 +11,7 @@ use crate::budget::peak_rss_bytes;
 use crate::catalogue::Catalogue;
 use crate::error::Error;
 use crate::facts::sentences;
-use crate::source::{Finding, OpenOptions};
+use crate::source::{Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 
 /// Lists the volumes below some inputs; calls `each` for one after the other, and returns what was left out,
@@ -85,11 +85,12 @@ fn list(number: usize, finding: &Finding) -> Listed {
         reason: None,
         size: None,
         warnings: Some(Vec::new()),
+        subject: finding.subject.as_ref().map_or(SubjectKind::Volume, Subject::kind),
     };
-    match &finding.volume {
-        _ if finding.mesh => {}
+    match &finding.subject {
+        Ok(Subject::Mesh(_) | Subject::Tree(_)) => {}
         Err(e) => listed.refuse(e.to_string()),
-        Ok(source) => {
+        Ok(Subject::Volume(source)) => {
             let info = source.info();
             listed.size = Some(ListedSize {
                 dims: info.dims.to_array(),

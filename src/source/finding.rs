@@ -1,15 +1,15 @@
-//! What a reader found: a volume or the reason why there is none, and the files behind it.
+//! What was found: a subject or the reason why it cannot be used, and the files behind it.
 
+use crate::platform::OsStrExt;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::StableHash;
-use crate::platform::OsStrExt;
-use crate::volume::{SourceError, VolumeSource};
+use super::{StableHash, Subject};
+use crate::volume::SourceError;
 
-/// One volume that was found, or why it cannot be used.
+/// One volume, mesh or tree that was found, or why it cannot be used.
 pub struct Finding {
     /// The file, or the folder of the files, as it was reached from what was searched.
     pub path: PathBuf,
@@ -37,21 +37,18 @@ pub struct Finding {
     pub at: usize,
     /// Volumes like it in the same input that are passed over for it.
     pub more: usize,
-    /// Is it a triangle mesh, to be built on a grid of the caller's choice? It has no volume then.
-    pub mesh: bool,
-    /// The volume, not prepared yet.
-    pub volume: Result<Box<dyn VolumeSource>, SourceError>,
+    /// What a model of it is built of.
+    pub subject: Result<Subject, SourceError>,
 }
 
 impl fmt::Debug for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let volume = self.volume.as_ref().map(|v| v.info());
         f.debug_struct("Finding")
             .field("path", &self.path)
             .field("id", &self.id)
             .field("part", &self.part)
             .field("size", &self.size)
-            .field("volume", &volume)
+            .field("subject", &self.subject)
             .finish_non_exhaustive()
     }
 }

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack` | one kind of source each |
 //! | `formats`, `known` | the lists of what is read, and what is known but not read |
-//! | `options`, `finding` | what a caller may choose, and what a reader found |
+//! | `options`, `subject`, `finding` | what a caller may choose, what can be built, and what was found |
 //! | `stored`, `reversed` | samples read where they lie, or unrolled first |
 //! | `files`, `header`, `natural`, `numbered`, `stable_hash` | what several of them share |
 #![doc = "\n"]
@@ -31,6 +31,7 @@ mod raw;
 mod reversed;
 mod stable_hash;
 mod stored;
+mod subject;
 mod tiff;
 
 pub(crate) use files::FileList;
@@ -43,3 +44,4 @@ pub(crate) use nifti::header_of_samples;
 pub use options::{GapPolicy, OpenOptions};
 pub use raw::{RawOptions, RawVolume};
 pub(crate) use stable_hash::StableHash;
+pub use subject::{Subject, SubjectKind};

@@ -27,7 +27,8 @@ pub struct OpenOptions {
     pub follow_links: bool,
     /// Are all of very many volumes taken that are alike, such as the moments of one series, or only the first?
     pub all_volumes: bool,
-    /// Are triangle meshes taken, too? They are no volumes: whoever takes them says on which grid they are built.
+    /// Are triangle meshes and trees of solids taken, too, when folders are searched? They are no volumes: who takes them
+    /// says on which grid they are built.
     pub meshes: bool,
 }
 

@@ -121,8 +121,8 @@ fn volume(name: &str, bytes: &[u8], built: u64) -> bool {
     for finding in
         (0..catalogue.len().min(MOST_VOLUMES)).flat_map(|index| catalogue.open(index)).take(MOST_VOLUMES)
     {
-        match finding.volume {
-            Ok(source) => any |= read(source, built),
+        match finding.subject {
+            Ok(subject) => any |= subject.into_volume().is_some_and(|source| read(source, built)),
             Err(refused) => any |= told(&refused.to_string()),
         }
     }

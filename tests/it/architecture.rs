@@ -33,6 +33,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
         "catalogue",
         &[
             "budget",
+            "csg",
             "exit",
             "facts",
             "geom",
@@ -54,7 +55,10 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("mesh", &["budget", "builder", "codec", "cpu", "facts", "format", "geom", "scratch", "source", "stamp"]),
     (
         "csg",
-        &["budget", "builder", "facts", "format", "geom", "mesh", "progress", "scratch", "stamp", "volume"],
+        &[
+            "budget", "builder", "facts", "format", "geom", "mesh", "progress", "scratch", "source", "stamp",
+            "volume",
+        ],
     ),
     ("load", &["budget", "cpu", "exit", "format", "geom", "text"]),
     ("render", &["atomic", "budget", "cpu", "exit", "format", "geom", "load", "mark", "text"]),

@@ -318,6 +318,13 @@ fn a_folder_without_volumes_is_refused_and_a_missing_one_too() {
     fs::write(top.join("readme.txt"), "nothing").unwrap();
     oct(&["batch", &text(&top), "--out", &text(&out)]).refused(3, &["no volume"]);
     oct(&["batch", &text(&top.join("x")), "--out", &text(&out)]).refused(3, &["x"]);
+    // No folder is left where nothing was converted, nor around it; one that was there stays.
+    assert!(!out.exists());
+    oct(&["batch", &text(&top), "--out", &text(&out.join("a/b"))]).refused(3, &["no volume"]);
+    assert!(!out.exists());
+    fs::create_dir(&out).unwrap();
+    oct(&["batch", &text(&top), "--out", &text(&out)]).refused(3, &["no volume"]);
+    assert!(names(&out).is_empty());
     oct(&["scan", &text(&top.join("x"))]).refused(3, &["x"]);
     write_ball(&top, "1.2.3.1", 8.0);
     oct(&["batch", &text(&top), "--out", &text(&out), "--memory", "3MiB"])

@@ -36,7 +36,7 @@ fn twenty_thousand_files_of_two_hundred_series_take_a_few_hundred_kilobytes() {
     let ((), Taken { peak, .. }) = measured(|| {
         for index in [0, SERIES / 2, SERIES - 1] {
             let findings = found.open(index);
-            let volume = findings[0].volume.as_ref().unwrap();
+            let volume = findings[0].subject.as_ref().unwrap().volume().unwrap();
             assert_eq!((findings.len(), volume.info().dims.nz(), findings[0].files.count), (1, 100, 100));
         }
     });

@@ -170,3 +170,89 @@ fn scan_and_batch_take_meshes_where_a_grid_is_given() {
     assert_eq!(counts(&batch("40")), [0, 3, 1]);
     assert_eq!(counts(&batch("48")), [2, 1, 1]);
 }
+
+#[test]
+fn scan_and_batch_take_trees_of_solids_as_they_take_meshes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::create_dir_all(at("in/parts")).unwrap();
+    let put = |name: &str, bytes: &[u8]| std::fs::write(at(&format!("in/{name}")), bytes).unwrap();
+    put("parts/ball.stl", &ball().stl());
+    put("a.csg", b"difference() { cube(10); sphere(6); }");
+    put("copy.csg", b"difference() { cube(10); sphere(6); }");
+    put("cut.csg", b"difference() { cube(10);");
+    put("odd.csg", b"\xff\xfe\x00\x01");
+    put("held.csg", b"difference() { import(\"parts/ball.stl\"); sphere(6); }");
+    put("gone.csg", b"import(\"parts/gone.stl\");");
+    put("text", b"// no suffix\nunion() { torus(8, 2); }");
+    put("ct.raw", &[9; 8 * 8 * 8]);
+    put("ct.json", br#"{"dims": [8, 8, 8], "dtype": "u8", "spacing_mm": [1, 1, 1]}"#);
+    put("own.csg", b"difference() { volume(\"ct.raw\", iso = 5); sphere(2); }");
+    let (input, out) = (at("in"), at("out"));
+    // Without a grid they are left out, and it is said what takes them.
+    let scan = oct(&["scan", &input, "--json"]).json();
+    let trees = scan["left_out"].as_array().unwrap().iter().find(|l| l["count"] == 8).unwrap();
+    let reason = trees["reason"].as_str().unwrap();
+    assert!(reason.contains("a tree of solids") && reason.contains("--grid N"), "{scan}");
+    let scan = oct(&["scan", &input, "--grid", "40", "--json"]).json();
+    let said = |key: &str| scan[key].as_u64().unwrap();
+    assert_eq!((said("usable"), said("refused"), said("copies")), (6, 3, 1), "{scan}");
+    let reason_of = |name: &str| {
+        let items = scan["items"].as_array().unwrap().iter();
+        let item = items.clone().find(|item| item["input"].as_str().unwrap().ends_with(name)).unwrap();
+        item["reason"].as_str().unwrap().to_owned()
+    };
+    for (name, words) in [("/cut.csg", "ends"), ("/odd.csg", "line 1"), ("/gone.csg", "gone.stl")] {
+        assert!(reason_of(name).contains(words), "{}", reason_of(name));
+    }
+    let text = oct(&["scan", &input, "--grid", "40"]).stdout;
+    assert!(text.contains("a tree of solids, on the grid that is asked for -> csg-"), "{text}");
+    let batch = |memory: &str| {
+        let run = oct(&["batch", &input, "--out", &out, "--grid", "40", "--memory", memory, "--json"]);
+        assert_eq!(run.code, 8, "{}", run.stderr);
+        serde_json::from_str::<serde_json::Value>(&run.stdout).unwrap()
+    };
+    let counts = |r: &serde_json::Value| ["converted", "skipped", "failed"].map(|k| r[k].as_u64().unwrap());
+    let report = batch("32MiB");
+    assert_eq!(counts(&report), [6, 1, 3], "{report}");
+    // The same bytes as one by one; a tree on the grid of its volume takes no other.
+    let model = at("one.oct");
+    let mut trees = 0;
+    for item in report["items"].as_array().unwrap().iter().filter(|i| i["status"] == "converted") {
+        let path = item["input"].as_str().unwrap();
+        let grid = ["--grid", "40"];
+        let own = path.ends_with("own.csg") || item["format"] == "raw";
+        let mut args = vec!["build", path, "-o", &model, "--json"];
+        args.extend(grid.iter().filter(|_| !own));
+        oct(&args).json();
+        trees += u32::from(item["kind"] == "tree of solids" && item["format"] == "csg");
+        let built = at(&format!("out/{}", item["model"]["file"].as_str().unwrap()));
+        assert!(std::fs::read(built).unwrap() == std::fs::read(&model).unwrap(), "{item}");
+    }
+    assert_eq!(trees, 4);
+    assert_eq!(counts(&batch("32MiB")), [0, 7, 3]);
+    // What a tree names is a part of it.
+    put("parts/ball.stl", &Body::sphere([10.0, -3.0, 5.0], 19.0, 4).stl());
+    assert_eq!(counts(&batch("32MiB")), [2, 5, 3]);
+}
+
+#[test]
+fn content_decides_what_is_built_and_names_count_where_it_is_silent() {
+    let (_folder, mesh, model) = put("part.dat", &ball().stl());
+    oct(&["build", &mesh, "-o", &model, "--grid", "40", "--json"]).json();
+    oct(&["build", &mesh, "-o", &model, "--grid", "40", "--iso", "3"]).refused(2, &["--iso is for volumes"]);
+    oct(&["build", &mesh, "-o", &model]).refused(2, &["part.dat", "is a mesh or a tree", "--grid N"]);
+    let (_folder, tree, model) = put("tree.txt", b"cube(3);");
+    oct(&["build", &tree, "-o", &model, "--grid", "9", "--json"]).json();
+    oct(&["build", &tree, "-o", &model, "--grid", "9", "--otsu"]).refused(2, &["a tree of solids"]);
+    for (name, words) in [("a.stl", "a.stl"), ("a.ply", "a.ply"), ("a.off", "a.off"), ("a.csg", "line 1")] {
+        let (_folder, junk, model) = put(name, &[7; 300]);
+        oct(&["build", &junk, "-o", &model, "--grid", "9"]).refused(3, &[words]);
+    }
+    let (_folder, volume, model) = put(
+        "a.stl",
+        b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n\0\x01\0\0\0\0\0\0",
+    );
+    oct(&["build", &volume, "-o", &model, "--iso", "1", "--json"]).json();
+    oct(&["build", &volume, "-o", &model, "--grid", "9"]).refused(2, &["--grid is for meshes"]);
+}

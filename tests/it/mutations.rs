@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use infobyte::budget::{Budget, current_rss_bytes, peak_rss_bytes};
 use infobyte::catalogue::Catalogue;
 use infobyte::progress::Silent;
-use infobyte::source::OpenOptions;
+use infobyte::source::{OpenOptions, Subject};
 use infobyte::volume::Workspace;
 
 use crate::common::long;
@@ -32,7 +32,7 @@ fn read_all(path: &Path, scratch: &Path) -> bool {
     let mut any = false;
     for index in 0..catalogue.len() {
         for finding in catalogue.open(index) {
-            let Ok(mut source) = finding.volume else { continue };
+            let Ok(Subject::Volume(mut source)) = finding.subject else { continue };
             let workspace = Workspace { scratch, memory: Budget::new(CAP / 2), progress: &Silent };
             if source.prepare(&workspace).is_err() {
                 continue;

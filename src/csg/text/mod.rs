@@ -16,5 +16,6 @@ mod parser;
 mod stop;
 mod values;
 
+pub(super) use modules::is_module;
 pub(super) use parser::parse;
 pub(super) use stop::Stop;

@@ -76,6 +76,11 @@ pub(super) fn meaning(
     }
 }
 
+/// Is a module of this name read?
+pub(in crate::csg) fn is_module(name: &str) -> bool {
+    taken(name).is_some() || name == "offset3d"
+}
+
 /// Names of a module's arguments, those of files that OpenSCAD writes included, and how many may stand without a name;
 /// `None` for a module that is not read.
 fn taken(module: &str) -> Option<(&'static [&'static str], usize)> {

@@ -109,8 +109,7 @@ mod tests {
             burned_in: None,
             at: 0,
             more: 0,
-            mesh: false,
-            volume: Err(crate::volume::SourceError::Usage {
+            subject: Err(crate::volume::SourceError::Usage {
                 path: "x".into(),
                 misuse: crate::facts::Misuse::NoInput,
             }),

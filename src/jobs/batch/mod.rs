@@ -10,6 +10,7 @@
 //! | file | what it does |
 //! |---|---|
 //! | `claims` | which volume has which name |
+//! | `folder` | the output folder |
 //! | `key` | what hides times of change in records |
 //! | `lock` | one batch at a time in an output folder |
 //! | `record` | what is remembered of each volume |
@@ -18,6 +19,7 @@
 
 mod claims;
 mod earlier;
+mod folder;
 mod key;
 mod lock;
 mod page;
@@ -37,7 +39,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use super::build::{BuildSummary, convert_reshaped};
+use super::build::{BuildJob, BuildSummary, GridOptions};
 use super::picture::thumbnail_file;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
@@ -45,17 +47,18 @@ use crate::builder::{BuildError, BuildOptions};
 use crate::catalogue::Catalogue;
 use crate::clean::{CleanError, CleanOptions};
 use crate::error::Error;
-use crate::facts::{Fill, Instead, Note, sentences};
+use crate::facts::{CsgFault, Fault, Fill, Instead, Note, sentences};
 use crate::format::{Channel, Channels, SurfaceKind};
-use crate::mesh::{MeshOptions, least_share};
+use crate::mesh::usual_channels;
 use crate::platform::give_back;
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
-use crate::source::{BurnedIn, Finding, OpenOptions};
+use crate::source::{BurnedIn, Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 use crate::text::names::{MEMORY, MIN_SLICES, THUMBNAILS_OF_ALL};
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::SourceError;
 pub(super) use claims::{Claim, Claims};
+use folder::NewFolders;
 use key::Key;
 use lock::FolderLock;
 use record::{Journal, Record};
@@ -83,8 +86,8 @@ pub struct BatchRequest {
     pub thumbnails_of_all: bool,
     /// Volumes of fewer slices are left alone: scouts, scanned documents, single pictures.
     pub min_slices: u32,
-    /// How meshes are built; they are left out without it.
-    pub mesh: Option<MeshOptions>,
+    /// How meshes and trees of solids are put on a grid; they are left out where it is not chosen.
+    pub grid: GridOptions,
     /// Only DICOM series of these modalities (`CT`, `MR`, ...) are taken; all volumes if there are none.
     pub modalities: Vec<String>,
     /// Only volumes of these ids, or whose ids begin with one of these and a hyphen, are taken; all if there are none.
@@ -94,8 +97,8 @@ pub struct BatchRequest {
 impl BatchRequest {
     /// Is a volume among those that were asked for?
     fn asks_for(&self, finding: &Finding) -> bool {
-        let modality = || match &finding.volume {
-            Ok(volume) => volume.modality(),
+        let modality = || match &finding.subject {
+            Ok(subject) => subject.volume().and_then(|volume| volume.modality()),
             // Of what is refused, the id still tells.
             Err(_) if finding.format == "dicom" => finding.id.split('-').next(),
             Err(_) => None,
@@ -138,12 +141,12 @@ pub trait Watcher: Sync {
 pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchReport, Error> {
     let started = Instant::now();
     let out_error = |cause| Error::Output { path: request.out.clone(), cause };
-    fs::create_dir_all(&request.out).map_err(out_error)?;
+    let _new = NewFolders::create(&request.out).map_err(out_error)?;
     let lock = FolderLock::take(&request.out)?;
     sweep(&request.out);
     let scratch = request.build.scratch_folder(&request.out.join("x"));
     let skip = request.out.canonicalize().ok();
-    let how = OpenOptions { skip, meshes: request.mesh.is_some(), ..request.how.clone() };
+    let how = OpenOptions { skip, meshes: request.grid.grid.is_some(), ..request.how.clone() };
     let mut catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
@@ -209,19 +212,12 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     if let Some(error) = run.broken.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }
-    let mut left_out_files = Vec::new();
-    catalogue.for_each_left_out::<Error>(&mut |why, path| {
-        if left_out_files.len() < MOST_NAMED {
-            left_out_files.push(LeftOutFile { path: data(path), reason: why.to_string() });
-        }
-        Ok(())
-    })?;
     let [converted, skipped, failed] = run.counts.map(AtomicU64::into_inner);
     let burned_in = told_of_text(&run.burned_in.map(AtomicU64::into_inner), request);
     let report = BatchReport {
         counts: Counts { converted, skipped, failed },
         left_out: catalogue.left_out().iter().map(LeftOutCount::from).collect(),
-        left_out_files,
+        left_out_files: named_left_out(&catalogue)?,
         warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
@@ -240,6 +236,18 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
 
 /// Most files that are left out of which reports have the names; some 100 KiB at a time.
 const MOST_NAMED: usize = 1000;
+
+/// The first files that are left out, each with the reason.
+fn named_left_out(catalogue: &Catalogue) -> Result<Vec<LeftOutFile>, Error> {
+    let mut named = Vec::new();
+    catalogue.for_each_left_out::<Error>(&mut |why, path| {
+        if named.len() < MOST_NAMED {
+            named.push(LeftOutFile { path: data(path), reason: why.to_string() });
+        }
+        Ok(())
+    })?;
+    Ok(named)
+}
 
 /// Reserves what is held beside the builds of so many jobs, if there is enough left for builds of use.
 fn reserve_jobs(
@@ -395,9 +403,8 @@ impl Run<'_> {
                 Some(format!("has {slices} slice(s), fewer than {MIN_SLICES} {}", self.request.min_slices));
             return Named::Settled(item);
         }
-        let notes: &[Note] = match &finding.volume {
-            Ok(source) => &source.info().notes,
-            Err(_) if finding.mesh => &[],
+        let notes: &[Note] = match &finding.subject {
+            Ok(subject) => subject.volume().map_or(&[], |volume| &volume.info().notes),
             Err(e) => {
                 item.cause = Some(Cause::of(e.kind()));
                 item.reason = Some(e.to_string());
@@ -455,11 +462,7 @@ impl Run<'_> {
 
     /// One volume: skipped, built, or the reason why not.
     fn convert(&self, slot: usize, mut item: Item, finding: Finding) -> Item {
-        let content = match finding.volume {
-            Ok(source) => Content::Volume(source),
-            Err(_) if finding.mesh => Content::Mesh(finding.path),
-            Err(_) => return item,
-        };
+        let Ok(subject) = finding.subject else { return item };
         let inputs = self.key.hidden(finding.files.fingerprint);
         let thumbnails = self.thumbnails(&item);
         if let Some(done) = Record::read(&self.request.out, &item.name)
@@ -469,17 +472,16 @@ impl Run<'_> {
             && !self.lacks_thumbnail(&done, thumbnails)
         {
             let preset = self.request.clean.preset;
-            if let Content::Volume(source) = &content {
-                let doubt = preset.and_then(|preset| preset.doubt(source.modality()));
-                item.warnings.extend(doubt.map(|doubt| doubt.to_string()));
-            }
+            let volume = subject.volume();
+            let doubt = preset.zip(volume).and_then(|(preset, volume)| preset.doubt(volume.modality()));
+            item.warnings.extend(doubt.map(|doubt| doubt.to_string()));
             return self.skipped(done, item, thumbnails);
         }
         let progress = self.watcher.begin(slot, &item.name);
         // A record tells of a whole model; until then there is none.
         let before = Record::take(&self.request.out, &item.name);
         // A defect in one volume's way must not take the others along.
-        let built = catch_unwind(AssertUnwindSafe(|| self.build(content, &item.name, thumbnails, progress)));
+        let built = catch_unwind(AssertUnwindSafe(|| self.build(subject, &item.name, thumbnails, progress)));
         let built = built.unwrap_or(Err(Error::Internal));
         match built {
             Ok((facts, thumbnail_bytes, warnings)) => {
@@ -566,7 +568,7 @@ impl Run<'_> {
     /// Model and thumbnail of one volume within the memory that it is granted.
     fn build(
         &self,
-        content: Content,
+        subject: Subject,
         name: &str,
         thumbnails: u32,
         progress: &dyn Progress,
@@ -574,15 +576,7 @@ impl Run<'_> {
         let started = Instant::now();
         let out = &self.request.out;
         let model = out.join(format!("{name}.oct"));
-        let template = BuildOptions {
-            threads: self.threads,
-            scratch: Some(self.scratch()),
-            ..self.request.build.clone()
-        };
-        let (built, memory_bytes, prepared) = match content {
-            Content::Volume(source) => self.build_volume(source, template, &model, progress, started)?,
-            Content::Mesh(path) => self.build_mesh(&path, template, &model, progress)?,
-        };
+        let (built, memory_bytes, prepared) = self.build_granted(subject, &model, progress, started)?;
         let mut warnings = built.warnings;
         let mut thumbnail = None;
         let mut thumbnail_bytes = 0;
@@ -619,48 +613,93 @@ impl Run<'_> {
     }
 
     /// Also tells the memory that was granted, and the scratch space that unrolling the volume took.
-    fn build_volume(
+    fn build_granted(
         &self,
-        source: Box<dyn VolumeSource>,
-        template: BuildOptions,
+        subject: Subject,
         model: &Path,
         progress: &dyn Progress,
         started: Instant,
     ) -> Result<(BuildSummary, u64, u64), Error> {
-        let cleaning = &self.request.clean;
-        let source = cleaning.reshape(source)?;
-        let least = cleaning.smallest_share(&*source, &template).max(source.preparation().memory_bytes);
-        let grant = self.grant(&source.info().description.name, least)?;
-        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..template };
-        let prepared = source.preparation().scratch_bytes;
-        let built = convert_reshaped(source, String::new(), cleaning, &options, model, progress, started)?;
-        Ok((built, grant.bytes(), prepared))
+        let (options, clean) = (self.options_for(&subject), self.clean_for(&subject));
+        let (mut grid, output) = (&self.request.grid, model);
+        let own = GridOptions { grid: None, unit_mm: 1.0, ..*grid };
+        let job = BuildJob { clean: &clean, grid, options: &options, output, progress };
+        let mut subject = job.reshape(subject)?;
+        let mut least = job.least_share(&subject);
+        let prepared = subject.volume().map_or(0, |source| source.preparation().scratch_bytes);
+        let (name, tree) = match &subject {
+            Subject::Volume(source) => (source.info().description.name.clone(), None),
+            Subject::Mesh(paths) => (paths.first().map(|path| data(path)).unwrap_or_default(), None),
+            Subject::Tree(path) => (data(path), Some(path.clone())),
+        };
+        loop {
+            let job = BuildJob { grid, ..job };
+            let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
+            match (built, &tree) {
+                // The grid that is asked for is for those that have none of their own.
+                (Err(Error::Build(BuildError::Source(error))), Some(path))
+                    if grid.grid.is_some() && has_own_grid(&error) =>
+                {
+                    grid = &own;
+                    subject = Subject::Tree(path.clone());
+                }
+                // What a tree takes shows when its leaves are placed.
+                (Err(Error::Build(BuildError::BudgetTooSmall { minimum_bytes, .. })), Some(path))
+                    if minimum_bytes > granted =>
+                {
+                    least = minimum_bytes;
+                    subject = Subject::Tree(path.clone());
+                }
+                (built, _) => return Ok((built?, granted, prepared)),
+            }
+        }
     }
 
-    /// As [`Run::build_volume`], of a mesh.
-    fn build_mesh(
+    /// Waits for memory, and builds within it; tells how much it was.
+    fn build_within(
         &self,
-        path: &Path,
-        template: BuildOptions,
-        model: &Path,
-        progress: &dyn Progress,
-    ) -> Result<(BuildSummary, u64, u64), Error> {
-        let inputs = [path.to_path_buf()];
-        let mesh = self.request.mesh.as_ref();
-        // What is asked for of the volumes beside it does not stand in its way.
-        let thin = mesh.is_some_and(|mesh| mesh.keep_thin || mesh.fill == Some(Fill::Surface));
-        let surface = if thin { SurfaceKind::Skin } else { template.volume_surface() };
-        let channels = template.channels.iter().filter(|c| ![Channel::Value, Channel::Offset].contains(c));
-        let channels = match (surface, channels.fold(Channels::NONE, Channels::with)) {
-            (SurfaceKind::Skin, usual) if usual != Channels::default() => usual,
-            _ => super::mesh::usual_channels(surface),
+        job: &BuildJob<'_>,
+        subject: Subject,
+        (name, least): (&str, u64),
+        started: Instant,
+    ) -> Result<(u64, Result<BuildSummary, Error>), Error> {
+        let grant = self.grant(name, least)?;
+        let options = BuildOptions { memory: MemoryCap::Share(grant.bytes()), ..job.options.clone() };
+        let job = BuildJob { options: &options, ..*job };
+        Ok((grant.bytes(), job.build(subject, String::new(), started)))
+    }
+
+    /// What is asked for of a subject. What is asked for of the volumes beside it does not stand in the way of a mesh or
+    /// a tree.
+    fn options_for(&self, subject: &Subject) -> BuildOptions {
+        let asked = BuildOptions {
+            threads: self.threads,
+            scratch: Some(self.scratch()),
+            ..self.request.build.clone()
         };
-        let template = BuildOptions { surface, channels, ..template };
-        let grant = self.grant(&data(path), mesh.map_or(0, |mesh| least_share(mesh, &template)))?;
-        let memory = MemoryCap::Share(grant.bytes());
-        let options = BuildOptions { memory, ..template };
-        let built = super::mesh::convert(&inputs, mesh, &options, model, progress)?;
-        Ok((built, grant.bytes(), 0))
+        let kind = subject.kind();
+        if kind == SubjectKind::Volume {
+            return asked;
+        }
+        let grid = &self.request.grid;
+        let thin = kind == SubjectKind::Mesh && (grid.keep_thin || grid.fill == Some(Fill::Surface));
+        let surface = if thin { SurfaceKind::Skin } else { asked.volume_surface() };
+        let foreign = match kind {
+            SubjectKind::Mesh => &[Channel::Value, Channel::Offset][..],
+            _ => &[Channel::Value, Channel::Offset, Channel::Color, Channel::Material],
+        };
+        let own = asked.channels.iter().filter(|channel| !foreign.contains(channel)).collect();
+        let usual = if kind == SubjectKind::Mesh { usual_channels(surface) } else { Channels::default() };
+        let channels = if surface == SurfaceKind::Skin && own != Channels::default() { own } else { usual };
+        BuildOptions { surface, channels, ..asked }
+    }
+
+    /// What is done to a subject before it is built: to a volume what is asked for.
+    fn clean_for(&self, subject: &Subject) -> CleanOptions {
+        match subject.kind() {
+            SubjectKind::Volume => self.request.clean.clone(),
+            SubjectKind::Mesh | SubjectKind::Tree => CleanOptions::default(),
+        }
     }
 
     /// Waits for memory for a build: a job's share, or `least` where that is more.
@@ -693,10 +732,9 @@ pub(super) fn numbered(n: u32) -> String {
     )
 }
 
-/// What a model is made of.
-enum Content {
-    Volume(Box<dyn VolumeSource>),
-    Mesh(PathBuf),
+/// Is a tree refused only since a grid is chosen, and it has that of a volume?
+fn has_own_grid(error: &SourceError) -> bool {
+    matches!(error, SourceError::Unusable { fault: Fault::Csg(CsgFault::GridOfVolume), .. })
 }
 
 /// A volume on its way.
@@ -722,7 +760,7 @@ fn options_fingerprint(request: &BatchRequest) -> String {
         b.lod,
         request.thumbnails,
         request.clean,
-        request.mesh
+        request.grid.mesh()
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }

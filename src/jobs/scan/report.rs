@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::jobs::batch::{LeftOutCount, LeftOutFile, NOTICE};
-use crate::source::BurnedIn;
+use crate::source::{BurnedIn, SubjectKind};
 use crate::text::shown;
 
 /// One volume that was found.
@@ -35,12 +35,15 @@ pub struct Listed {
     /// Why it would be refused or skipped, in one sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
-    /// Its size; that of a mesh follows from the grid that is asked for.
+    /// Its size; that of a mesh or a tree follows from the grid that is asked for.
     #[serde(flatten)]
     pub size: Option<ListedSize>,
     /// Sentences about the input: assumptions, parts left out, oddities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warnings: Option<Vec<String>>,
+    /// A volume, a mesh or a tree of solids.
+    #[serde(skip)]
+    pub subject: SubjectKind,
 }
 
 /// Size of a usable volume.
@@ -100,7 +103,10 @@ impl Listed {
             return format!("{head}\n  {end}: {}\n", shown(reason));
         }
         let mut text = match &self.size {
-            None => format!("{head}\n  a mesh, on the grid that is asked for -> {}\n", self.name),
+            None => {
+                let what = if self.subject == SubjectKind::Tree { "a tree of solids" } else { "a mesh" };
+                format!("{head}\n  {what}, on the grid that is asked for -> {}\n", self.name)
+            }
             Some(size) => {
                 let ([x, y, z], [a, b, c]) = (size.dims, size.spacing_mm);
                 let size = format!("{x}x{y}x{z} {}, {a:.4} x {b:.4} x {c:.4} mm", size.dtype);

@@ -58,6 +58,8 @@ enum Format {
 }
 
 impl Format {
+    const ALL: [Self; 6] = [Self::Stl, Self::Ply, Self::Obj, Self::Off, Self::Gltf, Self::ThreeMf];
+
     /// By the first bytes and the length of a file; where these do not tell, by its name.
     fn of(head: &[u8], bytes: u64, path: &Path) -> Option<Self> {
         let named = |suffix: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix));
@@ -98,6 +100,12 @@ impl Format {
 /// The format of a mesh, by its first bytes (512 are enough), its length, and its name where these do not tell.
 pub(crate) fn format_of(head: &[u8], bytes: u64, path: &Path) -> Option<&'static str> {
     Format::of(head.get(..stream::HEAD).unwrap_or(head), bytes, path).map(Format::name)
+}
+
+/// Is this the name of a mesh?
+pub(crate) fn is_named(path: &Path) -> bool {
+    let named = |suffix: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix));
+    Format::ALL.iter().any(|format| named(format.name())) || named("glb")
 }
 
 /// Looks at what a mesh states at its beginning, without reading it.

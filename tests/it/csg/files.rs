@@ -4,9 +4,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use infobyte::builder::{BuildOptions, Silent};
+use infobyte::clean::CleanOptions;
 use infobyte::csg::CsgOptions;
+use infobyte::jobs::build::{BuildJob, BuildSummary, GridOptions, convert as convert_inputs};
 use infobyte::load::{Model, verify};
 use infobyte::mesh::GridChoice;
+use infobyte::source::{OpenOptions, SubjectKind};
 
 use super::{GRID, STEPS, dot, exact, options, skin, skin_of};
 
@@ -46,8 +49,18 @@ fn put_box(path: &Path, low: [f32; 3], high: [f32; 3]) {
 fn convert(folder: &Path, text: &str, csg: &CsgOptions, options: &BuildOptions) -> Result<PathBuf, String> {
     let (tree, output) = (folder.join("tree.csg"), folder.join("tree.oct"));
     std::fs::write(&tree, text).unwrap();
-    infobyte::jobs::csg::convert(&[tree], csg, false, options, &output, &Silent)
-        .map(|_| output)
+    built(tree, csg, options, &output).map(|_| output)
+}
+
+fn built(
+    tree: PathBuf,
+    csg: &CsgOptions,
+    options: &BuildOptions,
+    output: &Path,
+) -> Result<BuildSummary, String> {
+    let grid = GridOptions { grid: csg.grid, unit_mm: csg.unit_mm, ..GridOptions::default() };
+    let job = BuildJob { clean: &CleanOptions::default(), grid: &grid, options, output, progress: &Silent };
+    convert_inputs(SubjectKind::Tree, &[tree], &OpenOptions::default(), &job)
         .map_err(|error| error.to_string())
 }
 
@@ -122,8 +135,7 @@ fn what_reaches_out_of_a_volumes_grid_is_told() {
     let told = |text: &str| {
         let (tree, output) = (folder.join("tree.csg"), folder.join("tree.oct"));
         std::fs::write(&tree, text).unwrap();
-        let built = infobyte::jobs::csg::convert(&[tree], &OWN, false, &options(16, 1), &output, &Silent);
-        built.unwrap().warnings.join(" ")
+        built(tree, &OWN, &options(16, 1), &output).unwrap().warnings.join(" ")
     };
     let volume = "volume(\"ct.raw\", iso = 150);";
     for (text, cut) in [

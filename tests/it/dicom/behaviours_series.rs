@@ -72,7 +72,7 @@ fn warnings(source: &dyn VolumeSource) -> String {
 fn parts(findings: &[Finding]) -> Vec<(&str, [u32; 3], bool)> {
     findings
         .iter()
-        .map(|f| (f.part.as_deref().unwrap_or_default(), f.size.unwrap_or_default(), f.volume.is_ok()))
+        .map(|f| (f.part.as_deref().unwrap_or_default(), f.size.unwrap_or_default(), f.subject.is_ok()))
         .collect()
 }
 
@@ -128,7 +128,7 @@ fn behaviour_02_series_are_split_by_uid_orientation_and_tags_of_repeated_positio
         parts(&findings),
         [("axial", [2, 2, 3], true), ("coronal", [2, 2, 4], true), ("", [2, 2, 2], true)]
     );
-    let said = warnings(findings[0].volume.as_ref().unwrap().as_ref());
+    let said = warnings(findings[0].subject.as_ref().unwrap().volume().unwrap());
     assert!(said.contains("2 volumes, told apart by Image Orientation (0020,0037)"), "{said}");
     // Acquisitions split only where positions repeat: each slice of a step-and-shoot CT is one.
     let stepped: Vec<Elements> =
@@ -158,8 +158,12 @@ fn behaviour_03_what_differs_is_not_stacked_and_the_tag_is_named() {
         let folder = Folder::of(&images);
         let findings = folder.findings();
         assert_eq!(parts(&findings), [(labels[0], [2, 2, 4], true), (labels[1], [2, 2, 4], true)]);
-        assert_eq!(firsts(findings[1].volume.as_ref().unwrap().as_ref()), [10, 30, 50, 70], "{words}");
-        assert!(warnings(findings[0].volume.as_ref().unwrap().as_ref()).contains(words));
+        assert_eq!(
+            firsts(findings[1].subject.as_ref().unwrap().volume().unwrap()),
+            [10, 30, 50, 70],
+            "{words}"
+        );
+        assert!(warnings(findings[0].subject.as_ref().unwrap().volume().unwrap()).contains(words));
         assert_ne!(findings[0].id, findings[1].id);
     }
     // Magnitude and phase in two echoes: split twice.
@@ -194,11 +198,11 @@ fn behaviour_03_phases_without_any_tag_are_told_apart_by_their_turn() {
     let folder = Folder::of(&images);
     let findings = folder.findings();
     assert_eq!(parts(&findings), [("set 1 of 2", [2, 2, 3], true), ("set 2 of 2", [2, 2, 3], true)]);
-    assert_eq!(firsts(findings[1].volume.as_ref().unwrap().as_ref()), [30, 40, 50]);
+    assert_eq!(firsts(findings[1].subject.as_ref().unwrap().volume().unwrap()), [30, 40, 50]);
     // One position more often than the others: nothing is guessed.
     let folder = Folder::of(&images[..5]);
     let findings = folder.findings();
-    let error = findings[0].volume.as_ref().unwrap_err().to_string();
+    let error = findings[0].subject.as_ref().unwrap_err().to_string();
     assert!(findings.len() == 1 && error.contains("2 of 5 images repeat the position"), "{error}");
 }
 
@@ -366,7 +370,7 @@ fn behaviour_19_names_and_folders_do_not_change_the_result() {
             folder.put(&name(i), &images[i].bytes());
         }
         let describe = |f: Finding| {
-            let volume = f.volume.unwrap();
+            let volume = f.subject.unwrap().into_volume().unwrap();
             let info = volume.info();
             (
                 f.id,
@@ -411,11 +415,11 @@ fn behaviour_22_a_bad_file_stops_nothing_else_and_is_named() {
     folder.put("x/damaged.dcm", &ct(0.0, 1).bytes()[..300]);
     let findings = folder.findings();
     let errors: Vec<String> =
-        findings.iter().filter_map(|f| f.volume.as_ref().err()).map(ToString::to_string).collect();
+        findings.iter().filter_map(|f| f.subject.as_ref().err()).map(ToString::to_string).collect();
     assert_eq!((findings.len(), errors.len()), (3, 2), "{errors:?}");
     assert!(errors[0].contains("x/cut.dcm: the pixels are cut short: 5 bytes of 8"), "{errors:?}");
     assert!(errors[1].contains("x/damaged.dcm: is a damaged DICOM file"), "{errors:?}");
-    assert!(findings[0].volume.is_ok());
+    assert!(findings[0].subject.is_ok());
 }
 
 #[test]
@@ -426,7 +430,7 @@ fn behaviour_23_names_hold_no_patient_and_no_folder() {
     }
     let findings = folder.findings();
     let finding = &findings[0];
-    let info = finding.volume.as_ref().unwrap().info();
+    let info = finding.subject.as_ref().unwrap().volume().unwrap().info();
     assert_eq!(info.description.to_string(), "CT image, series 7");
     assert!(finding.id.starts_with("ct-007-") && finding.id.len() == 15, "{}", finding.id);
     let all = format!("{:?} {} {:?}", info, finding.id, finding.part);
@@ -489,13 +493,13 @@ fn raw_files_are_volumes_by_their_side_cars() {
     folder.put("report.json", b"{}");
     let (found, findings) = folder.survey(&OpenOptions::default());
     let names: Vec<(PathBuf, bool)> =
-        findings.iter().map(|f| (f.path.file_name().unwrap().into(), f.volume.is_ok())).collect();
+        findings.iter().map(|f| (f.path.file_name().unwrap().into(), f.subject.is_ok())).collect();
     assert_eq!(
         names,
         [("head.json".into(), true), ("short.json".into(), false), ("slices.toml".into(), true)]
     );
     assert!(findings.iter().all(|f| f.id.starts_with("raw-") && f.id.len() == 16), "{findings:?}");
-    assert_eq!(findings[0].volume.as_ref().unwrap().info().spacing_mm, [1.0, 1.0, 3.0]);
-    assert!(findings[1].volume.as_ref().unwrap_err().to_string().contains("takes 8 bytes, but it has 7"));
+    assert_eq!(findings[0].subject.as_ref().unwrap().volume().unwrap().info().spacing_mm, [1.0, 1.0, 3.0]);
+    assert!(findings[1].subject.as_ref().unwrap_err().to_string().contains("takes 8 bytes, but it has 7"));
     assert_eq!((found.left_out().len(), found.left_out()[0].count), (1, 1));
 }

@@ -211,7 +211,7 @@ fn every_mosaic_of_a_series_is_a_volume_in_the_order_of_time() {
         let mut seen = Vec::new();
         for finding in &found {
             assert_eq!((finding.files.count, finding.size), (1, Some([4, 3, 5])));
-            let source = finding.volume.as_ref().unwrap().as_ref();
+            let source = finding.subject.as_ref().unwrap().volume().unwrap();
             let first = firsts(source);
             let time = first[0] / 100;
             assert_eq!(first, [0, 1, 2, 3, 4].map(|k| 100 * time + k));
@@ -265,12 +265,12 @@ fn a_head_that_moves_keeps_its_place_at_every_time() {
     images.push(turned);
     let (found, _folder) = findings(&images);
     assert_eq!(found.len(), 4);
-    let corner = |f: &Finding| f.volume.as_ref().unwrap().info().affine.apply([0.0; 3])[2];
+    let corner = |f: &Finding| f.subject.as_ref().unwrap().volume().unwrap().info().affine.apply([0.0; 3])[2];
     let corners: Vec<f64> = found.iter().map(corner).collect();
     for (n, mm) in [0.0, 0.2, 0.4].into_iter().enumerate() {
         assert!((corners[n] - corners[0] - mm).abs() < 1e-9, "{corners:?}");
     }
-    let turned = found[3].volume.as_ref().unwrap().info().affine;
+    let turned = found[3].subject.as_ref().unwrap().volume().unwrap().info().affine;
     assert!((turned.rows[0][0] - 1.25 * 0.80003).abs() < 1e-12, "{turned:?}");
 }
 
@@ -373,7 +373,7 @@ fn one_bad_mosaic_stands_in_the_way_of_no_other() {
     let mut images = [1, 2, 3].map(point).to_vec();
     images[1].raw(0x7fe0_0010, "OW", &[0; 20]);
     let (found, _folder) = findings(&images);
-    let fates: Vec<_> = found.iter().map(|f| (f.size.unwrap(), f.volume.is_ok())).collect();
+    let fates: Vec<_> = found.iter().map(|f| (f.size.unwrap(), f.subject.is_ok())).collect();
     assert_eq!(fates, [([4, 3, 5], true), ([4, 3, 5], false), ([4, 3, 5], true)]);
     // A copy of a picture is no volume of its own.
     let twice = [point(1), point(2), point(2)];

@@ -43,11 +43,11 @@ impl Found {
     }
 
     fn volume(&self, at: usize) -> &dyn VolumeSource {
-        self.findings[at].volume.as_deref().unwrap()
+        self.findings[at].subject.as_ref().unwrap().volume().unwrap()
     }
 
     fn refusal(&self, at: usize) -> String {
-        self.findings[at].volume.as_ref().unwrap_err().to_string()
+        self.findings[at].subject.as_ref().unwrap_err().to_string()
     }
 
     /// The first sample of each slice of each volume.

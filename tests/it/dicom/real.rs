@@ -107,7 +107,8 @@ fn every_volume_has_the_size_place_and_values_of_another_reader() {
             (*part, Some(*dims)),
             "{name}"
         );
-        let mut volume = finding.volume.unwrap_or_else(|e| panic!("{name}: {e}"));
+        let subject = finding.subject.unwrap_or_else(|e| panic!("{name}: {e}"));
+        let mut volume = subject.into_volume().unwrap();
         let info = volume.info().clone();
         assert_eq!(info.dims.to_array(), *dims, "{name}");
         assert!(info.affine.determinant() > 0.0, "{name}");
@@ -198,11 +199,11 @@ fn gaps_of_real_series_are_refused_filled_or_kept() {
         ("ct-short/tilt-missing-slice", "1 slice(s) seem to be missing", (5, 0.7780), (4, 1.0373)),
     ] {
         let Some(path) = real_data(item) else { continue };
-        let one = |gaps| findings(path.clone(), gaps).pop().unwrap().volume;
+        let one = |gaps| findings(path.clone(), gaps).pop().unwrap().subject;
         let error = one(GapPolicy::Error).unwrap_err().to_string();
         assert!(error.contains(words), "{item}: {error}");
         for (policy, (slices, step)) in [(GapPolicy::Fill, filled), (GapPolicy::Keep, kept)] {
-            let mut volume = one(policy).unwrap();
+            let mut volume = one(policy).unwrap().into_volume().unwrap();
             let info = volume.info().clone();
             println!("{item} {policy:?}: {} {:?} {:?}", info.dims, info.spacing_mm, sentences(&info.notes));
             assert_eq!(info.dims.nz(), slices, "{item}");
@@ -212,7 +213,7 @@ fn gaps_of_real_series_are_refused_filled_or_kept() {
     }
     let Some(path) = real_data("ct-short/same-position-4") else { return };
     for policy in [GapPolicy::Error, GapPolicy::Fill, GapPolicy::Keep] {
-        let error = findings(path.clone(), policy).pop().unwrap().volume.unwrap_err().to_string();
+        let error = findings(path.clone(), policy).pop().unwrap().subject.unwrap_err().to_string();
         assert!(error.contains("all 4 images are at one position"), "{error}");
     }
 }
@@ -225,8 +226,8 @@ fn fifteen_copies_of_one_slice_are_one_slice() {
         println!("{finding:?}");
     }
     // Nine lossless files of one instance; six lossy ones, which are derived images of other bits or values.
-    let whole: Vec<&Finding> = found.iter().filter(|f| f.files.count == 1 && f.volume.is_ok()).collect();
-    assert!(whole.iter().any(|f| f.volume.as_ref().is_ok_and(|v| {
+    let whole: Vec<&Finding> = found.iter().filter(|f| f.files.count == 1 && f.subject.is_ok()).collect();
+    assert!(whole.iter().any(|f| f.subject.as_ref().ok().and_then(|s| s.volume()).is_some_and(|v| {
         sentences(&v.info().notes).iter().any(|w| w.contains("8 image(s) that are in the series twice"))
     })));
 }
@@ -254,8 +255,10 @@ fn odd_files_are_opened_or_refused_by_name() {
         let Some(path) = real_data(&format!("dicom-odd/{name}")) else { return };
         let mut found = findings(path, GapPolicy::Error);
         assert_eq!(found.len(), 1, "{name}");
-        match (found.pop().unwrap().volume, expected) {
-            (Ok(volume), Ok(dims)) => assert_eq!(volume.info().dims.to_array(), dims, "{name}"),
+        match (found.pop().unwrap().subject, expected) {
+            (Ok(subject), Ok(dims)) => {
+                assert_eq!(subject.volume().unwrap().info().dims.to_array(), dims, "{name}")
+            }
             (Err(error), Err(words)) => assert!(error.to_string().contains(words), "{name}: {error}"),
             (got, expected) => panic!("{name}: {got:?}, not {expected:?}"),
         }

@@ -292,7 +292,7 @@ fn files_with_several_pages_are_volumes_of_their_own() {
     let names = |found: &[Finding]| {
         let name = |f: &Finding| {
             let end = f.path.file_name().unwrap().to_string_lossy().into_owned();
-            (end, f.files.count, f.part.is_none(), f.volume.is_ok())
+            (end, f.files.count, f.part.is_none(), f.subject.is_ok())
         };
         found.iter().map(name).collect::<Vec<_>>()
     };
@@ -310,7 +310,7 @@ fn files_with_several_pages_are_volumes_of_their_own() {
     let expected = expected.map(|(name, good)| is(&format!("{name}.tif"), 1, good));
     assert_eq!(names(&all), expected);
     for (finding, name) in all.iter().zip(["a", "b", "c", "d", "e"]) {
-        if let Err(error) = &finding.volume {
+        if let Err(error) = &finding.subject {
             assert!(error.to_string().contains(&format!("{name}.tif")), "{error}");
         }
     }
@@ -337,7 +337,7 @@ fn files_with_several_pages_are_volumes_of_their_own() {
         file(&mixed, "s01.tif", damaged);
         let all = found("mixed");
         assert_eq!(names(&all), [is("mixed", count, false), is("volume.tif", 1, true)]);
-        let error = all[0].volume.as_ref().err().unwrap().to_string();
+        let error = all[0].subject.as_ref().err().unwrap().to_string();
         assert!(error.contains("s01.tif"), "{error}");
     }
 }

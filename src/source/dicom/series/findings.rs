@@ -13,7 +13,7 @@ use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageFault, ImageNam
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
-use crate::source::{Finding, InputFiles, OpenOptions};
+use crate::source::{Finding, InputFiles, OpenOptions, Subject};
 use crate::volume::{SourceError, VolumeSource};
 
 /// Attributes named in one note.
@@ -51,8 +51,7 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             burned_in: None,
             at: 0,
             more: 0,
-            mesh: false,
-            volume: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
+            subject: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
         });
     }
     findings
@@ -137,8 +136,7 @@ fn finding(
         burned_in: shared.burned_in,
         at: 0,
         more: 0,
-        mesh: false,
-        volume: volume.map(|v| Box::new(v) as Box<dyn VolumeSource>),
+        subject: volume.map(|v| Subject::Volume(Box::new(v))),
     }
 }
 

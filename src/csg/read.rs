@@ -1,0 +1,132 @@
+//! Trees from files of text.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use super::text::{self, Stop};
+use super::tree::{NodeId, Shape, Tree};
+use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
+use crate::budget::{Budget, MemoryCap};
+use crate::builder::BuildError;
+use crate::facts::{CsgFault, Fault, SourceError};
+use crate::source::stays;
+
+/// Bytes of a text that are read at a time.
+const READ_BYTES: usize = 16 << 10;
+
+/// Is this the beginning of a tree's text? By its name where that does not tell.
+pub(crate) fn is_tree(head: &[u8], path: &Path) -> bool {
+    let first = String::from_utf8_lossy(head);
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csg")) || begins_with_module(&first)
+}
+
+fn begins_with_module(text: &str) -> bool {
+    let mut rest = text.trim_start();
+    while let Some((_, behind)) = match rest {
+        line if line.starts_with("//") => line.split_once('\n'),
+        block if block.starts_with("/*") => block.split_once("*/"),
+        _ => None,
+    } {
+        rest = behind.trim_start();
+    }
+    let rest = rest.trim_start_matches(['%', '#', '*', '!']);
+    let Some((name, _)) = rest.split_once('(') else { return false };
+    text::is_module(name.trim())
+}
+
+/// Reads a tree from a text in OpenSCAD's evaluated form.
+///
+/// Memory: what the cap leaves beside a build, at most. Files that it names are not opened.
+///
+/// # Errors
+/// [`CsgFault`], with the line; the file cannot be read; the tree does not fit.
+pub fn read_tree(path: &Path, memory: MemoryCap) -> Result<(Tree, NodeId), BuildError> {
+    let least = LEAST_WORKER + WORKER_OVERHEAD;
+    let most = Budget::of_job(memory).left_bytes().saturating_sub(least);
+    parse_file(path, most)?.map_err(|bytes| too_small(path, memory, bytes + least))
+}
+
+/// The files that a tree names, its text not among them; of the tree, so many bytes are held meanwhile.
+///
+/// # Errors
+/// As [`read_tree`]; links lead out of its folder, and are not to be followed.
+pub(crate) fn named_files(
+    path: &Path,
+    allowed_bytes: u64,
+    follow_links: bool,
+) -> Result<Vec<PathBuf>, SourceError> {
+    let needed = |needed_bytes| SourceError::Memory { path: path.to_path_buf(), needed_bytes, allowed_bytes };
+    let (tree, _) = parse_file(path, allowed_bytes)?.map_err(needed)?;
+    if !follow_links {
+        check_links(&tree, path)?;
+    }
+    let mut files: Vec<PathBuf> = tree.files().filter_map(file_of).cloned().collect();
+    files.sort_unstable();
+    files.dedup();
+    Ok(files)
+}
+
+/// A tree that takes `most` bytes, or the bytes that it would take.
+fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, SourceError> {
+    let unreadable = |cause| SourceError::Unreadable { path: path.to_path_buf(), cause };
+    let file = File::open(path).map_err(unreadable)?;
+    if file.metadata().map_err(unreadable)?.is_dir() {
+        return Err(SourceError::Unusable { path: path.to_path_buf(), fault: Fault::NotAFile });
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut input = BufReader::with_capacity(READ_BYTES, file);
+    match text::parse(&mut input, folder, most) {
+        Ok(tree) => Ok(Ok(tree)),
+        Err(Stop::Memory { bytes }) => Ok(Err(bytes)),
+        Err(Stop::Text(fault)) => Err(unusable(path, fault)),
+        Err(Stop::Read(cause)) => Err(unreadable(cause)),
+    }
+}
+
+/// Reads a tree from text in memory; files that it names lie in `folder`.
+///
+/// # Errors
+/// [`CsgFault`], with the line.
+pub fn parse_tree(text: &[u8], folder: &Path) -> Result<(Tree, NodeId), CsgFault> {
+    text::parse(&mut { text }, folder, u64::MAX).map_err(|stop| match stop {
+        Stop::Text(fault) => fault,
+        // Memory can be read, and nothing was said of how much the tree may take.
+        Stop::Read(_) | Stop::Memory { .. } => CsgFault::Nothing,
+    })
+}
+
+/// The file of a leaf that is read from one.
+fn file_of(shape: &Shape) -> Option<&PathBuf> {
+    match shape {
+        Shape::Mesh { path } | Shape::Volume { path, .. } => Some(path),
+        _ => None,
+    }
+}
+
+/// Refuses files of a tree that do not stay in the folder of its text: a text that came from elsewhere must not make
+/// the program read whatever file a link leads to.
+pub(crate) fn check_links(tree: &Tree, text: &Path) -> Result<(), SourceError> {
+    match tree.files().filter_map(file_of).find(|path| !stays(text, path)) {
+        None => Ok(()),
+        Some(path) => {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            Err(unusable(text, CsgFault::Linked { name }))
+        }
+    }
+}
+
+pub(super) fn unusable(path: &Path, fault: CsgFault) -> SourceError {
+    SourceError::Unusable { path: path.to_path_buf(), fault: Fault::Csg(fault) }
+}
+
+pub(super) fn too_small(path: &Path, memory: MemoryCap, bytes: u64) -> BuildError {
+    let dry = Budget::dry(memory);
+    drop(dry.reserve(2 * bytes));
+    let limit_bytes = memory.bytes();
+    BuildError::BudgetTooSmall {
+        name: path.display().to_string(),
+        limit_bytes,
+        minimum_bytes: dry.smallest_limit(1).max(limit_bytes + 1),
+    }
+}

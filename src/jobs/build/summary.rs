@@ -1,0 +1,91 @@
+//! What a build made and took, in a few lines for people.
+
+use std::path::PathBuf;
+
+use crate::budget::{Bytes, peak_rss_bytes};
+use crate::builder::BuildReport;
+use crate::clean::CleanReport;
+use crate::format::SurfaceKind;
+use crate::jobs::info::{self, Info};
+use crate::text::{Short, shown};
+
+/// What was built, from what, and what it took.
+#[derive(Clone, Debug)]
+pub struct BuildSummary {
+    /// The inputs, as given.
+    pub input: String,
+    /// The model, as given.
+    pub output: PathBuf,
+    /// The cap.
+    pub memory_bytes: u64,
+    /// Figures of the build.
+    pub report: BuildReport,
+    /// Facts of the finished file.
+    pub info: Info,
+    /// What cleaning was asked for, and what it did to the occupancy if it touched that.
+    pub cleaning: Option<(Vec<String>, Option<CleanReport>)>,
+    /// Sentences about the input.
+    pub warnings: Vec<String>,
+    /// Sentences about what may be wanted besides, or instead.
+    pub hints: Vec<String>,
+    /// Seconds from opening the input to the model's name on disk.
+    pub wall_s: f64,
+}
+
+impl BuildSummary {
+    /// A few lines for people.
+    pub fn text(&self) -> String {
+        let r = &self.report;
+        let metadata = &self.info.frame.metadata;
+        let range = if !info::has_values(metadata) {
+            metadata.source.kind.clone()
+        } else if r.selection.hi.is_finite() {
+            format!("values {}..{}", Short(r.selection.lo), Short(r.selection.hi))
+        } else {
+            format!("values {} and more ({})", Short(r.selection.lo), info::kind_name(r.selection.kind))
+        };
+        #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
+        let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
+        let (kept, one) = match self.info.frame.surface() {
+            SurfaceKind::Skin if r.skin_voxels == 1 => ("skin voxel", "skin voxel"),
+            SurfaceKind::Skin => ("skin voxels", "skin voxel"),
+            SurfaceKind::Cells if r.skin_voxels == 1 => ("cell", "cell"),
+            SurfaceKind::Cells => ("cells", "cell"),
+        };
+        let [x, y, z] = self.info.frame.metadata.dims;
+        let mut text = format!(
+            "{}: {} {kept} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {}, peak resident memory {} of {} allowed\n",
+            shown(&self.output),
+            r.skin_voxels,
+            Bytes(r.file_bytes),
+            r.nodes,
+            self.wall_s,
+            if r.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", r.threads) },
+            Bytes(peak_rss_bytes()),
+            Bytes(self.memory_bytes),
+        );
+        if let Some(hidden) = r.hidden {
+            text.push_str(&format!(
+                "  left out: {hidden} {kept} that cannot be seen from there, about {}\n",
+                Bytes(r.bytes_saved_about())
+            ));
+        }
+        if let Some((operations, report)) = &self.cleaning {
+            text.push_str(&format!("  cleaned: {}", operations.join(", ")));
+            if let Some(r) = report {
+                text.push_str(&format!("; {} voxels added, {} removed", r.voxels_added, r.voxels_removed));
+                if r.components > 0 {
+                    text.push_str(&format!(", {} of {} components kept", r.kept, r.components));
+                }
+            }
+            text.push('\n');
+        }
+        for warning in &self.warnings {
+            text.push_str(&format!("  note: {warning}\n"));
+        }
+        for hint in &self.hints {
+            text.push_str(&format!("  hint: {hint}\n"));
+        }
+        text
+    }
+}
