@@ -13,6 +13,7 @@
 //! | `folder` | the output folder |
 //! | `key` | what hides times of change in records |
 //! | `lock` | one batch at a time in an output folder |
+//! | `options` | what was asked for, as a number and for people |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
 //! | `page` | `index.html`, the contact sheet |
@@ -22,6 +23,7 @@ mod earlier;
 mod folder;
 mod key;
 mod lock;
+mod options;
 mod page;
 mod record;
 mod report;
@@ -37,15 +39,13 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use serde_json::{Value, json};
-
 use super::build::{BuildJob, BuildSummary, GridOptions};
 use super::picture::thumbnail_file;
 use super::wording::foreign::data;
 use super::wording::sentences;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
-use crate::builder::{BuildError, BuildOptions, Connectivity, Threshold};
+use crate::builder::{BuildError, BuildOptions};
 use crate::catalogue::Catalogue;
 use crate::clean::{CleanError, CleanOptions};
 use crate::error::Error;
@@ -61,6 +61,7 @@ pub(super) use claims::{Claim, Claims};
 use folder::NewFolders;
 use key::Key;
 use lock::FolderLock;
+use options::{options_fingerprint, options_told};
 use record::{Journal, Record};
 
 /// What to convert, into what, and within which means.
@@ -742,53 +743,6 @@ enum Named {
     Settled(Item),
     /// It is to be built under the item's name, unless it was before.
     Volume(Item, Box<Finding>),
-}
-
-/// One number for everything in the request that the bytes of results depend on.
-fn options_fingerprint(request: &BatchRequest) -> String {
-    let b = &request.build;
-    // Which volumes are taken changes none of them.
-    let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
-    let text = format!(
-        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?}",
-        b.threshold,
-        b.volume_surface(),
-        b.connectivity,
-        b.channels,
-        b.gradient,
-        b.lod,
-        request.thumbnails,
-        request.clean,
-        request.grid.mesh()
-    );
-    format!("{:016x}", fnv(text.as_bytes()))
-}
-
-/// The same for people.
-fn options_told(request: &BatchRequest) -> Value {
-    let b = &request.build;
-    json!({
-        "threshold": match b.threshold {
-            Threshold::Iso(lo) => json!({ "iso": lo }),
-            Threshold::Range(lo, hi) => json!({ "range": [lo, hi] }),
-            Threshold::Otsu => json!("otsu"),
-            Threshold::Chosen(selection) => json!({ "range": [selection.lo, selection.hi] }),
-        },
-        "surface": b.volume_surface().name(),
-        "connectivity": if b.connectivity == Connectivity::Thick6 { 6 } else { 26 },
-        "channels": b.channels.iter().map(Channel::name).collect::<Vec<_>>(),
-        "gradient": b.gradient.name(),
-        "gaps": format!("{:?}", request.how.gaps).to_lowercase(),
-        "cleaning": request.clean.operations(),
-        "lod": b.lod,
-        "spacing_mm": request.how.placement.spacing_mm,
-        "orientation": request.how.placement.orientation.map(|o| o.to_string()),
-        "modalities": request.modalities,
-        "series": request.series,
-        "thumbnails": request.thumbnails,
-        "thumbnails_of_all": request.thumbnails_of_all,
-        "min_slices": request.min_slices,
-    })
 }
 
 /// FNV-1a, 64 bits: stable over versions and machines; for telling things apart, not for safety.
