@@ -4,12 +4,10 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::open::open_unprepared_in;
 use crate::csg;
-use crate::facts::{Misuse, SourceError};
 use crate::mesh;
 use crate::source::dicom::{Recognised, recognise};
-use crate::source::{FORMATS, HEAD_BYTES, OpenOptions, STACKS, Subject, SubjectKind};
+use crate::source::{FORMATS, HEAD_BYTES, STACKS, SubjectKind};
 use crate::synthetic::is_synthetic;
 
 /// What a file is that is built on a grid of the caller's choice, by its first bytes and its length; by its name where
@@ -57,41 +55,10 @@ impl SubjectKind {
     }
 }
 
-impl Subject {
-    /// Opens what lies at some paths, by its content: a mesh where all are files of meshes, the tree of a single text,
-    /// and a volume otherwise, as [`catalogue::open_unprepared`](super::open_unprepared) does. Meshes and trees are not
-    /// read yet.
-    ///
-    /// # Errors
-    /// As [`catalogue::open_unprepared`](super::open_unprepared); [`Misuse::SeveralTrees`].
-    pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self, SourceError> {
-        // Whoever says what the bytes are is believed.
-        let kind = if options.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(inputs) };
-        Self::open_as(kind, inputs, options, &std::env::temp_dir())
-    }
-
-    /// The same where the kind is known, with the folder of temporary files.
-    pub(crate) fn open_as(
-        kind: SubjectKind,
-        inputs: &[PathBuf],
-        options: &OpenOptions,
-        scratch: &Path,
-    ) -> Result<Self, SourceError> {
-        match (kind, inputs) {
-            (SubjectKind::Mesh, _) => Ok(Self::Mesh(inputs.to_vec())),
-            (SubjectKind::Tree, [only]) => Ok(Self::Tree(only.clone())),
-            (SubjectKind::Tree, _) => {
-                let path = inputs.first().cloned().unwrap_or_default();
-                Err(SourceError::Usage { path, misuse: Misuse::SeveralTrees })
-            }
-            (SubjectKind::Volume, _) => open_unprepared_in(inputs, options, scratch).map(Self::Volume),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::{OpenOptions, Subject};
 
     #[test]
     fn content_comes_before_names_and_names_count_where_it_is_silent() {

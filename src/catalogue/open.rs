@@ -16,7 +16,7 @@ use crate::facts::{
 use crate::mesh;
 use crate::progress::Silent;
 use crate::source::dicom::{Recognised, recognise};
-use crate::source::{HEAD_BYTES, known};
+use crate::source::{HEAD_BYTES, Subject, SubjectKind, known};
 use crate::source::{RawVolume, header_of_samples};
 use crate::synthetic;
 use crate::volume::Noted;
@@ -128,6 +128,38 @@ pub fn open_unprepared_in(
         }
     }
     choice.decide(first, &found)
+}
+
+impl Subject {
+    /// Opens what lies at some paths, by its content: a mesh where all are files of meshes, the tree of a single text,
+    /// and a volume otherwise, as [`catalogue::open_unprepared`](super::open_unprepared) does. Meshes and trees are not
+    /// read yet.
+    ///
+    /// # Errors
+    /// As [`catalogue::open_unprepared`](super::open_unprepared); [`Misuse::SeveralTrees`].
+    pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self, SourceError> {
+        // Whoever says what the bytes are is believed.
+        let kind = if options.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(inputs) };
+        Self::open_as(kind, inputs, options, &std::env::temp_dir())
+    }
+
+    /// The same where the kind is known, with the folder of temporary files.
+    pub(crate) fn open_as(
+        kind: SubjectKind,
+        inputs: &[PathBuf],
+        options: &OpenOptions,
+        scratch: &Path,
+    ) -> Result<Self, SourceError> {
+        match (kind, inputs) {
+            (SubjectKind::Mesh, _) => Ok(Self::Mesh(inputs.to_vec())),
+            (SubjectKind::Tree, [only]) => Ok(Self::Tree(only.clone())),
+            (SubjectKind::Tree, _) => {
+                let path = inputs.first().cloned().unwrap_or_default();
+                Err(SourceError::Usage { path, misuse: Misuse::SeveralTrees })
+            }
+            (SubjectKind::Volume, _) => open_unprepared_in(inputs, options, scratch).map(Self::Volume),
+        }
+    }
 }
 
 /// How good a volume is as the one that is meant: refused, a single slice, several slices; then its size.

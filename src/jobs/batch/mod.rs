@@ -13,6 +13,7 @@
 //! | `folder` | the output folder |
 //! | `key` | what hides times of change in records |
 //! | `lock` | one batch at a time in an output folder |
+//! | `options` | what was asked for, as a number and for people |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
 //! | `page` | `index.html`, the contact sheet |
@@ -22,6 +23,7 @@ mod earlier;
 mod folder;
 mod key;
 mod lock;
+mod options;
 mod page;
 mod record;
 mod report;
@@ -61,6 +63,7 @@ pub(super) use claims::{Claim, Claims};
 use folder::NewFolders;
 use key::Key;
 use lock::FolderLock;
+use options::options_fingerprint;
 use record::{Journal, Record};
 
 /// What to convert, into what, and within which means.
@@ -743,26 +746,6 @@ enum Named {
     Settled(Item),
     /// It is to be built under the item's name, unless it was before.
     Volume(Item, Box<Finding>),
-}
-
-/// One number for everything in the request that the bytes of results depend on.
-fn options_fingerprint(request: &BatchRequest) -> String {
-    let b = &request.build;
-    // Which volumes are taken changes none of them.
-    let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
-    let text = format!(
-        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?}",
-        b.threshold,
-        b.volume_surface(),
-        b.connectivity,
-        b.channels,
-        b.gradient,
-        b.lod,
-        request.thumbnails,
-        request.clean,
-        request.grid.mesh()
-    );
-    format!("{:016x}", fnv(text.as_bytes()))
 }
 
 /// FNV-1a, 64 bits: stable over versions and machines; for telling things apart, not for safety.

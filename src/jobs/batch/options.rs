@@ -1,0 +1,24 @@
+//! What was asked for, as far as results depend on it.
+
+use super::{BatchRequest, fnv};
+use crate::source::OpenOptions;
+
+/// One number for everything in the request that the bytes of results depend on.
+pub(super) fn options_fingerprint(request: &BatchRequest) -> String {
+    let b = &request.build;
+    // Which volumes are taken changes none of them.
+    let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
+    let text = format!(
+        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?}",
+        b.threshold,
+        b.volume_surface(),
+        b.connectivity,
+        b.channels,
+        b.gradient,
+        b.lod,
+        request.thumbnails,
+        request.clean,
+        request.grid.mesh()
+    );
+    format!("{:016x}", fnv(text.as_bytes()))
+}
