@@ -18,7 +18,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use infobyte::export::ExportForm;
 use infobyte::format::Channels;
 use infobyte::geom::Affine;
-use infobyte::jobs::export::MOST_SIMPLIFIED;
+use infobyte::jobs::export::MAX_SIMPLIFIED;
 
 pub(crate) use picture::{RenderArgs, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, DemoArgs, RawArgs, ScanArgs};
@@ -137,7 +137,7 @@ pub(crate) struct ExportArgs {
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
     /// Make triangles of blocks of 2^N voxels along each axis: 4^N times fewer; walls thinner than half a block go
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_SIMPLIFIED)))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_SIMPLIFIED)))]
     pub(crate) simplify: u32,
     /// In a mask set only the skin, not what it encloses
     #[arg(long)]

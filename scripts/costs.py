@@ -246,7 +246,7 @@ def batch(lab):
         seen[jobs] = max(r.file for r in runs), max(r.anon for r in runs)
     lab.tell("BATCH_CODE", max(0, seen[4][0] - lab.stated["CODE_BYTES"]), "RssFile of four jobs, less that of a stage")
     each = (seen[4][1] - seen[1][1]) // 3
-    lab.tell("JOB_OVERHEAD", max(0, each - lab.stated["LEAST_JOB"]), "RssAnon of a job more, less the least build")
+    lab.tell("JOB_OVERHEAD", max(0, each - lab.stated["MIN_JOB"]), "RssAnon of a job more, less the least build")
 
 
 def main():

@@ -19,7 +19,7 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use targets::{MOST_BYTES, TARGETS, Target};
+use targets::{MAX_BYTES, TARGETS, Target};
 
 const SLOWEST: Duration = Duration::from_secs(5);
 
@@ -41,7 +41,7 @@ fn taken(target: &Target, number: usize, case: &[u8]) -> bool {
     let (accepted, bytes) = live::peak(|| target.run(case));
     let name = target.name;
     assert!(started.elapsed() < SLOWEST, "{name}, case {number}: {:?}", started.elapsed());
-    assert!(bytes <= MOST_BYTES, "{name}, case {number}: {bytes} bytes of memory");
+    assert!(bytes <= MAX_BYTES, "{name}, case {number}: {bytes} bytes of memory");
     accepted
 }
 

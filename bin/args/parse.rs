@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use infobyte::builder::{Connectivity, Gradient, ViewedFrom};
-use infobyte::clean::{ComponentConnectivity, MOST_LARGEST, Preset, SizeLimit};
+use infobyte::clean::{ComponentConnectivity, MAX_LARGEST, Preset, SizeLimit};
 use infobyte::export::ExportForm;
 use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
@@ -170,8 +170,8 @@ pub(super) fn preset(text: &str) -> Result<Preset, String> {
 pub(super) fn keep_largest(text: &str) -> Result<u32, String> {
     text.parse::<u32>()
         .ok()
-        .filter(|n| (1..=MOST_LARGEST).contains(n))
-        .ok_or_else(|| format!("'{text}' is not a number of components; choose 1 to {MOST_LARGEST}"))
+        .filter(|n| (1..=MAX_LARGEST).contains(n))
+        .ok_or_else(|| format!("'{text}' is not a number of components; choose 1 to {MAX_LARGEST}"))
 }
 
 pub(super) fn drop_below(text: &str) -> Result<SizeLimit, String> {

@@ -61,7 +61,7 @@ pub const SHARE_OVERHEAD: u64 = 256 << 10;
 /// Least buffers that a worker of a build is counted with, however few channels are stored: what merging normals and
 /// values of 16 bits took when it was measured. The histograms of a threshold that is to be found fit in it, so that
 /// the smallest cap that is stated does for every threshold.
-pub const LEAST_WORKER: u64 = 1124 << 10;
+pub const MIN_WORKER: u64 = 1124 << 10;
 
 /// Small lists of a merging worker (chains of fragments, groups of bricks, summaries) at their longest: a column
 /// of bricks that are all skin, `noise` in `scripts/memory.py`.
@@ -76,7 +76,7 @@ pub const CLEANING_LEFT_OVER: u64 = 640 << 10;
 // ---- Opening.
 
 /// Putting the images of a series in order may always take this: some 2,600 images.
-pub const LEAST_OPENING: u64 = 1 << 20;
+pub const MIN_OPENING: u64 = 1 << 20;
 
 /// What is held of a frame of a DICOM image while the images of its series are put in order: heap of opening a
 /// series of 10,000 images, by image (`tests/it/catalogue_memory.rs` counts it).
@@ -117,7 +117,7 @@ pub const BATCH_CODE: u64 = 1 << 20;
 pub const JOB_OVERHEAD: u64 = 704 << 10;
 
 /// Least memory that a job is of use with: a build of small slices.
-pub const LEAST_JOB: u64 = 1536 << 10;
+pub const MIN_JOB: u64 = 1536 << 10;
 
 /// Series that take more to be opened, of some 40,000 images, are left aside where the least memory for a batch
 /// is stated.

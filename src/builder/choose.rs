@@ -3,7 +3,7 @@
 use super::error::{BuildError, Sought};
 use super::range::{Ordered, SampleRange, highest_below};
 use super::{Progress, Threshold, histogram};
-use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
+use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::format::{Selection, SelectionKind};
 use crate::volume::{ScalarType, VolumeSource};
@@ -83,7 +83,7 @@ impl Chooser<'_> {
     fn reserve_histogram(&self) -> Result<(usize, Vec<Reservation>), BuildError> {
         let budget = Budget::of(self.memory);
         let mut memory: Vec<_> = self.least_histogram(&budget).map_err(|_| self.too_small())?.into();
-        let scan = budget.reserve(self.with_source(LEAST_WORKER));
+        let scan = budget.reserve(self.with_source(MIN_WORKER));
         let more = match (scan, self.threads) {
             (Err(_), _) | (_, 0 | 1) => None,
             (Ok(_scan), n) => budget.reserve_workers(self.with_source(histogram::WORKER_BYTES), n - 1).ok(),

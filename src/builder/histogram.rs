@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::error::BuildError;
 use super::parallel::run_workers;
 use super::range::Ordered;
-use crate::budget::costs::{LEAST_WORKER, MAPPED_FROM};
+use crate::budget::costs::{MAPPED_FROM, MIN_WORKER};
 use crate::progress::Progress;
 use crate::volume::{ScalarType, VolumeSource};
 
@@ -23,7 +23,7 @@ const _: () = assert!(EXTREMES_READ_BYTES < MAPPED_FROM);
 pub(super) const WORKER_BYTES: u64 = (READ_BYTES + 4 * BINS) as u64;
 pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
 // The smallest plan is enough for a threshold that is still to be found, too.
-const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= LEAST_WORKER);
+const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= MIN_WORKER);
 
 /// Smallest and largest sample that is a finite number, or `None` if there is none.
 pub(super) fn extremes<T: Ordered>(

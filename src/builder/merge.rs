@@ -16,7 +16,7 @@ use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
 use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, WalkedBrick};
-use crate::budget::costs::{LEAST_WORKER, MERGE_LISTS};
+use crate::budget::costs::{MERGE_LISTS, MIN_WORKER};
 use crate::format::{Channel, MeanRule, SectionKind, Sum};
 use crate::platform::FileExt;
 use crate::progress::Progress;
@@ -41,7 +41,7 @@ fn runs_of(channel: &ChannelForm) -> u64 {
 /// Memory of one worker: a brick, runs for five levels of infobytes, and those of each channel.
 pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
     let own: u64 = channels.iter().map(|c| channel_bytes(c) + runs(runs_of(c))).sum();
-    (BrickReader::BYTES + runs(5) + own + MERGE_LISTS).max(LEAST_WORKER)
+    (BrickReader::BYTES + runs(5) + own + MERGE_LISTS).max(MIN_WORKER)
 }
 
 /// Memory of what lies above the bricks: for each level a run of infobytes and one of each channel's means, and

@@ -324,7 +324,7 @@ pub struct SkinSlice<'a> {
 
 impl SkinSlice<'_> {
     /// Most voxels of one.
-    pub const MOST: usize = BRICK_ROWS * BRICK_ROWS;
+    pub const MAX_VOXELS: usize = BRICK_ROWS * BRICK_ROWS;
 
     /// Voxel of bit 0 of the first row.
     #[inline]

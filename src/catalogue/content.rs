@@ -12,7 +12,7 @@ use crate::volume::VolumeInfo;
 /// Bytes that are looked at of a volume of one file; of several, these are shared among them.
 const SAMPLE_BYTES: u64 = 256 << 10;
 /// Bytes that are looked at of a file in any case: its head, middle and end.
-const LEAST_BYTES: u64 = 3 * PIECE;
+const MIN_BYTES: u64 = 3 * PIECE;
 /// What is read at a time of a sample, and of what is compared.
 const PIECE: u64 = 4 << 10;
 const LONG: u64 = 64 << 10;
@@ -31,7 +31,7 @@ pub(super) type EachFile<'a> = &'a dyn Fn(&mut dyn FnMut(&Path));
 pub(super) fn hash_of(files: EachFile<'_>) -> io::Result<String> {
     let mut count = 0_u64;
     files(&mut |_| count += 1);
-    let room = (SAMPLE_BYTES / count.max(1)).max(LEAST_BYTES);
+    let room = (SAMPLE_BYTES / count.max(1)).max(MIN_BYTES);
     let mut hash = StableHash::new();
     let mut failed = None;
     files(&mut |path| {

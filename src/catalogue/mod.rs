@@ -57,7 +57,7 @@ pub struct Catalogue {
 }
 
 /// Volumes of one input that are alike, and are all taken; echoes, phases and the like are fewer.
-const MOST_ALIKE: usize = 16;
+const MAX_ALIKE: usize = 16;
 
 /// How deep the folders below an input are searched, if nothing else is said: deep enough for every
 /// archive, and an end for a file system that contains itself.
@@ -122,7 +122,7 @@ impl Catalogue {
     /// Of very many volumes of one input that are alike the first, unless all are wanted: a study of the brain at
     /// work has five hundred, and nobody wants as many models unasked.
     fn first_of_many(&self, findings: Vec<Finding>) -> Vec<Finding> {
-        if self.options.all_volumes || findings.len() <= MOST_ALIKE {
+        if self.options.all_volumes || findings.len() <= MAX_ALIKE {
             return findings;
         }
         let alike = |a: &Finding, b: &Finding| (a.format, &a.kind, a.size) == (b.format, &b.kind, b.size);
@@ -147,7 +147,7 @@ impl Catalogue {
         }
         let mut all: Vec<Finding> = Vec::new();
         for (finding, others) in kept.into_iter().zip(passed_over) {
-            if others.len() < MOST_ALIKE {
+            if others.len() < MAX_ALIKE {
                 all.push(finding);
                 all.extend(others);
                 continue;

@@ -106,7 +106,7 @@ fn fixed_bytes(dims: Dims, largest: usize) -> u64 {
 
 /// The least that a task can do with.
 pub(super) fn least_bytes(dims: Dims, largest: usize) -> u64 {
-    fixed_bytes(dims, largest) + 3 * Sets::LEAST_BYTES
+    fixed_bytes(dims, largest) + 3 * Sets::MIN_BYTES
 }
 
 /// The memory of a task.
@@ -123,9 +123,9 @@ impl TaskMemory {
     /// There is less than [`least_bytes`].
     pub(super) fn reserve(dims: Dims, largest: usize, budget: &Budget) -> Result<Self, TooSmall> {
         let least = budget.reserve(least_bytes(dims, largest))?;
-        let useful = 2 * (most_table_bytes(dims, Sets::NODE_BYTES) - Sets::LEAST_BYTES);
+        let useful = 2 * (most_table_bytes(dims, Sets::NODE_BYTES) - Sets::MIN_BYTES);
         let more = budget.reserve(budget.left_bytes().min(useful))?;
-        Ok(Self { table_bytes: Sets::LEAST_BYTES + more.bytes() / 2, _held: [least, more] })
+        Ok(Self { table_bytes: Sets::MIN_BYTES + more.bytes() / 2, _held: [least, more] })
     }
 }
 
@@ -133,7 +133,7 @@ impl TaskMemory {
 fn most_table_bytes(dims: Dims, item_bytes: usize) -> u64 {
     let runs = u64::from(dims.nx().div_ceil(2)) * u64::from(dims.ny());
     // Nodes are the runs of two slices at most; pages are whole, and stand in sets.
-    2 * runs * (item_bytes as u64 + 1) + Sets::LEAST_BYTES
+    2 * runs * (item_bytes as u64 + 1) + Sets::MIN_BYTES
 }
 
 /// A labelled volume: its components are known, and can be told their fates.

@@ -12,7 +12,7 @@ use crate::format::Selection;
 use crate::text::names::DROP_BELOW;
 
 /// Most components that can be asked for by [`CleanOptions::keep_largest`](super::CleanOptions::keep_largest).
-pub const MOST_LARGEST: u32 = 4000;
+pub const MAX_LARGEST: u32 = 4000;
 
 /// A volume that cannot be cleaned.
 #[non_exhaustive]
@@ -20,7 +20,7 @@ pub const MOST_LARGEST: u32 = 4000;
 pub enum CleanError {
     #[error(transparent)]
     Build(#[from] BuildError),
-    #[error("gaps can be closed by 1 or 2 voxels, and 1 to {MOST_LARGEST} components kept")]
+    #[error("gaps can be closed by 1 or 2 voxels, and 1 to {MAX_LARGEST} components kept")]
     Options {
         /// Radius of the closing.
         close: u32,

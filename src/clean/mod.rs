@@ -31,7 +31,7 @@ mod sets;
 mod stream;
 
 pub use components::ComponentConnectivity;
-pub use error::{CleanError, MOST_LARGEST, TooManyRuns};
+pub use error::{CleanError, MAX_LARGEST, TooManyRuns};
 pub use preset::{Preset, PresetDoubt};
 
 use std::ops::Range;
@@ -244,7 +244,7 @@ impl CleanOptions {
 
     /// How many of the largest components the rule has to know.
     fn largest(&self) -> usize {
-        self.keep_largest.unwrap_or(1).clamp(1, MOST_LARGEST) as usize
+        self.keep_largest.unwrap_or(1).clamp(1, MAX_LARGEST) as usize
     }
 
     /// Cleans the occupancy of a prepared (and reshaped) volume; `None` where there is nothing to do.
@@ -262,7 +262,7 @@ impl CleanOptions {
         output: &Path,
         progress: &dyn Progress,
     ) -> Result<Option<Cleaned<'a>>, CleanError> {
-        if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MOST_LARGEST) {
+        if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MAX_LARGEST) {
             return Err(CleanError::Options { close: self.close, keep_largest: self.keep_largest });
         }
         if !self.works_on_bits() {

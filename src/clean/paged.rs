@@ -20,11 +20,11 @@ const CHUNK_PAGES: usize = 16;
 const _: () = assert!(CHUNK_PAGES * PAGE_WORDS * 8 < MAPPED_FROM);
 /// Most pages of a cache, 20 MiB of them, so that the list of places stays below that size too. The system's
 /// page cache holds what is beyond.
-const MOST_PAGES: u64 = 5120;
+const MAX_PAGES: u64 = 5120;
 
 /// A table of items that grows at its end.
 ///
-/// Memory: the cache it is made with, at least [`PagedTable::LEAST_BYTES`], touched as it fills. As long as the
+/// Memory: the cache it is made with, at least [`PagedTable::MIN_BYTES`], touched as it fills. As long as the
 /// table fits into the cache the file stays empty.
 pub(super) struct PagedTable<T> {
     file: File,
@@ -53,7 +53,7 @@ const EMPTY: Place = Place { page: NO_PAGE, used: 0, dirty: false };
 
 impl<T: bytemuck::Pod> PagedTable<T> {
     /// Smallest cache.
-    pub(super) const LEAST_BYTES: u64 = (4 * WAYS * PAGE_WORDS * 8) as u64;
+    pub(super) const MIN_BYTES: u64 = (4 * WAYS * PAGE_WORDS * 8) as u64;
 
     /// An empty table whose cache takes at most `cache_bytes`.
     pub(super) fn new(folder: &Path, cache_bytes: u64) -> io::Result<Self> {
@@ -62,8 +62,8 @@ impl<T: bytemuck::Pod> PagedTable<T> {
             if page_items * size_of::<T>() > PAGE_WORDS * 8 { page_items / 2 } else { page_items };
         let page_words = page_items * size_of::<T>() / 8;
         let page_bytes = (page_words * 8 + size_of::<Place>()) as u64;
-        let pages = cache_bytes.max(Self::LEAST_BYTES) / page_bytes;
-        let sets = usize::try_from(pages.min(MOST_PAGES)).unwrap_or(usize::MAX) / WAYS;
+        let pages = cache_bytes.max(Self::MIN_BYTES) / page_bytes;
+        let sets = usize::try_from(pages.min(MAX_PAGES)).unwrap_or(usize::MAX) / WAYS;
         Ok(Self {
             file: nameless(folder)?,
             cache: vec![Vec::new(); (sets * WAYS).div_ceil(CHUNK_PAGES)],

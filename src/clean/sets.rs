@@ -99,7 +99,7 @@ impl Sets {
     pub(super) const NODE_BYTES: usize = size_of::<Node>();
 
     /// Smallest cache of the table.
-    pub(super) const LEAST_BYTES: u64 = PagedTable::<Node>::LEAST_BYTES;
+    pub(super) const MIN_BYTES: u64 = PagedTable::<Node>::MIN_BYTES;
 
     /// No sets; `bytes` of their table are held in memory, what is more lies in `folder`.
     pub(super) fn new(folder: &Path, bytes: u64) -> io::Result<Self> {

@@ -12,7 +12,7 @@ pub use fault::{Damage, Feature};
 /// Bytes of the header: sixteen little-endian words.
 const HEADER_BYTES: usize = 64;
 /// Segments that a header has room for.
-const MOST_SEGMENTS: usize = 15;
+const MAX_SEGMENTS: usize = 15;
 /// Bytes that are read ahead in each segment.
 const BUFFER_BYTES: usize = 4 << 10;
 /// Bytes of a plane that are decoded before they are put into the row.
@@ -55,7 +55,7 @@ pub(crate) fn decode(
         return Err(Feature::SampleBytes { bytes: bytes_per_sample }.into());
     }
     let wanted = usize::from(components) * usize::from(bytes_per_sample);
-    if wanted == 0 || wanted > MOST_SEGMENTS {
+    if wanted == 0 || wanted > MAX_SEGMENTS {
         return Err(Feature::PixelBytes { bytes: wanted }.into());
     }
     let mut segments = open_segments(input, wanted)?;

@@ -54,7 +54,7 @@ impl Solid for CsgCells<'_> {
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
         let crossed =
-            self.tree.program.len() * size_of::<Crossed>() + CellEdges::MOST * size_of::<CellEdge>();
+            self.tree.program.len() * size_of::<Crossed>() + CellEdges::MAX_EDGES * size_of::<CellEdge>();
         self.tree.worker_bytes(tile) + (1 + self.tree.walked.len() as u64) * CellEdges::BYTES + crossed as u64
     }
 
@@ -67,7 +67,7 @@ impl Solid for CsgCells<'_> {
             samples: self.tree.place.dims,
             tree: CsgWorker::new(&self.tree, tile),
             edges: CellEdges::new(),
-            list: Vec::with_capacity(CellEdges::MOST),
+            list: Vec::with_capacity(CellEdges::MAX_EDGES),
             of_walked: self.tree.walked.iter().map(|_| CellEdges::new()).collect(),
             crossed: Vec::with_capacity(self.tree.program.len()),
         })

@@ -48,7 +48,7 @@ pub(super) struct Description {
 }
 
 /// Most faces that meet in a voxel and are told apart.
-const MOST_FACES: usize = 8;
+const MAX_FACES: usize = 8;
 /// Faces whose normals have at least this cosine with the nearest one's count along with it.
 const WITH_NEAREST: f64 = -0.5;
 /// Normals with at least this cosine are of the same face.
@@ -59,12 +59,12 @@ const SAME: f64 = 1.0 - 1e-9;
 struct Candidates {
     best: Option<Best>,
     /// Unit normals in lattice coordinates, and their weights.
-    faces: [([f64; 3], f64); MOST_FACES],
+    faces: [([f64; 3], f64); MAX_FACES],
     count: usize,
 }
 
 impl Candidates {
-    const NONE: Self = Self { best: None, faces: [([0.0; 3], 0.0); MOST_FACES], count: 0 };
+    const NONE: Self = Self { best: None, faces: [([0.0; 3], 0.0); MAX_FACES], count: 0 };
 
     /// Notes a face, `distance` lattice steps from the middle.
     fn note(&mut self, outwards: [f64; 3], distance: f64) {
@@ -75,7 +75,7 @@ impl Candidates {
         let weight = reach - distance / (2.0 * HALF_A_VOXEL);
         let known = &self.faces[..self.count];
         let is_new = known.iter().all(|(other, _)| dot(*other, unit) < SAME);
-        if length.is_normal() && weight > 0.0 && is_new && self.count < MOST_FACES {
+        if length.is_normal() && weight > 0.0 && is_new && self.count < MAX_FACES {
             self.faces[self.count] = (unit, weight);
             self.count += 1;
         }
@@ -113,19 +113,19 @@ enum Surface {
 impl Description {
     /// Memory of one, for so many leaves, and programs of boxes of so many steps.
     pub(super) const fn bytes(leaves: usize, steps: usize) -> u64 {
-        (SkinSlice::MOST * 8 + leaves * 9 + steps * 8) as u64
+        (SkinSlice::MAX_VOXELS * 8 + leaves * 9 + steps * 8) as u64
     }
 
     pub(super) fn new(leaves: usize, steps: usize) -> Self {
         Self {
-            codes: Vec::with_capacity(2 * SkinSlice::MOST),
-            by_place: vec![0; SkinSlice::MOST],
+            codes: Vec::with_capacity(2 * SkinSlice::MAX_VOXELS),
+            by_place: vec![0; SkinSlice::MAX_VOXELS],
             near: Vec::with_capacity(steps),
             nearer: Vec::with_capacity(steps),
             here: Vec::with_capacity(leaves),
             leaves: Vec::with_capacity(leaves),
             turned: Vec::with_capacity(leaves),
-            walked: vec![0; SkinSlice::MOST],
+            walked: vec![0; SkinSlice::MAX_VOXELS],
         }
     }
 

@@ -13,9 +13,9 @@ use crate::facts::{CsgFault, SourceError};
 use crate::geom::Affine;
 
 /// Most leaves of a tree, those counted again that are used again.
-pub(super) const MOST_LEAVES: usize = 1 << 20;
+pub(super) const MAX_LEAVES: usize = 1 << 20;
 /// Most joins.
-const MOST_JOINS: usize = 1 << 20;
+const MAX_JOINS: usize = 1 << 20;
 
 /// How the parts of a join are joined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,9 +122,9 @@ impl<T> Flat<T> {
         // The deepest first: those behind the one that is at hand are no longer wanted.
         let mut affines = vec![first];
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
-        let too_many = CsgFault::TooMany { most: MOST_LEAVES as u64 };
+        let too_many = CsgFault::TooMany { most: MAX_LEAVES as u64 };
         while let Some(Visit { node, affine, negated, above }) = open.pop() {
-            if flat.leaves.len().max(flat.joins.len()) >= MOST_LEAVES || open.len() > 4 * MOST_JOINS {
+            if flat.leaves.len().max(flat.joins.len()) >= MAX_LEAVES || open.len() > 4 * MAX_JOINS {
                 return Err(too_many.into());
             }
             let open_bytes = open.capacity() * size_of::<Visit>() + affines.capacity() * size_of::<Affine>();

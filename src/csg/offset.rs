@@ -18,7 +18,7 @@
 //! and cones along theirs. Every part is placed on the lattice by itself, so that a rounded edge is off by a step of
 //! 2^-12 voxel at most.
 
-use super::flat::MOST_LEAVES;
+use super::flat::MAX_LEAVES;
 use super::tree::{Node, NodeId, Operation, Shape, Tree};
 use crate::facts::{CsgFault, OffsetFault};
 use crate::geom::Affine;
@@ -26,7 +26,7 @@ use crate::geom::Affine;
 /// Lengths that differ by less than this part of them are the same, and so are right angles.
 const SAME: f64 = 1e-10;
 /// Most radii of a ring that its tube may have.
-pub(super) const MOST_TUBE: f64 = 16.0;
+pub(super) const MAX_TUBE: f64 = 16.0;
 
 /// What is still to be done.
 enum Task {
@@ -80,7 +80,7 @@ impl Tree {
     pub fn offset(&mut self, by: f64, node: NodeId) -> Result<NodeId, CsgFault> {
         self.check(node);
         let made = self.offset_within(by, node, 0, u64::MAX)?;
-        made.ok_or(CsgFault::TooMany { most: MOST_LEAVES as u64 })
+        made.ok_or(CsgFault::TooMany { most: MAX_LEAVES as u64 })
     }
 
     /// As [`Tree::offset`]; `None` where the tree would take more than so many bytes.
@@ -104,8 +104,8 @@ impl Tree {
             if self.bytes() + (tasks.len() * size_of::<Task>()) as u64 > most_bytes {
                 return Ok(None);
             }
-            if self.len() - first > 4 * MOST_LEAVES || tasks.len() > 4 * MOST_LEAVES {
-                return Err(CsgFault::TooMany { most: MOST_LEAVES as u64 });
+            if self.len() - first > 4 * MAX_LEAVES || tasks.len() > 4 * MAX_LEAVES {
+                return Err(CsgFault::TooMany { most: MAX_LEAVES as u64 });
             }
             let (node, affine, by) = match task {
                 Task::Join { operation, count } => {
@@ -209,7 +209,7 @@ fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Pi
             match minor + by {
                 _ if major == 0.0 || minor == 0.0 => Vec::new(),
                 tube if tube <= 0.0 => Vec::new(),
-                tube if tube > MOST_TUBE * major => return refused(OffsetFault::Wide),
+                tube if tube > MAX_TUBE * major => return refused(OffsetFault::Wide),
                 tube => vec![Piece::new(Shape::Torus { major, minor: tube })],
             }
         }
@@ -221,7 +221,7 @@ fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Pi
                 Vec::new()
             } else if by < 0.0 {
                 shrunk_cone(z, radii, -by)
-            } else if radii.iter().any(|r| *r > 0.0 && by > MOST_TUBE * r) {
+            } else if radii.iter().any(|r| *r > 0.0 && by > MAX_TUBE * r) {
                 return refused(OffsetFault::Wide);
             } else {
                 grown_cone(z, radii, by)

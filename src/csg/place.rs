@@ -8,7 +8,7 @@
 
 use crate::facts::{CsgFault, MeshFault};
 use crate::geom::{Affine, Dims};
-use crate::mesh::{Bounds, Grid, GridChoice, MOST_VOXELS, STEPS};
+use crate::mesh::{Bounds, Grid, GridChoice, MAX_VOXELS, STEPS};
 
 /// Whole numbers that placed corners and axes stay below.
 const LIMIT: f64 = (1 << 29) as f64;
@@ -64,7 +64,7 @@ impl Place {
 /// The nearest whole number; the even one of two.
 pub(super) fn whole(at: f64, line: u64) -> Result<i64, CsgFault> {
     if !(at > -LIMIT && at < LIMIT) {
-        return Err(CsgFault::TooFar { line, most_voxels: MOST_VOXELS });
+        return Err(CsgFault::TooFar { line, most_voxels: MAX_VOXELS });
     }
     #[expect(clippy::cast_possible_truncation, reason = "checked above")]
     let whole = at.round_ties_even() as i64;

@@ -19,7 +19,7 @@ const OR: Step = 1 << 30;
 
 /// Places that a stack has: more than log2 of the most leaves.
 pub(super) const STACK: usize = 24;
-const _: () = assert!(super::flat::MOST_LEAVES <= 1 << (STACK - 3));
+const _: () = assert!(super::flat::MAX_LEAVES <= 1 << (STACK - 3));
 
 /// A leaf's number, and whether all but it is meant, of a step that is a leaf.
 #[inline]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::text::{self, Stop};
 use super::tree::{NodeId, Shape, Tree};
-use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
+use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
 use crate::facts::{CsgFault, Fault, SourceError};
@@ -42,7 +42,7 @@ fn begins_with_module(text: &str) -> bool {
 /// # Errors
 /// [`CsgFault`], with the line; the file cannot be read; the tree does not fit.
 pub fn read_tree(path: &Path, memory: MemoryCap) -> Result<(Tree, NodeId), BuildError> {
-    let least = LEAST_WORKER + WORKER_OVERHEAD;
+    let least = MIN_WORKER + WORKER_OVERHEAD;
     let most = Budget::of_job(memory).left_bytes().saturating_sub(least);
     parse_file(path, most)?.map_err(|bytes| too_small(path, memory, bytes + least))
 }

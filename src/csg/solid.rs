@@ -29,7 +29,7 @@ const SLAB: u32 = 32;
 const BOX: u32 = 64;
 /// Most steps of the programs of a slab's boxes that are kept, and of the program of one box.
 const STORE: usize = 1 << 15;
-const MOST_STEPS: usize = 1 << 13;
+const MAX_STEPS: usize = 1 << 13;
 /// What the model says of its normals.
 const ESTIMATOR: &str = "analytic";
 
@@ -66,7 +66,7 @@ impl CsgSolid<'_> {
 
     /// Most steps of the program of a box.
     fn most_steps(&self) -> usize {
-        self.program.len().min(MOST_STEPS)
+        self.program.len().min(MAX_STEPS)
     }
 
     /// Where the voxels of a box lie, of a leaf that is not walked.

@@ -172,7 +172,7 @@ impl From<io::Error> for ExportStop {
 const SLICES_KEPT: u32 = 64;
 
 /// Most blocks of samples in a slice, of which three are held: 4 bytes each.
-const MOST_BLOCKS: u64 = 1 << 24;
+const MAX_BLOCKS: u64 = 1 << 24;
 
 /// A model with its place.
 pub(crate) struct Exporter<'a> {
@@ -262,7 +262,7 @@ impl Exporter<'_> {
         }
         let [width, height] = [0, 1].map(|a| bounds[1][a] - bounds[0][a] + 2);
         let blocks = u64::from(width / self.step) * u64::from(height / self.step);
-        if self.step > 1 && blocks > MOST_BLOCKS {
+        if self.step > 1 && blocks > MAX_BLOCKS {
             return Err(ExportStop::Output(ExportFault::TooBroad { blocks }.into()));
         }
         let coarse =

@@ -18,7 +18,7 @@ pub struct Affine {
 const STEPS: RangeInclusive<f64> = 1e-15..=1e15;
 
 /// Times that one step may be as long as another: beyond that no ray meets voxels of both.
-const MOST_UNEVEN: f64 = 1e9;
+const MAX_UNEVEN: f64 = 1e9;
 
 impl Affine {
     /// Axes parallel to the world's, `spacing_mm` apart, with voxel (0, 0, 0) at the origin.
@@ -85,7 +85,7 @@ impl Affine {
         if !self.rows.iter().flatten().all(|v| v.is_finite())
             || !STEPS.contains(&least)
             || !STEPS.contains(&most)
-            || most > MOST_UNEVEN * least
+            || most > MAX_UNEVEN * least
             || !cell.is_normal()
             || (det / cell).abs() < 1e-9
         {

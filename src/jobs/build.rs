@@ -180,7 +180,7 @@ impl BuildJob<'_> {
     /// Opens what lies at the inputs, within what the cap leaves for that.
     fn open(&self, kind: SubjectKind, inputs: &[PathBuf], how: &OpenOptions) -> Result<Subject, Error> {
         // Where not even a little is left, the builder says it better.
-        let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::LEAST_OPENING);
+        let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::MIN_OPENING);
         let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
         Ok(Subject::open_as(kind, inputs, &how, &self.options.scratch_folder(self.output))?)
     }
@@ -289,7 +289,7 @@ impl BuildJob<'_> {
             if open.iter().any(|(known, _)| known == path) {
                 continue;
             }
-            let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::LEAST_OPENING);
+            let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::MIN_OPENING);
             let follow_links = self.grid.follow_links;
             let how =
                 OpenOptions { opening_bytes: Some(opening_bytes), follow_links, ..OpenOptions::default() };

@@ -19,7 +19,7 @@ use crate::render::GridSpace;
 use crate::text::{data, shown};
 
 /// Most that triangles can be simplified.
-pub const MOST_SIMPLIFIED: u32 = 6;
+pub const MAX_SIMPLIFIED: u32 = 6;
 
 /// What to make of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,7 +110,7 @@ pub fn export(
         affine: model.affine(),
         space: &space,
         skin_only: request.skin_only,
-        step: 1 << request.simplify.min(MOST_SIMPLIFIED),
+        step: 1 << request.simplify.min(MAX_SIMPLIFIED),
         give_back: &|| model.give_back(),
     };
     let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -182,7 +182,7 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(
         affine: model.affine(),
         space: &space,
         skin_only: false,
-        step: 1 << simplify.min(MOST_SIMPLIFIED),
+        step: 1 << simplify.min(MAX_SIMPLIFIED),
         give_back: &|| {},
     };
     exporter.triangles(progress).map_err(|stop| match stop {

@@ -16,16 +16,16 @@ use crate::render::picture::{Canvas, parts_bytes};
 
 /// Most that a step adds: pages of the model, of which the system maps 16 at a time. The farther apart the boxes are that
 /// neighbouring pixels show, the more it is. Measured on cells at 1024^3 and skin at 4096^3, in MiB: 1.3 at 16 boxes to a
-/// pixel, 2.4 at 32, 4 at 80. No step looks at more than [`MOST_STEP`].
+/// pixel, 2.4 at 32, 4 at 80. No step looks at more than [`MAX_STEP`].
 const STEP: u64 = 3 << 19;
 const STEP_A_BOX: f64 = 50.0 * 1024.0;
-const MOST_STEP: u64 = 20 << 20;
+const MAX_STEP: u64 = 20 << 20;
 
 /// Pages of the model that are kept in any case; fewer, and they come and go all the time.
 const KEPT_PAGES: u64 = 3 << 20;
 
 /// Fewest pixels of a band, if its 8 rows are not more.
-const LEAST_BAND: u32 = 1 << 13;
+const MIN_BAND: u32 = 1 << 13;
 
 /// Bytes of a pixel of a whole picture.
 const WHOLE_PIXEL: u64 = 4;
@@ -77,7 +77,7 @@ impl<'a> Relief<'a> {
     pub(super) fn band_pixels(&self, canvas: &Canvas, boxes_wide: f64) -> Result<Option<u32>, RenderError> {
         let Some(limit_bytes) = self.limit_bytes else { return Ok(None) };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held to a limit")]
-        let step_bytes = (STEP + (STEP_A_BOX * boxes_wide.max(0.0)) as u64).min(MOST_STEP);
+        let step_bytes = (STEP + (STEP_A_BOX * boxes_wide.max(0.0)) as u64).min(MAX_STEP);
         self.step_bytes.store(step_bytes, Ordering::Relaxed);
         let base = *self.base_bytes.get_or_init(|| self.base());
         let mut most = None;
@@ -87,7 +87,7 @@ impl<'a> Relief<'a> {
                 return Ok(most);
             }
             match most {
-                Some(LEAST_BAND) => return Err(too_small(limit_bytes, minimum_bytes)),
+                Some(MIN_BAND) => return Err(too_small(limit_bytes, minimum_bytes)),
                 Some(pixels) => most = Some(pixels / 2),
                 None => most = Some(1 << 17),
             }

@@ -59,7 +59,7 @@ pub fn scan(
         }
     }
     catalogue.for_each_left_out::<Error>(&mut |why, path| {
-        if report.left_out_files.len() < MOST_NAMED {
+        if report.left_out_files.len() < MAX_NAMED {
             report.left_out_files.push(LeftOutFile { path: data(path), reason: why.to_string() });
         }
         Ok(())
@@ -105,4 +105,4 @@ fn list(number: usize, finding: &Finding) -> Listed {
 }
 
 /// Most files that are left out of which a list has the names.
-const MOST_NAMED: usize = 10_000;
+const MAX_NAMED: usize = 10_000;

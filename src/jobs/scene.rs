@@ -16,7 +16,7 @@ use crate::load::{LoadError, Model, ModelView, open_regular};
 use crate::progress::Progress;
 use crate::render::annotate::annotate;
 use crate::render::{Camera, NamedView, Projection, RenderError, ViewPoint};
-use crate::scene::{self, Colors, Key, Look, MOST_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
+use crate::scene::{self, Colors, Key, Look, MAX_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
 
 /// What the command line says of a scene's picture; it counts before what the scene says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -94,11 +94,11 @@ pub fn read_scene(path: &Path) -> Result<Scene, Error> {
     let wrong = |fault| Error::Scene(SceneError { path: path.to_path_buf(), fault });
     let file: File = open_regular(path).map_err(unreadable)?;
     let bytes = file.metadata().map_err(unreadable)?.len();
-    if bytes > MOST_BYTES {
-        return Err(wrong(SceneFault::TooLong { bytes, most: MOST_BYTES }));
+    if bytes > MAX_BYTES {
+        return Err(wrong(SceneFault::TooLong { bytes, most: MAX_BYTES }));
     }
     let mut text = Vec::new();
-    file.take(MOST_BYTES).read_to_end(&mut text).map_err(unreadable)?;
+    file.take(MAX_BYTES).read_to_end(&mut text).map_err(unreadable)?;
     let text = String::from_utf8(text).map_err(|_| wrong(SceneFault::NotText))?;
     scene::read(&text).map_err(wrong)
 }

@@ -12,11 +12,11 @@ use crate::facts::MeshFault;
 /// Cells of the table. The number is part of the definition of a solid: it decides which meshes can be closed.
 const CELLS: usize = 3 << 13;
 /// Most open edges that are taken off the table; more than three quarters of the cells can hardly be.
-const MOST_EDGES: usize = 18_000;
+const MAX_EDGES: usize = 18_000;
 
 /// Memory of finding open edges and closing them.
 pub(super) const BOUNDARY_BYTES: u64 =
-    (CELLS * size_of::<Cell>() + MOST_EDGES * 3 * size_of::<OpenEdge>() + (64 << 10)) as u64;
+    (CELLS * size_of::<Cell>() + MAX_EDGES * 3 * size_of::<OpenEdge>() + (64 << 10)) as u64;
 
 type Point = [i32; 3];
 
@@ -124,7 +124,7 @@ impl Table {
 
     /// The edges that are left, in their order; `None` if they are too many.
     pub(super) fn open_edges(mut self) -> Option<Vec<OpenEdge>> {
-        let mut edges = Vec::with_capacity(MOST_EDGES);
+        let mut edges = Vec::with_capacity(MAX_EDGES);
         loop {
             let before = edges.len();
             for at in 0..self.cells.len() {
@@ -138,7 +138,7 @@ impl Table {
                 };
                 let (low, high) = (point(0)?, point(3)?);
                 let (from, to) = if count > 0 { (low, high) } else { (high, low) };
-                if edges.len() == MOST_EDGES {
+                if edges.len() == MAX_EDGES {
                     return None;
                 }
                 edges.push(OpenEdge { from, to, times: i32::try_from(count.abs()).ok()? });
@@ -162,7 +162,7 @@ pub(super) fn disagree(edges: &[OpenEdge]) -> bool {
 
 /// What is wrong with a mesh whose open edges are too many.
 pub(super) fn too_open() -> MeshFault {
-    MeshFault::TooOpen { most_edges: MOST_EDGES as u64 }
+    MeshFault::TooOpen { most_edges: MAX_EDGES as u64 }
 }
 
 /// Edges of a graph, by the vertex at which they begin.

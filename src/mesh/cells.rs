@@ -35,7 +35,7 @@ use super::nearest::{Facet, Nearest};
 use crate::cpu::{Isa, Kernel, dispatch};
 
 /// Most triangles that are sorted at a time.
-const MOST: usize = 1024;
+const MAX_BALLS: usize = 1024;
 /// Cells beyond the brick, and along x and y.
 const MARGIN: i32 = 4;
 const SIDE: usize = 32 + 2 * MARGIN as usize;
@@ -78,23 +78,23 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Memory of one.
-    pub(super) const BYTES: u64 = (MOST * size_of::<Ball>()
-        + (MOST / LANES + 1) * size_of::<Balls>()
+    pub(super) const BYTES: u64 = (MAX_BALLS * size_of::<Ball>()
+        + (MAX_BALLS / LANES + 1) * size_of::<Balls>()
         + (SIDE * SIDE + 1) * size_of::<u16>()) as u64;
 
     pub(super) fn new() -> Self {
         Self {
-            balls: Vec::with_capacity(MOST),
+            balls: Vec::with_capacity(MAX_BALLS),
             rows: (SIDE, 0),
             largest: 0.0,
             starts: vec![0; SIDE * SIDE + 1],
-            sorted: vec![NOWHERE; MOST / LANES + 1],
+            sorted: vec![NOWHERE; MAX_BALLS / LANES + 1],
         }
     }
 
     /// Is it time for [`Cells::seek`]?
     pub(super) fn is_full(&self) -> bool {
-        self.balls.len() == MOST
+        self.balls.len() == MAX_BALLS
     }
 
     /// Adds the triangle of record `number` if it is small and may be within `reach` of a voxel of the slice;

@@ -1,7 +1,7 @@
 //! Corners of triangles on the lattice: what is computed of a vertex is computed once, for all triangles that name it.
 
 use super::census::vertex_hash;
-use super::lattice::MOST_VOXELS;
+use super::lattice::MAX_VOXELS;
 use crate::facts::MeshFault;
 
 /// Brings a vertex onto the lattice.
@@ -48,7 +48,7 @@ impl Corner {
         } else if any(State::NotFinite) {
             Err(MeshFault::NotFinite { triangle })
         } else {
-            Err(MeshFault::TooLarge { most_voxels: MOST_VOXELS })
+            Err(MeshFault::TooLarge { most_voxels: MAX_VOXELS })
         }
     }
 }

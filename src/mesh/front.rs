@@ -15,8 +15,8 @@ use super::read::{Limits, Look, MeshFile, READER_BYTES};
 use super::resident::Resident;
 use super::solid::{MeshSolid, fixed_bytes};
 use super::thin::{self, Thin, ThinSolid};
-use super::{COLUMN_BYTES, LEAST_RESIDENT, MeshOptions};
-use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
+use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions};
+use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, Reservation};
 use crate::builder::{BuildError, BuildOptions, CellEdges, Made, Progress, Solid, Tile, cell_dims};
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshNote, SourceError};
@@ -428,7 +428,7 @@ impl Front<'_> {
     /// How many triangles a worker may have at hand: those of the fullest bin, if the budget has room.
     fn resident(&self, bins: &Bins, grid: &Grid, paint: Option<&paint::Paint>) -> usize {
         let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels };
-        let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(LEAST_WORKER) + WORKER_OVERHEAD;
+        let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(MIN_WORKER) + WORKER_OVERHEAD;
         let own = own + paint.map_or(0, |_| Painter::BYTES);
         let own = own + if self.is_of_cells() { CellEdges::BYTES } else { 0 };
         let left = Budget::of_job(self.options.memory).left_bytes();
@@ -440,6 +440,6 @@ impl Front<'_> {
         let each = (left / self.options.threads.max(1) as u64).saturating_sub(own) / shares;
         // A longer triangle takes two places more, one near to two bricks another.
         let most = 4 * bins.fullest() as usize + 8;
-        Resident::fit(each).clamp(LEAST_RESIDENT, LEAST_RESIDENT.max(most))
+        Resident::fit(each).clamp(MIN_RESIDENT, MIN_RESIDENT.max(most))
     }
 }

@@ -17,7 +17,7 @@ pub(super) const HALF: i32 = STEPS / 2;
 /// Coordinates beyond this are refused: products of two differences, and sums of two products, stay within i64.
 const LIMIT: f64 = (1 << 29) as f64;
 /// Most voxels of a coordinate from the grid's corner.
-pub(crate) const MOST_VOXELS: u64 = 1 << 17;
+pub(crate) const MAX_VOXELS: u64 = 1 << 17;
 /// 1.5 x 2^52: added and taken away again, it rounds to a whole number, halves to the even one.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 
@@ -90,7 +90,7 @@ pub struct Grid {
 }
 
 /// Longest side of a grid.
-const MOST_SIDE: f64 = 16384.0;
+const MAX_SIDE: f64 = 16384.0;
 
 impl Grid {
     /// The grid of a choice around a mesh of these bounds, whose units are so many mm.
@@ -119,7 +119,7 @@ impl Grid {
             let length = (bounds.high[axis] - bounds.low[axis]) * unit_mm;
             // A side that divides evenly but for rounding does not get a voxel more.
             let voxels = (length / edge_mm - 1e-9).ceil().max(1.0) + 2.0 * f64::from(margin);
-            if voxels > MOST_SIDE || voxels.is_nan() {
+            if voxels > MAX_SIDE || voxels.is_nan() {
                 return Err(MeshFault::GridSize { side: voxels });
             }
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
@@ -128,7 +128,7 @@ impl Grid {
             let middle = (bounds.high[axis] / 2.0 + bounds.low[axis] / 2.0) * unit_mm;
             origin_mm[axis] = middle - voxels / 2.0 * edge_mm;
         }
-        let dims = Dims::new(sides[0], sides[1], sides[2]).ok_or(MeshFault::GridSize { side: MOST_SIDE })?;
+        let dims = Dims::new(sides[0], sides[1], sides[2]).ok_or(MeshFault::GridSize { side: MAX_SIDE })?;
         Self::checked(dims, edge_mm, origin_mm, unit_mm)
     }
 
@@ -137,7 +137,7 @@ impl Grid {
         let scale = unit_mm / voxel_mm * f64::from(STEPS);
         let shift = origin_mm.map(|o| o / voxel_mm * f64::from(STEPS));
         let sound = scale.is_finite() && scale > 0.0 && shift.iter().all(|s| s.is_finite());
-        if side > MOST_SIDE || !sound {
+        if side > MAX_SIDE || !sound {
             return Err(MeshFault::GridSize { side });
         }
         Ok(Self { dims, voxel_mm, origin_mm, scale, shift })
@@ -153,7 +153,7 @@ impl Grid {
         for ((out, c), shift) in out.iter_mut().zip(p).zip(self.shift) {
             let at = c * self.scale - shift;
             if !(at > -LIMIT && at < LIMIT) {
-                return Err(MeshFault::TooLarge { most_voxels: MOST_VOXELS });
+                return Err(MeshFault::TooLarge { most_voxels: MAX_VOXELS });
             }
             #[expect(clippy::cast_possible_truncation, reason = "checked above")]
             let whole = ((at + ROUNDER) - ROUNDER) as i32;
@@ -222,8 +222,8 @@ mod tests {
         assert_eq!(grid.dims.to_array(), [12, 5, 3]);
         assert_eq!(grid.voxel_mm, 2.0);
         assert_eq!(grid.point([-1.0, 0.0, 0.05]).unwrap(), [4096, 4096 + 1024, 6144]);
-        assert_eq!(grid.point([1e9, 0.0, 0.0]), Err(MeshFault::TooLarge { most_voxels: MOST_VOXELS }));
-        assert_eq!(grid.point([f64::NAN, 0.0, 0.0]), Err(MeshFault::TooLarge { most_voxels: MOST_VOXELS }));
+        assert_eq!(grid.point([1e9, 0.0, 0.0]), Err(MeshFault::TooLarge { most_voxels: MAX_VOXELS }));
+        assert_eq!(grid.point([f64::NAN, 0.0, 0.0]), Err(MeshFault::TooLarge { most_voxels: MAX_VOXELS }));
         let point = Bounds { low: [1.0; 3], high: [1.0; 3] };
         assert_eq!(
             Grid::new(GridChoice::Side { voxels: 9, margin: 1 }, &point, 1.0).unwrap_err(),

@@ -57,14 +57,14 @@ mod solid;
 mod thin;
 
 pub(crate) use census::{Census, Closed};
-pub(crate) use lattice::{Bounds, MOST_VOXELS, STEPS, Triangle, span, turned};
+pub(crate) use lattice::{Bounds, MAX_VOXELS, STEPS, Triangle, span, turned};
 pub use lattice::{Grid, GridChoice};
 pub(crate) use nearest::{Facet, Nearest};
 pub(crate) use raster::{Crossings, Rule, cross_slice};
 
 use std::path::{Path, PathBuf};
 
-use crate::budget::costs::{LEAST_WORKER, WORKER_OVERHEAD};
+use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::builder::{BuildError, BuildOptions, BuildReport, CellEdges, Progress, Tile};
 use crate::facts::{Fill, MeshFacts, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
@@ -118,7 +118,7 @@ pub struct MeshReport {
 }
 
 /// Fewest triangles that a worker has room for.
-const LEAST_RESIDENT: usize = 2048;
+const MIN_RESIDENT: usize = 2048;
 /// Bytes of a worker of the builder beside its part of the solid, about.
 const COLUMN_BYTES: u64 = 768 << 10;
 
@@ -171,7 +171,7 @@ pub(crate) fn mesh_part(
     let scratch = scratch.to_path_buf();
     let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed: Some(placed) };
     let (mut solid, facts, _) = front.solid()?;
-    solid.resident = (solid.resident / parts.max(1)).max(LEAST_RESIDENT);
+    solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
     Ok((solid, facts))
 }
 
@@ -188,12 +188,12 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
     let tile = Tile { columns: side.min(1024), channels: options.channels };
     let painted = options.channels.contains(Channel::Color) || options.channels.contains(Channel::Material);
     let (collecting, painter) = if painted { (COLLECTING_BYTES, Painter::BYTES) } else { (0, 0) };
-    let thin = mesh.thin().map_or(0, |_| thin::fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 0));
+    let thin = mesh.thin().map_or(0, |_| thin::fixed_bytes(&tile) + Resident::bytes(MIN_RESIDENT, 0));
     let edges = if cells { CellEdges::BYTES } else { 0 };
     let column =
-        COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(LEAST_RESIDENT, 32) + painter + thin + edges;
+        COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(MIN_RESIDENT, 32) + painter + thin + edges;
     bins + (READER_BYTES + collecting + BINNING_BYTES.max(BOUNDARY_BYTES))
-        .max(column.max(LEAST_WORKER) + WORKER_OVERHEAD)
+        .max(column.max(MIN_WORKER) + WORKER_OVERHEAD)
 }
 
 /// The bounds of a mesh at another place.

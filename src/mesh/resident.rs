@@ -64,7 +64,7 @@ const TALL: usize = 38;
 const SLOTS: usize = TALL + 1;
 
 /// Most places that a triangle takes.
-const MOST_PLACES: usize = 4;
+const MAX_PLACES: usize = 4;
 
 /// Triangles of a run of slices, as many as there is room for.
 pub(super) struct Resident {
@@ -132,7 +132,7 @@ impl Resident {
 
     /// Places that are filled whatever comes.
     pub(super) fn room(&self) -> usize {
-        self.items.len().saturating_sub(MOST_PLACES)
+        self.items.len().saturating_sub(MAX_PLACES)
     }
 
     /// Bricks along x that there are.
@@ -158,7 +158,7 @@ impl Resident {
         if away && end - start < self.bricks {
             return true;
         }
-        if self.count + 2 * self.long + MOST_PLACES > self.items.len() {
+        if self.count + 2 * self.long + MAX_PLACES > self.items.len() {
             return false;
         }
         let [a, b, c, d, e, f] = match t {

@@ -76,7 +76,7 @@ pub(super) fn fixed_bytes(tile: &Tile) -> u64 {
     Crossings::bytes(row_words(tile), ROWS)
         + BlockBuffers::BYTES
         + Cells::BYTES
-        + (SkinSlice::MOST * (size_of::<Nearest>() + 2)) as u64
+        + (SkinSlice::MAX_VOXELS * (size_of::<Nearest>() + 2)) as u64
 }
 
 impl Solid for MeshSolid {
@@ -170,9 +170,9 @@ impl<'a> MeshWorker<'a> {
             crossings: Crossings::new(words, ROWS),
             crossed: None,
             gathered: None,
-            nearest: vec![Nearest::within(0.0); SkinSlice::MOST],
+            nearest: vec![Nearest::within(0.0); SkinSlice::MAX_VOXELS],
             cells: Cells::new(),
-            codes: Vec::with_capacity(2 * SkinSlice::MOST),
+            codes: Vec::with_capacity(2 * SkinSlice::MAX_VOXELS),
             painter: solid.paint.as_ref().map(Painter::new),
         }
     }

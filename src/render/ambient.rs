@@ -30,7 +30,7 @@ use super::tile::{RAYS, TILE, Tile, Tracer};
 use super::traverse::{Hit, Trace};
 
 /// Most rays of a pixel.
-pub(crate) const MOST_RAYS: u32 = 1024;
+pub(crate) const MAX_RAYS: u32 = 1024;
 
 /// Rays between two looks at the process's memory.
 const STEP_RAYS: usize = 16;
@@ -79,9 +79,9 @@ fn turned([x, y]: [f64; 2], [cosine, sine]: [f64; 2]) -> [f64; 2] {
 }
 
 impl Sky {
-    /// So many directions, at least one and at most [`MOST_RAYS`].
+    /// So many directions, at least one and at most [`MAX_RAYS`].
     pub(crate) fn new(rays: u32) -> Self {
-        let rays = rays.clamp(1, MOST_RAYS);
+        let rays = rays.clamp(1, MAX_RAYS);
         let mut first = [1.0, 0.0];
         let mut all = Vec::with_capacity(PIXELS.len());
         for turn in 0..PIXELS.len() {
@@ -234,7 +234,7 @@ mod tests {
             let sky = Sky::new(rays);
             for pixel in 0..16 {
                 let directions = sky.of([pixel % 4, pixel / 4]);
-                assert_eq!(directions.len(), rays.clamp(1, MOST_RAYS) as usize);
+                assert_eq!(directions.len(), rays.clamp(1, MAX_RAYS) as usize);
                 assert!(directions.iter().all(|d| (dot(*d, *d) - 1.0).abs() < 1e-12 && d[2] > 0.0));
             }
         }

@@ -18,7 +18,7 @@ pub(super) const SIDE: u32 = 5;
 const KEPT: usize = 256;
 
 /// Deepest octree (SPEC 4.1).
-const MOST_LEVELS: usize = 16;
+const MAX_LEVELS: usize = 16;
 
 /// 4 x 4 x 4 boxes.
 #[derive(Clone, Copy)]
@@ -42,7 +42,7 @@ struct Way {
     /// Its coordinates, in bricks.
     to: [u32; 3],
     /// Nodes from the root on, and how many of them there are.
-    nodes: [NodeIndex; MOST_LEVELS + 1],
+    nodes: [NodeIndex; MAX_LEVELS + 1],
     known: u32,
 }
 
@@ -75,7 +75,7 @@ pub(crate) struct Surroundings {
 
 impl Surroundings {
     pub(crate) fn new() -> Self {
-        let way = Way { to: [0; 3], nodes: [NodeIndex::ROOT; MOST_LEVELS + 1], known: 1 };
+        let way = Way { to: [0; 3], nodes: [NodeIndex::ROOT; MAX_LEVELS + 1], known: 1 };
         Self { bricks: vec![Brick::NONE; KEPT], blocks: [Block::NONE; KEPT_BLOCKS], way, levels: u32::MAX }
     }
 

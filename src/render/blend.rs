@@ -9,7 +9,7 @@ use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex, dot};
 use crate::load::{ModelView, NodeView};
 
 /// Least cosine between the hit's normal and another that counts.
-const LEAST_COSINE: f64 = 0.5;
+const MIN_COSINE: f64 = 0.5;
 
 /// The voxel or cell at a place of the grid, if the model has it.
 pub(crate) fn find(view: &ModelView<'_>, at: [u32; 3]) -> Option<VoxelIndex> {
@@ -89,7 +89,7 @@ pub(crate) fn blended(view: &ModelView<'_>, at: [f64; 3], own: [f64; 3]) -> [f64
         }
         let Some(stored) = voxel.and_then(|voxel| view.voxel_direction(voxel)) else { continue };
         let normal = unit(stored);
-        if dot(normal, own) >= LEAST_COSINE {
+        if dot(normal, own) >= MIN_COSINE {
             sum = std::array::from_fn(|a| sum[a] + weight * normal[a]);
         }
     }

@@ -6,7 +6,7 @@ use crate::geom::{BoxIndex, VoxelIndex};
 use crate::load::{ModelView, NodeView};
 
 /// Most voxels whose colours are averaged.
-const MOST: u64 = 64;
+const MAX: u64 = 64;
 
 /// Do the voxels of a model have colours?
 pub(super) fn has_colors(view: &ModelView<'_>) -> bool {
@@ -24,7 +24,7 @@ pub(super) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: Seen) -> Opt
     }
     // Voxels of a box follow each other.
     let (first, last) = (end(view, at, false)?, end(view, at, true)?);
-    let step = last.saturating_sub(first) / MOST + 1;
+    let step = last.saturating_sub(first) / MAX + 1;
     let (mut sum, mut count) = ([0.0; 3], 0.0);
     let mut voxel = first;
     while voxel <= last {

@@ -11,7 +11,7 @@ use crate::mark::{KEYWORD, PROGRAM};
 /// Pictures of more pixels than thumbnails have are compressed in haste: a quarter to a third larger, in a twentieth to
 /// a fortieth of the time, which was longer than that of tracing them. Every row by the same filter: choosing the best
 /// for each takes as long as all the rest, for 2 % fewer bytes.
-const MOST_SMALL: u64 = 1 << 18;
+const MAX_SMALL: u64 = 1 << 18;
 
 /// How hard smaller pictures are compressed. Of a thumbnail of 256^2, in ms and bytes: level 3 5.1 and 40,264, the usual
 /// 6 16.6 and 38,220, 2 3.4 and 42,618, in haste .7 and 51,073; all the rest of making it takes some 30 ms.
@@ -197,7 +197,7 @@ fn encoder<W: Write>(
     let (color, bits) = layer.format();
     encoder.set_color(color);
     encoder.set_depth(bits);
-    if u64::from(width) * u64::from(height) > MOST_SMALL {
+    if u64::from(width) * u64::from(height) > MAX_SMALL {
         encoder.set_compression(png::Compression::Fast);
         encoder.set_filter(png::Filter::Paeth);
     } else {

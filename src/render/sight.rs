@@ -45,13 +45,13 @@ pub(super) struct Row<L: Lanes> {
 
 /// Rays whose numbers are sums of larger ones than this, in cells, are not estimated: the estimate could be
 /// off by more than 2^-16 cell.
-const MOST_CELLS: f64 = (1_u64 << 30) as f64;
+const MAX_CELLS: f64 = (1_u64 << 30) as f64;
 
 /// The same for directions: sums of numbers this many times their longest component.
-const MOST_CANCELLED: f64 = 1024.0;
+const MAX_CANCELLED: f64 = 1024.0;
 
 /// Exponents of directions that rows are made for: scaling by 2^400 at once or in two steps is the same.
-const MOST_EXPONENT: i64 = 400;
+const MAX_EXPONENT: i64 = 400;
 
 impl Pencil {
     /// Of a picture of this size; `None` where rounding, here or in the exact rays, could move a ray by
@@ -79,7 +79,7 @@ impl Pencil {
         let most_direction = summed(frame.direction).iter().fold(0.0_f64, |most, sum| most.max(*sum));
         // In the middle of the picture, where all of a perspective camera's rays are about as long.
         let longest = in_grid(frame.direction[0]).iter().fold(0.0_f64, |most, c| most.max(c.abs()));
-        if !(most <= MOST_CELLS && most_direction <= MOST_CANCELLED * longest) {
+        if !(most <= MAX_CELLS && most_direction <= MAX_CANCELLED * longest) {
             return None;
         }
         for a in 0..3 {
@@ -203,7 +203,7 @@ pub(super) fn quantised<L: Lanes>(l: L, depth: u32, origin: [L::D; 3], direction
     }
     // 2^-exponent has the exponent field 2046 - field.
     let field = l.exponent_field(longest);
-    valid = valid & l.i_gt(l.i(1023 + MOST_EXPONENT), field) & l.i_gt(field, l.i(1023 - MOST_EXPONENT));
+    valid = valid & l.i_gt(l.i(1023 + MAX_EXPONENT), field) & l.i_gt(field, l.i(1023 - MAX_EXPONENT));
     let to_unit = l.power(l.i(2046) - field);
     let d = each3!(A => direction[A] * to_unit + zero);
     let half = f64::from(1_u32.wrapping_shl(depth)) / 2.0;

@@ -30,7 +30,7 @@ use super::material::{Colors, Material};
 const STAIR: f64 = 32.0;
 
 /// Most steps that a line passes: a line changes its box three times in each at most.
-const MOST_STEPS: u32 = 128;
+const MAX_STEPS: u32 = 128;
 
 /// How far along a line a normal of unit length may look and still be across it: normals are stored to within a degree,
 /// and estimated to within two or three.
@@ -298,7 +298,7 @@ impl<'a> Body<'a> {
         let Way { line, least, span, mut from } = way;
         let mut found = first;
         let mut passed = None;
-        let mut steps = 0..MOST_STEPS;
+        let mut steps = 0..MAX_STEPS;
         loop {
             let Some(hit) = found else {
                 // A line within comes out somewhere: where nothing follows, what was passed last was no step.

@@ -1,12 +1,12 @@
 //! The clear bodies that a line runs in, one within another.
 
 /// Bodies that a line keeps in mind; others within those are passed as if they were not clear within.
-const MOST: usize = 4;
+const MAX: usize = 4;
 
 /// Clear bodies by number, the innermost last.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Media {
-    bodies: [usize; MOST],
+    bodies: [usize; MAX],
     count: usize,
 }
 

@@ -44,5 +44,5 @@ pub use material::{Coloring, Colors, Material, PRESETS};
 pub use paint::{Look, paint};
 pub use place::Placement;
 pub use rays::Rays;
-pub use read::{MOST_BYTES, MOST_LIGHTS, MOST_MODELS, read};
+pub use read::{MAX_BYTES, MAX_LIGHTS, MAX_MODELS, read};
 pub use spec::{Place, Scene, SceneCamera, SceneModel};

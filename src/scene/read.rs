@@ -2,7 +2,7 @@
 
 use crate::geom::{Affine, add_scaled, dot};
 use crate::render::NamedView;
-use crate::render::ambient::MOST_RAYS;
+use crate::render::ambient::MAX_RAYS;
 
 use super::checked::{Checked, FAR};
 use super::clip::{Clip, Plane};
@@ -17,20 +17,20 @@ use super::place::Placement;
 use super::spec::{Place, Scene, SceneCamera, SceneModel};
 
 /// Longest text in bytes.
-pub const MOST_BYTES: u64 = 1 << 20;
+pub const MAX_BYTES: u64 = 1 << 20;
 /// Most models, and most lights.
-pub const MOST_MODELS: usize = 4096;
-/// See [`MOST_MODELS`].
-pub const MOST_LIGHTS: usize = 64;
+pub const MAX_MODELS: usize = 4096;
+/// See [`MAX_MODELS`].
+pub const MAX_LIGHTS: usize = 64;
 /// Most planes that cut one model.
-const MOST_PLANES: usize = 64;
+const MAX_PLANES: usize = 64;
 /// How often a line is thrown back or bent, unless that is said.
 const BOUNCES: u32 = 8;
-const MOST_BOUNCES: u32 = 64;
-const MOST_SAMPLES: u32 = 8;
-const MOST_EXPONENT: u32 = 100_000;
+const MAX_BOUNCES: u32 = 64;
+const MAX_SAMPLES: u32 = 8;
+const MAX_EXPONENT: u32 = 100_000;
 /// Most colours of a transfer function.
-const MOST_COLORS: usize = 256;
+const MAX_COLORS: usize = 256;
 
 /// A material, and where its colour comes from.
 type Substance = (Material, Coloring);
@@ -52,8 +52,8 @@ fn scene(keys: &Description) -> Result<Scene, SceneFault> {
     if keys.model.is_empty() {
         return Err(SceneFault::NoModels);
     }
-    top.few("model", keys.model.len(), MOST_MODELS)?;
-    top.few("light", keys.light.len(), MOST_LIGHTS)?;
+    top.few("model", keys.model.len(), MAX_MODELS)?;
+    top.few("light", keys.light.len(), MAX_LIGHTS)?;
     let materials = keys.material.iter().map(|(name, keys)| Ok((name.as_str(), substance(name, keys)?)));
     let materials: Vec<(&str, Substance)> = materials.collect::<Result<_, SceneFault>>()?;
     let all = clip(Table::Clip, &keys.clip)?;
@@ -66,8 +66,8 @@ fn scene(keys: &Description) -> Result<Scene, SceneFault> {
     Ok(Scene {
         size: keys.size,
         background: keys.background.as_deref().map(|text| top.color("background", text)).transpose()?,
-        bounces: top.whole("bounces", keys.bounces, BOUNCES, [0, MOST_BOUNCES])?,
-        samples: top.whole("samples", keys.samples, 1, [1, MOST_SAMPLES])?,
+        bounces: top.whole("bounces", keys.bounces, BOUNCES, [0, MAX_BOUNCES])?,
+        samples: top.whole("samples", keys.samples, 1, [1, MAX_SAMPLES])?,
         camera: camera(&keys.camera)?,
         ambient: ambient(&keys.ambient)?,
         lights,
@@ -110,7 +110,7 @@ fn ambient(keys: &AmbientKeys) -> Result<Ambient, SceneFault> {
     let on = Checked(Table::Ambient);
     Ok(Ambient {
         color: on.light(keys.color.as_deref(), keys.strength, 0.1)?,
-        rays: on.whole("rays", keys.rays, 0, [0, MOST_RAYS])?,
+        rays: on.whole("rays", keys.rays, 0, [0, MAX_RAYS])?,
         reach_mm: keys.reach.map_or(Ok(f64::INFINITY), |v| on.number("reach", v, [0.0, FAR]))?,
     })
 }
@@ -145,7 +145,7 @@ fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, SceneFault> {
     on.not_both("colors", keys.colors.is_some() && keys.channel == Some(ChannelName::Color), "channel")?;
     on.not_both("colors", keys.colors.is_some() && keys.channel == Some(ChannelName::None), "channel")?;
     let colors = |given: &[(f64, String)]| {
-        on.few("colors", given.len(), MOST_COLORS)?;
+        on.few("colors", given.len(), MAX_COLORS)?;
         let one = |(value, text): &(f64, String)| {
             Ok((on.number("colors", *value, [-FAR, FAR])?, on.color("colors", text)?))
         };
@@ -190,7 +190,7 @@ fn material(name: &str, keys: &MaterialKeys) -> Result<Material, SceneFault> {
         color: keys.color.as_deref().map_or(Ok(base.color), |text| on.color("color", text))?,
         diffuse: on.part("diffuse", keys.diffuse, base.diffuse)?,
         specular: on.part("specular", keys.specular, base.specular)?,
-        exponent: on.whole("exponent", keys.exponent, base.exponent, [1, MOST_EXPONENT])?,
+        exponent: on.whole("exponent", keys.exponent, base.exponent, [1, MAX_EXPONENT])?,
         mirror: on.part("mirror", keys.mirror, base.mirror)?,
         clear: on.part("clear", keys.clear, base.clear)?,
         index: keys.index.map_or(Ok(base.index), |v| on.number("index", v, [0.1, 10.0]))?,
@@ -199,7 +199,7 @@ fn material(name: &str, keys: &MaterialKeys) -> Result<Material, SceneFault> {
 
 fn clip(table: Table, keys: &ClipKeys) -> Result<Clip, SceneFault> {
     let on = Checked(table);
-    on.few("planes", keys.planes.len(), MOST_PLANES)?;
+    on.few("planes", keys.planes.len(), MAX_PLANES)?;
     let cap = keys.cap.as_deref().map(|text| on.color("cap", text)).transpose()?;
     let mut planes = Vec::new();
     if let Some([low, high]) = keys.within {

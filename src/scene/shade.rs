@@ -18,7 +18,7 @@ use super::rays::Rays;
 use super::world::{From, Lot, World};
 
 /// Least share of a point's light that a line is followed for.
-const LEAST_SHARE: f64 = 1.0 / 1024.0;
+const MIN_SHARE: f64 = 1.0 / 1024.0;
 
 /// A line that is still to be followed.
 #[derive(Clone, Copy, Debug)]
@@ -193,7 +193,7 @@ impl Stage<'_> {
         }
         let mut add = |direction: [f64; 3], part: f64, color: [f64; 3], beyond: bool, rays: &mut u64| {
             let share: [f64; 3] = std::array::from_fn(|c| branch.share[c] * part * color[c]);
-            if share.iter().any(|c| *c >= LEAST_SHARE) {
+            if share.iter().any(|c| *c >= MIN_SHARE) {
                 *rays += 1;
                 let within = spot.enters == beyond && material.is_clear();
                 let media =

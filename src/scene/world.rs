@@ -10,7 +10,7 @@ use crate::render::traverse::Hit;
 use super::body::{Body, Met, Part, Side, Start, Way};
 
 /// Surfaces of clear bodies that a line to a light passes at most.
-const MOST_SURFACES: u32 = 64;
+const MAX_SURFACES: u32 = 64;
 
 /// Where a line starts: the number of a body, and where on it.
 pub(super) type From = Option<(usize, Start)>;
@@ -111,7 +111,7 @@ impl<'a> World<'a> {
             }
             let mut start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| *start);
             let mut least = limits[0];
-            for _ in 0..MOST_SURFACES {
+            for _ in 0..MAX_SURFACES {
                 let Some(met) = body.meet(line, [least, limits[1]], start.as_ref()) else { break };
                 least = met.t();
                 let (hit, enters) = match met {

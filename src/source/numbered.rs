@@ -21,7 +21,7 @@ const FIELDS: usize = 16;
 const MAX_DIGITS: usize = 15;
 
 /// Slices that are made at most for each one that is there: more would be a picture of the interpolation.
-const MOST_MADE: u64 = 10;
+const MAX_MADE: u64 = 10;
 
 /// Numbers that lie at most so many times as far apart as files do, on average, count slices even where no
 /// step between them is the usual one.
@@ -192,7 +192,7 @@ impl Set {
         let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         let (step, _) = usual(&steps);
         let slices = steps.iter().map(|own| own / step).sum::<u64>() + 1;
-        if slices > MOST_MADE * numbers.len() as u64 {
+        if slices > MAX_MADE * numbers.len() as u64 {
             return Err(NumberFault::TooFar { slices, files: numbers.len() });
         }
         let mut places = Vec::new();

@@ -33,7 +33,7 @@ const HEAD_BYTES: usize = 29;
 const CHUNK_BYTES: usize = 64 << 10;
 
 /// The most bytes that deflate makes of one.
-const MOST_EXPANSION: u64 = 1032;
+const MAX_EXPANSION: u64 = 1032;
 
 /// Is this a PNG picture?
 pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
@@ -68,7 +68,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
         .ok_or_else(|| unusable(&path, PngFault::OutOfRange { picture: head.told(), slices: count }))?;
     let bytes = dims.voxels() * head.scalar().bytes() as u64;
     // Smaller samples than a byte grow by 8 at most.
-    if bytes > file_bytes.saturating_mul(8 * MOST_EXPANSION) {
+    if bytes > file_bytes.saturating_mul(8 * MAX_EXPANSION) {
         return Err(unusable(&path, PngFault::Promise { bytes, file_bytes }));
     }
     let name = if count == 1 {

@@ -38,7 +38,7 @@ pub(super) enum Shape {
 }
 
 /// Steps of a cast after which a ray counts as a miss: it runs along the surface.
-const MOST_STEPS: u32 = 20_000;
+const MAX_STEPS: u32 = 20_000;
 /// Nearer than this, in units, a cast has arrived.
 const ARRIVED: f64 = 1e-9;
 
@@ -97,7 +97,7 @@ impl Body {
     pub fn cast(&self, origin: [f64; 3], direction: [f64; 3], farthest: f64) -> Option<f64> {
         let direction = unit(direction);
         let mut t = 0.0;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let distance = self.safe_distance(add_scaled(origin, t, direction));
             if distance <= ARRIVED {
                 return Some(t);

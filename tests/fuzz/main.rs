@@ -26,5 +26,5 @@ static CHOSEN: LazyLock<targets::Target> = LazyLock::new(|| {
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let (_, bytes) = live::peak(|| CHOSEN.run(bytes));
-    assert!(bytes <= targets::MOST_BYTES, "{bytes} bytes of memory");
+    assert!(bytes <= targets::MAX_BYTES, "{bytes} bytes of memory");
 });

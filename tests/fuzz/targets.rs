@@ -29,19 +29,19 @@ use infobyte::{NamedView, Projection, RayCaster, RenderRequest, ViewPoint};
 use crate::common::frames::{Spec, encapsulated};
 
 /// Most memory that a case may take: what reading and building are allowed, twice, and the case itself.
-pub(crate) const MOST_BYTES: usize = 40 << 20;
+pub(crate) const MAX_BYTES: usize = 40 << 20;
 
 /// What unrolling a volume, and building from it, may hold.
 const ALLOWED: u64 = 8 << 20;
 
 /// Volumes of more voxels are read in part, and not built.
-const MOST_BUILT: u64 = 512;
+const MAX_BUILT: u64 = 512;
 
 /// Volumes of a file that are looked at.
-const MOST_VOLUMES: usize = 3;
+const MAX_VOLUMES: usize = 3;
 
 /// Most pixels of a frame of a codec; a frame that says more is a wrong one.
-const MOST_PIXELS: u64 = 1 << 16;
+const MAX_PIXELS: u64 = 1 << 16;
 
 /// One way into the program.
 #[derive(Clone, Copy)]
@@ -64,18 +64,18 @@ macro_rules! targets {
 pub(crate) const TARGETS: [Target; 23] = targets! {
     oct: |bytes| model(bytes),
     packed: |bytes| archive(bytes),
-    dicom: |bytes| volume("case.dcm", bytes, MOST_BUILT),
+    dicom: |bytes| volume("case.dcm", bytes, MAX_BUILT),
     jpeg: |bytes| codec(bytes, &["4.50", "4.51", "4.57", "4.70"], jpeg_frame),
     jpeg_passes: |bytes| codec(bytes, &["4.53", "4.55"], jpeg_frame),
     jpegls: |bytes| codec(bytes, &["4.80", "4.81"], jpeg_frame),
     jpeg2000: |bytes| codec(bytes, &["4.90", "4.91", "4.201"], jpeg2000_frame),
     rle: |bytes| codec(bytes, &["5"], rle_frame),
-    nrrd: |bytes| volume("case.nrrd", bytes, MOST_BUILT),
-    nifti: |bytes| volume("case.nii", bytes, MOST_BUILT),
-    tiff: |bytes| volume("case.tif", bytes, MOST_BUILT),
-    png: |bytes| volume("case.png", bytes, MOST_BUILT),
-    npy: |bytes| volume("case.npy", bytes, MOST_BUILT),
-    metaimage: |bytes| volume("case.mha", bytes, MOST_BUILT),
+    nrrd: |bytes| volume("case.nrrd", bytes, MAX_BUILT),
+    nifti: |bytes| volume("case.nii", bytes, MAX_BUILT),
+    tiff: |bytes| volume("case.tif", bytes, MAX_BUILT),
+    png: |bytes| volume("case.png", bytes, MAX_BUILT),
+    npy: |bytes| volume("case.npy", bytes, MAX_BUILT),
+    metaimage: |bytes| volume("case.mha", bytes, MAX_BUILT),
     stl: |bytes| mesh("case.stl", bytes),
     ply: |bytes| mesh("case.ply", bytes),
     obj: |bytes| mesh("case.obj", bytes),
@@ -119,7 +119,7 @@ fn volume(name: &str, bytes: &[u8], built: u64) -> bool {
     };
     let mut any = false;
     for finding in
-        (0..catalogue.len().min(MOST_VOLUMES)).flat_map(|index| catalogue.open(index)).take(MOST_VOLUMES)
+        (0..catalogue.len().min(MAX_VOLUMES)).flat_map(|index| catalogue.open(index)).take(MAX_VOLUMES)
     {
         match finding.subject {
             Ok(subject) => any |= subject.into_volume().is_some_and(|source| read(source, built)),
@@ -130,7 +130,7 @@ fn volume(name: &str, bytes: &[u8], built: u64) -> bool {
 }
 
 /// Most models, lights and bounces of a scene that is shown: more take longer than a case may.
-const MOST_SHOWN: usize = 3;
+const MAX_SHOWN: usize = 3;
 
 /// Reads a scene, and shows it small if it is a simple one of the model beside it.
 fn scene(bytes: &[u8]) -> bool {
@@ -147,9 +147,9 @@ fn scene(bytes: &[u8]) -> bool {
     let path = put("case.toml", bytes);
     let simple = match read_scene(&path) {
         Ok(scene) => {
-            let few = scene.models.len().max(scene.lights.len()) <= MOST_SHOWN;
+            let few = scene.models.len().max(scene.lights.len()) <= MAX_SHOWN;
             let known = scene.models.iter().all(|one| model.file_name() == Some(one.file.as_os_str()));
-            few && known && scene.bounces as usize <= MOST_SHOWN && scene.samples <= 2
+            few && known && scene.bounces as usize <= MAX_SHOWN && scene.samples <= 2
         }
         Err(refused) => return told(&refused.to_string()),
     };
@@ -404,7 +404,7 @@ type Stated = (u32, u32, u16, u16);
 fn codec(bytes: &[u8], syntaxes: &[&str], stated: fn(&[u8]) -> Option<Stated>) -> bool {
     let Some((choice, stream)) = bytes.split_first() else { return false };
     let (columns, rows, samples, precision) = stated(stream)
-        .filter(|s| u64::from(s.0) * u64::from(s.1) <= MOST_PIXELS && s.0.max(s.1) <= u32::from(u16::MAX))
+        .filter(|s| u64::from(s.0) * u64::from(s.1) <= MAX_PIXELS && s.0.max(s.1) <= u32::from(u16::MAX))
         .unwrap_or((16, 16, 1, 8));
     let precision = precision.clamp(1, 32);
     let allocated = if precision <= 8 && choice & 1 == 0 { 8 } else { precision.next_multiple_of(16) };

@@ -53,7 +53,7 @@ impl Solid for Ball {
     }
 
     fn worker_bytes(&self, _: &Tile) -> u64 {
-        3 * SkinSlice::MOST as u64
+        3 * SkinSlice::MAX_VOXELS as u64
     }
 
     fn worker(&self, _: &Tile) -> Box<dyn SolidWorker + '_> {

@@ -34,16 +34,16 @@ pub(super) const EDGES: [(usize, usize); 12] =
     [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
 
 /// Least and greatest size of a depth: 1 / 0 does not come up, nor does infinity less infinity.
-pub(super) const LEAST_DEPTH: f32 = 1e-20;
-pub(super) const MOST_DEPTH: f32 = 1e30;
+pub(super) const MIN_DEPTH: f32 = 1e-20;
+pub(super) const MAX_DEPTH: f32 = 1e30;
 
 /// A depth with the sign of its side, and neither zero nor infinite.
 #[inline(always)]
 pub(super) fn signed_depth(depth: f32, inside: bool) -> f32 {
     let size = if inside { depth } else { -depth };
     // What is not a number becomes the least.
-    let size = if size > LEAST_DEPTH { size } else { LEAST_DEPTH };
-    let size = if size < MOST_DEPTH { size } else { MOST_DEPTH };
+    let size = if size > MIN_DEPTH { size } else { MIN_DEPTH };
+    let size = if size < MAX_DEPTH { size } else { MAX_DEPTH };
     if inside { size } else { -size }
 }
 

@@ -67,17 +67,17 @@ pub(crate) struct CellEdges {
 impl CellEdges {
     /// Memory of one.
     pub(crate) const BYTES: u64 =
-        (size_of::<Self>() + Self::MOST * size_of::<Crossing>() + SLICE_VOXELS * (3 + CORNERS)) as u64;
+        (size_of::<Self>() + Self::MAX_EDGES * size_of::<Crossing>() + SLICE_VOXELS * (3 + CORNERS)) as u64;
 
     /// Most edges of a brick's cells in one slice.
-    pub(crate) const MOST: usize = FAMILIES * SIDE * SIDE;
+    pub(crate) const MAX_EDGES: usize = FAMILIES * SIDE * SIDE;
 
     pub(crate) fn new() -> Self {
         Self {
             corner: [0; 3],
             wanted: [[0; SIDE]; FAMILIES],
             low_inside: [[0; SIDE]; FAMILIES],
-            crossings: vec![NOT_CROSSED; Self::MOST],
+            crossings: vec![NOT_CROSSED; Self::MAX_EDGES],
             codes: Vec::with_capacity(2 * SLICE_VOXELS),
             offsets: Vec::with_capacity(SLICE_VOXELS),
             corners: Vec::with_capacity(CORNERS * SLICE_VOXELS),

@@ -51,7 +51,7 @@ use pick::{Cell, Picked};
 use stretch::Stretch;
 
 /// Least part of a normal along the edge that it belongs to.
-const LEAST_PART: f64 = 1e-3;
+const MIN_PART: f64 = 1e-3;
 /// Name recorded in the metadata.
 const ESTIMATOR: &str = "cell planes";
 
@@ -316,7 +316,7 @@ impl<F: RingForm> SolidWorker for CellWorker<'_, F> {
                     normal = [0.0; 3];
                 }
                 if normal[axis] * sign <= 0.0 {
-                    normal[axis] = sign * if length.is_normal() { LEAST_PART * length } else { 1.0 };
+                    normal[axis] = sign * if length.is_normal() { MIN_PART * length } else { 1.0 };
                 }
                 let low = [0, 1, 2].map(|k| cell[k] as i32 - 1 + (p >> k & 1) as i32);
                 found(&EdgeCrossing { low, axis, along, normal });

@@ -7,7 +7,7 @@ use super::huffman::Huffman;
 
 /// Bytes between the end of a scan's data and the next marker that are taken for padding. More mean that
 /// decoding lost its way through the bits.
-const MOST_PADDING: u32 = 64;
+const MAX_PADDING: u32 = 64;
 
 /// The bits of one scan.
 pub(super) struct Bits<'b, 'r> {
@@ -150,7 +150,7 @@ impl<'b, 'r> Bits<'b, 'r> {
         (self.window, self.count) = (0, 0);
         while let Some(byte) = self.data_byte()? {
             left_over += u32::from(byte != 0);
-            if left_over > MOST_PADDING {
+            if left_over > MAX_PADDING {
                 return Err(Damage::GoesOn.into());
             }
         }

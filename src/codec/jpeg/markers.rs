@@ -7,7 +7,7 @@ use super::fault::{Damage, Feature};
 use super::huffman::Huffman;
 
 /// T.81 B.2.3: an interleaved scan has at most this many data units in one MCU.
-const MOST_UNITS_IN_MCU: u32 = 10;
+const MAX_UNITS_IN_MCU: u32 = 10;
 
 /// How the samples are coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -170,8 +170,8 @@ impl Scan {
         let (high, low) = segment.nibbles()?;
         segment.skip()?;
         let units = |c: &ScanComponent| frame.components.get(c.index).map_or(0, |c| c.h * c.v);
-        if count > 1 && components.iter().map(units).sum::<u32>() > MOST_UNITS_IN_MCU {
-            return Err(Damage::ScanUnits { most: MOST_UNITS_IN_MCU }.into());
+        if count > 1 && components.iter().map(units).sum::<u32>() > MAX_UNITS_IN_MCU {
+            return Err(Damage::ScanUnits { most: MAX_UNITS_IN_MCU }.into());
         }
         Ok(Self { components, start, end, high, low })
     }
@@ -179,7 +179,7 @@ impl Scan {
 
 impl Tables {
     /// Memory that all of them take together.
-    pub(super) const MOST_BYTES: u64 = 8 * size_of::<Huffman>() as u64 + 4 * size_of::<Steps>() as u64;
+    pub(super) const MAX_BYTES: u64 = 8 * size_of::<Huffman>() as u64 + 4 * size_of::<Steps>() as u64;
 
     /// Reads segments up to the next one that is more than a table; the first marker may be read already.
     pub(super) fn next(

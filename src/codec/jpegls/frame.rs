@@ -6,7 +6,7 @@ use super::stream::Stream;
 use crate::codec::CodecError;
 
 /// Components that are decoded at most.
-pub(super) const MOST_COMPONENTS: usize = 4;
+pub(super) const MAX_COMPONENTS: usize = 4;
 
 /// Start of the image.
 pub(super) const SOI: u8 = 0xD8;
@@ -149,7 +149,7 @@ impl Header {
         if count == 0 {
             return Err(Damage::NoComponents.into());
         }
-        if count > MOST_COMPONENTS {
+        if count > MAX_COMPONENTS {
             return Err(Feature::Components { count }.into());
         }
         let mut components = Vec::with_capacity(count);

@@ -9,7 +9,7 @@ use crate::csg::tree::Faces;
 use crate::facts::CsgFault;
 use crate::geom::{Affine, cross, dot};
 use crate::mesh::{
-    Census, Closed, Crossings, Facet, MOST_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice, span, turned,
+    Census, Closed, Crossings, Facet, MAX_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice, span, turned,
 };
 
 /// How far from a voxel its nearest triangle is sought, squared: two voxels.
@@ -57,7 +57,7 @@ impl Body {
         for p in points {
             let mut narrow = [0; 3];
             for k in 0..3 {
-                let far = |_| CsgFault::TooFar { line, most_voxels: MOST_VOXELS };
+                let far = |_| CsgFault::TooFar { line, most_voxels: MAX_VOXELS };
                 narrow[k] = i32::try_from(p[k]).ok().filter(|c| c.abs() < 1 << 29).ok_or(()).map_err(far)?;
                 low[k] = low[k].min(narrow[k]);
                 high[k] = high[k].max(narrow[k]);

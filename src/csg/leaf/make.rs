@@ -3,12 +3,12 @@
 use super::curved::tube_parts;
 use super::{Ball, Block, Body, Curved, Half, Leaf, Round};
 use crate::csg::facets;
-use crate::csg::offset::MOST_TUBE;
+use crate::csg::offset::MAX_TUBE;
 use crate::csg::place::{point, whole};
 use crate::csg::tree::Shape;
 use crate::facts::CsgFault;
 use crate::geom::{Affine, cross, dot};
-use crate::mesh::MOST_VOXELS;
+use crate::mesh::MAX_VOXELS;
 
 /// Axes that are as long as each other, and at right angles, but for this part of their length make a sphere.
 const ROUND: f64 = 1e-10;
@@ -77,7 +77,7 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
             if size(&[*major, *minor])? {
                 return Ok(Leaf::Nothing);
             }
-            if *minor > MOST_TUBE * major {
+            if *minor > MAX_TUBE * major {
                 return Err(CsgFault::Size { line });
             }
             let axes = [axis(0, *major)?, axis(1, *major)?, axis(2, *major)?];
@@ -110,7 +110,7 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
 }
 
 fn narrow(of: i64, line: u64) -> Result<i32, CsgFault> {
-    i32::try_from(of).map_err(|_| CsgFault::TooFar { line, most_voxels: MOST_VOXELS })
+    i32::try_from(of).map_err(|_| CsgFault::TooFar { line, most_voxels: MAX_VOXELS })
 }
 
 fn curved(middle: [i64; 3], axes: [[i64; 3]; 3], round: Round) -> Leaf {

@@ -9,7 +9,7 @@ use crate::facts::CsgFault;
 use crate::geom::Affine;
 
 /// Most sides of a facetted sphere or cylinder.
-const MOST_SIDES: f64 = 256.0;
+const MAX_SIDES: f64 = 256.0;
 
 /// A module with children.
 #[derive(Debug)]
@@ -195,9 +195,9 @@ fn sides(of: &Arguments) -> Result<Option<usize>, CsgFault> {
         None => Ok(None),
         Some(count) if count <= 0.0 => Ok(None),
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "3 to 256")]
-        Some(count) if count <= MOST_SIDES => Ok(Some(count.max(3.0) as usize)),
+        Some(count) if count <= MAX_SIDES => Ok(Some(count.max(3.0) as usize)),
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "256")]
-        Some(_) => Err(CsgFault::Facets { line: of.line, most: MOST_SIDES as u64 }),
+        Some(_) => Err(CsgFault::Facets { line: of.line, most: MAX_SIDES as u64 }),
     }
 }
 

@@ -78,7 +78,7 @@ pub(super) const TOLD: usize = 40;
 const SPECIAL: [&str; 5] = ["$fn", "$fa", "$fs", "$fe", "convexity"];
 
 /// Most arguments of a module.
-const MOST: usize = 64;
+const MAX: usize = 64;
 
 impl Arguments {
     /// Reads them from behind the opening bracket to the closing one.
@@ -87,7 +87,7 @@ impl Arguments {
         let expected = |line: u64, what| Stop::from(CsgFault::Expected { line, what });
         let mut token = lexer.next()?;
         while token != Token::Sign(b')') {
-            if all.named.len() + all.placed.len() == MOST {
+            if all.named.len() + all.placed.len() == MAX {
                 return Err(expected(lexer.line(), CsgToken::Close));
             }
             let mut name = None;

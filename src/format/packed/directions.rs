@@ -14,9 +14,9 @@ const COUNT: usize = 3;
 const ERRORS: [usize; 2] = [4, 5];
 const OFF: usize = 6;
 /// Largest error that is remembered, in quarters.
-const MOST_ERROR: i32 = 350;
+const MAX_ERROR: i32 = 350;
 /// Largest residual that counts.
-const MOST_OFF: u32 = 120;
+const MAX_OFF: u32 = 120;
 
 const BIASES: usize = 2048;
 
@@ -208,7 +208,7 @@ impl Component {
         let wrong = (value << 4).wrapping_sub(known.guess);
         *bias = bias.wrapping_add((wrong << 4).wrapping_sub(*bias) >> 5);
         let residual = if known.coarse { residual.wrapping_mul(4) } else { residual };
-        Coded { value, residual, error: (wrong >> 2).clamp(-MOST_ERROR, MOST_ERROR) }
+        Coded { value, residual, error: (wrong >> 2).clamp(-MAX_ERROR, MAX_ERROR) }
     }
 }
 
@@ -258,7 +258,7 @@ fn code_one<C: SymbolCoder>(
     let v = v.code(coder, &around.known(1, due[1], coarse), OTHER_CLASSES.of(u.residual));
     let got = [u.value, v.value];
     let errors = [u.error, v.error];
-    let magnitudes = u.residual.unsigned_abs().min(MOST_OFF) + v.residual.unsigned_abs().min(MOST_OFF);
+    let magnitudes = u.residual.unsigned_abs().min(MAX_OFF) + v.residual.unsigned_abs().min(MAX_OFF);
     if got[0].wrapping_abs() > SCALE || got[1].wrapping_abs() > SCALE {
         return Err(CodingError::NormalRange);
     }

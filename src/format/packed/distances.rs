@@ -26,7 +26,7 @@ const FAR_BITS: u32 = 9;
 /// Farthest that a neighbour's prediction counts as being from the mean.
 const FAR: i32 = 80;
 /// Largest residual that counts.
-const MOST_OFF: i32 = 120;
+const MAX_OFF: i32 = 120;
 /// Neighbours that can be coded before a cell.
 const NEAR: usize = 19;
 
@@ -194,7 +194,7 @@ impl VoxelCoder for Distances<'_> {
             let offset = i8::try_from(expected + residual).ok().filter(|o| *o != HAS_CORNERS);
             let offset = offset.ok_or(CodingError::OffsetRange)?;
             *slot = offset.cast_unsigned();
-            [own[0], own[1], own[2], 1, offset.into(), residual.abs().min(MOST_OFF), 0, 0]
+            [own[0], own[1], own[2], 1, offset.into(), residual.abs().min(MAX_OFF), 0, 0]
         };
         // All are far below 32768.
         window[SELF] = Known::of(lanes);

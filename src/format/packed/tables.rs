@@ -15,7 +15,7 @@ const SYMBOLS: usize = LANES;
 const PROBABILITY_BITS: u32 = 15;
 /// The least share of a symbol in an estimate, of 65536: a quarter of it is one of 32768, so no symbol's share
 /// of the mean is zero.
-const LEAST: u16 = 6;
+const MIN: u16 = 6;
 /// States are in `STATE..STATE << 16`.
 const STATE: u32 = 1 << 16;
 /// A block of the stream ends after this many items: the encoder has to keep their symbols.
@@ -50,7 +50,7 @@ static WAYS: [[Row; 2]; SYMBOLS] = {
         let mut i = 0;
         while i < SYMBOLS {
             turn[i] = if i > symbol { u16::MAX } else { 0 };
-            end[i] = if i > symbol { (SYMBOLS - i) as u16 * LEAST - 1 } else { i as u16 * LEAST };
+            end[i] = if i > symbol { (SYMBOLS - i) as u16 * MIN - 1 } else { i as u16 * MIN };
             i += 1;
         }
         ways[symbol] = [Row(turn), Row(end)];

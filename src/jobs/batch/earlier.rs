@@ -9,7 +9,7 @@ use std::path::Path;
 use super::record::{Item, Journal, Record, Status};
 
 /// Longest line of a report that is read; longer ones are passed over.
-const MOST_LINE_BYTES: u64 = 1 << 20;
+const MAX_LINE_BYTES: u64 = 1 << 20;
 
 /// Adds to the journal, behind this run's items, those of the report that lies in `out` whose models are still there
 /// and are not models of this run. `shows_text`: are thumbnails shown whose pixels may carry text?
@@ -31,7 +31,7 @@ pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::
     let mut line = Vec::new();
     for number in 0.. {
         line.clear();
-        match io::Read::take(&mut lines, MOST_LINE_BYTES).read_until(b'\n', &mut line) {
+        match io::Read::take(&mut lines, MAX_LINE_BYTES).read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => break,
             Ok(_) => {}
         }

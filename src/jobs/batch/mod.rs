@@ -162,7 +162,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     give_back();
     let budget = Budget::of_job(cap);
     // One series too large to be opened is refused alone.
-    let openable = budget.left_bytes().saturating_sub(costs::JOB_OVERHEAD + costs::LEAST_JOB) / 4 * 3;
+    let openable = budget.left_bytes().saturating_sub(costs::JOB_OVERHEAD + costs::MIN_JOB) / 4 * 3;
     catalogue.allow_opening(openable);
     // Fewer jobs where the memory is not enough for all.
     let most_jobs = request.jobs.clamp(1, catalogue.len());
@@ -238,13 +238,13 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
 }
 
 /// Most files that are left out of which reports have the names; some 100 KiB at a time.
-const MOST_NAMED: usize = 1000;
+const MAX_NAMED: usize = 1000;
 
 /// The first files that are left out, each with the reason.
 fn named_left_out(catalogue: &Catalogue) -> Result<Vec<LeftOutFile>, Error> {
     let mut named = Vec::new();
     catalogue.for_each_left_out::<Error>(&mut |why, path| {
-        if named.len() < MOST_NAMED {
+        if named.len() < MAX_NAMED {
             named.push(LeftOutFile { path: data(path), reason: why.to_string() });
         }
         Ok(())
@@ -260,7 +260,7 @@ fn reserve_jobs(
     jobs: usize,
 ) -> Result<Reservation, TooSmall> {
     let held = reserve_beside(budget, catalogue, openable, jobs)?;
-    drop(budget.reserve(costs::LEAST_JOB * jobs as u64)?);
+    drop(budget.reserve(costs::MIN_JOB * jobs as u64)?);
     Ok(held)
 }
 

@@ -15,7 +15,7 @@ use crate::text::plain;
 
 /// Thumbnails up to this many are part of the page; larger batches refer to the files beside it, or the page
 /// could not be opened any more.
-const MOST_EMBEDDED: u64 = 400;
+const MAX_EMBEDDED: u64 = 400;
 
 const HEAD: &str = r#"<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">
@@ -78,7 +78,7 @@ pub(super) fn write(
         writeln!(w, "<p class=\"in\">{}</p>", escaped(warning))?;
     }
     w.write_all(b"<main>\n")?;
-    let embed = report.holds.models <= MOST_EMBEDDED;
+    let embed = report.holds.models <= MAX_EMBEDDED;
     journal.for_each(&mut |item| {
         if item.model.is_some() { card(&item, report, out, embed, w) } else { Ok(()) }
     })?;

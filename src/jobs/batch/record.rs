@@ -177,7 +177,7 @@ pub(super) struct Record {
 }
 
 /// Longest record that is read.
-const MOST_RECORD_BYTES: u64 = 64 << 10;
+const MAX_RECORD_BYTES: u64 = 64 << 10;
 
 /// Path of the record of the model `name`.
 pub(super) fn record_path(out: &Path, name: &str) -> PathBuf {
@@ -204,7 +204,7 @@ impl Record {
     /// Reads the record of `name`, if there is one that can be read.
     pub(super) fn read(out: &Path, name: &str) -> Option<Self> {
         let file = File::open(record_path(out, name)).ok()?;
-        serde_json::from_reader(BufReader::new(file.take(MOST_RECORD_BYTES))).ok()
+        serde_json::from_reader(BufReader::new(file.take(MAX_RECORD_BYTES))).ok()
     }
 
     /// Takes the record of `name` away and leaves its files: while they are replaced, no record tells of them.

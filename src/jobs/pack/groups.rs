@@ -13,7 +13,7 @@ use super::stop::Stop;
 
 /// Most workers that decode: each has a group, its grid and its tables, 1.4 MiB. An encoder also keeps the symbols of a
 /// block, and has to do with one, so that either stays within 8 MiB for a process.
-const MOST_WORKERS: usize = 2;
+const MAX_WORKERS: usize = 2;
 
 /// What to do with a group.
 #[derive(Clone, Copy, Debug)]
@@ -89,7 +89,7 @@ pub(super) fn each_group<G: GroupCoder>(
 ) -> Result<(), Stop> {
     let most = match direction {
         Direction::Encode => 1,
-        Direction::Decode => std::thread::available_parallelism().map_or(1, usize::from).min(MOST_WORKERS),
+        Direction::Decode => std::thread::available_parallelism().map_or(1, usize::from).min(MAX_WORKERS),
     };
     // Groups that are filled, and workers that have nothing to do.
     let (mut waiting, mut idle) = (VecDeque::new(), vec![Worker::new()]);

@@ -14,10 +14,10 @@ use crate::platform::FileExt;
 const DECODER_BYTES: usize = 4 << 20;
 const PASSES_BYTES: usize = 64 << 20;
 /// Longest side of an image.
-const MOST_SIDE: u32 = 32_768;
+const MAX_SIDE: u32 = 32_768;
 /// Texels of an image whose file is small, and more for each of its bytes.
-const MOST_TEXELS: u64 = 1 << 24;
-const MOST_TEXELS_PER_BYTE: u64 = 64;
+const MAX_TEXELS: u64 = 1 << 24;
+const MAX_TEXELS_PER_BYTE: u64 = 64;
 
 /// What stops an image: it is wrong, it cannot be read, or the scratch file cannot be written.
 #[derive(Debug)]
@@ -64,11 +64,11 @@ impl Seek for Run<'_> {
 }
 
 fn check_size(width: u32, height: u32, bytes: u64) -> Result<(), ImageFault> {
-    let most = MOST_TEXELS + bytes.saturating_mul(MOST_TEXELS_PER_BYTE);
+    let most = MAX_TEXELS + bytes.saturating_mul(MAX_TEXELS_PER_BYTE);
     if width == 0 || height == 0 {
         return Err(ImageFault::Damaged);
     }
-    if width > MOST_SIDE || height > MOST_SIDE || u64::from(width) * u64::from(height) > most {
+    if width > MAX_SIDE || height > MAX_SIDE || u64::from(width) * u64::from(height) > most {
         return Err(ImageFault::TooLarge { width, height });
     }
     Ok(())

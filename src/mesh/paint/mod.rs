@@ -225,7 +225,7 @@ pub(super) struct Painter<'a> {
 impl<'a> Painter<'a> {
     /// Memory of one.
     pub(super) const BYTES: u64 = Pages::BYTES
-        + (HELD * size_of::<Numbered>() + SkinSlice::MOST * (size_of::<Best>() + 4)) as u64
+        + (HELD * size_of::<Numbered>() + SkinSlice::MAX_VOXELS * (size_of::<Best>() + 4)) as u64
         + 4096;
 
     pub(super) fn new(paint: &'a Paint) -> Self {
@@ -234,10 +234,10 @@ impl<'a> Painter<'a> {
             pages: Pages::new(),
             held: None,
             records: Vec::with_capacity(HELD),
-            best: vec![Best::NONE; SkinSlice::MOST],
+            best: vec![Best::NONE; SkinSlice::MAX_VOXELS],
             last: None,
-            colors: Vec::with_capacity(3 * SkinSlice::MOST),
-            parts: Vec::with_capacity(SkinSlice::MOST),
+            colors: Vec::with_capacity(3 * SkinSlice::MAX_VOXELS),
+            parts: Vec::with_capacity(SkinSlice::MAX_VOXELS),
         }
     }
 

@@ -16,7 +16,7 @@ pub(super) type Numbered = [i32; 10];
 /// Bytes of one.
 const RECORD: usize = size_of::<Numbered>();
 /// Most boxes of a grid.
-const MOST_BOXES: u64 = 1 << 15;
+const MAX_BOXES: u64 = 1 << 15;
 /// Voxels beyond a box that its triangles are near to.
 pub(super) const BEYOND: i32 = 2;
 /// Triangles that are sorted at a time, and read at a time.
@@ -39,7 +39,7 @@ impl Boxes {
         let mut shift = 5;
         loop {
             let sides = dims.to_array().map(|side| side.div_ceil(1 << shift) as i32);
-            if sides.iter().map(|side| *side as u64).product::<u64>() <= MOST_BOXES {
+            if sides.iter().map(|side| *side as u64).product::<u64>() <= MAX_BOXES {
                 return Self { shift, sides };
             }
             shift += 1;

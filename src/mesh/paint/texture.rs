@@ -19,7 +19,7 @@ const TEXEL: usize = 6;
 const PAGE: usize = 32;
 const PAGES: usize = 509;
 /// Most sizes of an image: sides are below 2^16.
-const MOST_LEVELS: usize = 17;
+const MAX_LEVELS: usize = 17;
 
 /// What stops a texture.
 #[derive(Debug)]
@@ -130,7 +130,7 @@ impl Rows for Halver {
             self.levels.push(Level { width, height, offset });
             self.seen.push((0, None));
             offset += u64::from(width) * u64::from(height) * TEXEL as u64;
-            if width == 1 && height == 1 || self.levels.len() == MOST_LEVELS {
+            if width == 1 && height == 1 || self.levels.len() == MAX_LEVELS {
                 return Ok(());
             }
             (width, height) = (width.div_ceil(2), height.div_ceil(2));

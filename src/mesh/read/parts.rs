@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// Most parts that have numbers of their own; later ones share the last.
-const MOST: usize = 256;
+const MAX_PARTS: usize = 256;
 /// Most changes from part to part that are followed.
-const MOST_CHANGES: usize = 1 << 14;
+const MAX_CHANGES: usize = 1 << 14;
 
 /// Which triangles belong to which part. Parts are numbered in the order of their first triangles.
 #[derive(Debug, Default)]
@@ -21,7 +21,7 @@ pub(super) struct Parts {
 
 impl Parts {
     /// Memory that it may hold.
-    pub(super) const BYTES: u64 = (MOST_CHANGES * 16 + MOST * 32) as u64;
+    pub(super) const BYTES: u64 = (MAX_CHANGES * 16 + MAX_PARTS * 32) as u64;
 
     /// What follows belongs to an object, which is in no group yet.
     pub(super) fn object(&mut self, name: &[u8]) {
@@ -39,13 +39,13 @@ impl Parts {
         self.names.hash(&mut all);
         let next = u32::try_from(self.numbers.len()).unwrap_or(u32::MAX);
         let key = all.finish();
-        let number = if self.numbers.len() < MOST {
+        let number = if self.numbers.len() < MAX_PARTS {
             *self.numbers.entry(key).or_insert(next)
         } else {
             self.numbers.get(&key).copied().unwrap_or(next - 1)
         };
         let is_new = self.runs.last().is_none_or(|(_, last)| *last != number);
-        if is_new && self.runs.len() < MOST_CHANGES {
+        if is_new && self.runs.len() < MAX_CHANGES {
             self.runs.push((triangle, number));
         }
     }

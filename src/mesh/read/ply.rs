@@ -9,11 +9,11 @@ use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan};
 use super::vertex_looks::{VertexLooks, light};
-use super::vertices::{MOST_RECORD, Number, PAGES, Pages, Spool, Vertices};
+use super::vertices::{MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
 
 /// Longest header, in bytes.
-const MOST_HEADER: u64 = 64 << 10;
+const MAX_HEADER: u64 = 64 << 10;
 
 /// An open PLY file.
 #[derive(Debug)]
@@ -128,7 +128,7 @@ impl Header {
         loop {
             line += 1;
             let wrong = || Stop::from(MeshFault::BadHeader { line });
-            if words.offset() > MOST_HEADER {
+            if words.offset() > MAX_HEADER {
                 return Err(wrong());
             }
             match words.next()? {
@@ -313,7 +313,7 @@ impl Binary {
             match element.kind {
                 Kind::Vertex => {
                     let fields = coordinates(&element)?;
-                    let record = element.record().filter(|r| *r <= MOST_RECORD);
+                    let record = element.record().filter(|r| *r <= MAX_RECORD);
                     let record = record.ok_or(MeshFault::NoCoordinates)?;
                     let count = element.count;
                     let of = |fields| -> Result<Vertices, Stop> {

@@ -15,7 +15,7 @@ pub(super) const PAGES: u64 = 61;
 /// Pages of what is beside the coordinates.
 pub(super) const FEW_PAGES: u64 = 17;
 /// Longest record of a vertex.
-pub(super) const MOST_RECORD: u64 = 256;
+pub(super) const MAX_RECORD: u64 = 256;
 
 /// How a number is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

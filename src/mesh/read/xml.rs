@@ -12,9 +12,9 @@ use crate::facts::{Feature, MeshFault};
 /// Bytes read at a time.
 const BUFFER: usize = 64 << 10;
 /// Longest tag with its attributes, most attributes, and how deep elements may nest.
-const MOST_TAG: usize = 16 << 10;
-const MOST_ATTRIBUTES: usize = 64;
-const MOST_DEPTH: u32 = 64;
+const MAX_TAG: usize = 16 << 10;
+const MAX_ATTRIBUTES: usize = 64;
+const MAX_DEPTH: u32 = 64;
 
 /// What comes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,7 +145,7 @@ impl<R: Read> Xml<R> {
                     let empty = self.start(first)?;
                     if !empty {
                         self.depth += 1;
-                        if self.depth > MOST_DEPTH {
+                        if self.depth > MAX_DEPTH {
                             return Err(MeshFault::Recursion.into());
                         }
                     }
@@ -210,7 +210,7 @@ impl<R: Read> Xml<R> {
             }
             let places = [begin, name_end, name_end, self.tag.len()];
             self.attributes.push(places.map(|at| u32::try_from(at).unwrap_or(u32::MAX)));
-            if self.attributes.len() > MOST_ATTRIBUTES {
+            if self.attributes.len() > MAX_ATTRIBUTES {
                 return Err(self.wrong());
             }
             next = self.must()?;
@@ -219,7 +219,7 @@ impl<R: Read> Xml<R> {
 
     #[inline]
     fn put(&mut self, byte: u8) -> Result<(), Stop> {
-        if self.tag.len() == MOST_TAG {
+        if self.tag.len() == MAX_TAG {
             return Err(self.wrong());
         }
         self.tag.push(byte);

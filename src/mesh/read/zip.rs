@@ -23,8 +23,8 @@ const HEADER: usize = 30;
 const NAME: u16 = 1024;
 /// A member that inflates to more than this, and more than so many times its own bytes, is a bomb. Lists of vertices
 /// are packed 5 to 15 times.
-const MOST_UNASKED: u64 = 4 << 20;
-const MOST_TIMES: u64 = 100;
+const MAX_UNASKED: u64 = 4 << 20;
+const MAX_TIMES: u64 = 100;
 /// Bytes read at a time.
 const INPUT: usize = 32 << 10;
 
@@ -126,7 +126,7 @@ impl Member {
     /// # Errors
     /// Far more than its own bytes are stated.
     pub(super) fn checked_bytes(&self) -> Result<u64, Stop> {
-        let most = MOST_UNASKED.max(self.stored.saturating_mul(MOST_TIMES));
+        let most = MAX_UNASKED.max(self.stored.saturating_mul(MAX_TIMES));
         if self.bytes > most {
             return Err(MeshFault::Bomb { stated: self.bytes, stored: self.stored }.into());
         }

@@ -58,7 +58,7 @@ pub(super) fn fixed_bytes(tile: &Tile) -> u64 {
     SLICES as u64 * Planes::bytes(words)
         + Crossings::bytes(words, ROWS)
         + BlockBuffers::BYTES
-        + 2 * SkinSlice::MOST as u64
+        + 2 * SkinSlice::MAX_VOXELS as u64
 }
 
 impl Solid for ThinSolid {
@@ -98,7 +98,7 @@ impl Solid for ThinSolid {
             buffers: BlockBuffers::new(),
             crossings: Crossings::new(words, ROWS),
             slices: std::array::from_fn(|_| Planes::new(words)),
-            codes: Vec::with_capacity(2 * SkinSlice::MOST),
+            codes: Vec::with_capacity(2 * SkinSlice::MAX_VOXELS),
         })
     }
 }

@@ -29,7 +29,7 @@ const AGREE: f64 = 0.5;
 
 /// Of the normals of four boxes before and four behind in the order of the file, which lie around the box for the
 /// most part, at most this many agree with its own where all of them are noise: four do on either side of an edge.
-const MOST_BY_CHANCE: u32 = 3;
+const MAX_BY_CHANCE: u32 = 3;
 
 /// What the normals of the boxes around say of one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +61,7 @@ pub(super) fn company(agrees: impl Fn(i64) -> bool) -> Company {
         return Company::Calm;
     }
     let agreeing: u32 = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().map(|at| u32::from(agrees(at))).sum();
-    if agreeing <= MOST_BY_CHANCE { Company::Noise } else { Company::Mixed }
+    if agreeing <= MAX_BY_CHANCE { Company::Noise } else { Company::Mixed }
 }
 
 /// As [`company`], of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before

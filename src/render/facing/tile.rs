@@ -9,7 +9,7 @@ use super::super::form::LanesKernel;
 use super::super::lanes::Lanes;
 use super::super::ray::Face;
 use super::super::tile::RAYS;
-use super::{Company, MOST_BY_CHANCE, NEAR_FACE, NEAR_FACE_MIXED, nearness, settled};
+use super::{Company, MAX_BY_CHANCE, NEAR_FACE, NEAR_FACE_MIXED, nearness, settled};
 
 /// Places in a row of codes: nine are used, and sixteen are looked at together.
 pub(super) const PLACES: usize = 16;
@@ -251,7 +251,7 @@ pub(super) fn company_of(codes: &[u16; PLACES]) -> (u16, u16) {
     let agreeing = |at: usize| bits >> at & 1;
     let calm = agreeing(5) & agreeing(3) & (agreeing(6) | agreeing(2));
     // The one in the middle agrees with itself.
-    let noise = (1 - calm) & u16::from(bits.count_ones() <= MOST_BY_CHANCE + 1);
+    let noise = (1 - calm) & u16::from(bits.count_ones() <= MAX_BY_CHANCE + 1);
     (calm, noise)
 }
 

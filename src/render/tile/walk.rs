@@ -18,7 +18,7 @@ use super::{Tile, TileHits};
 /// Bricks that a tile looks at before its remaining rays go on alone. Tiles of pixels about as wide as a
 /// box look at some 30; where a pixel covers many boxes rays share little. It also bounds the time that
 /// damaged bytes can take.
-const MOST_BRICKS: u32 = 1024;
+const MAX_BRICKS: u32 = 1024;
 
 /// The walk of one tile, for any lanes.
 pub(super) struct Walk<'a, 'b, S> {
@@ -101,7 +101,7 @@ impl<S: Surface> Walk<'_, '_, S> {
             let number = open.first.wrapping_add(open.brick.before(v));
             if edge == 2 {
                 bricks = bricks.wrapping_add(1);
-                if bricks > MOST_BRICKS {
+                if bricks > MAX_BRICKS {
                     break 'walk;
                 }
                 let near = beam.meets(self.rays, low, live);
@@ -120,7 +120,7 @@ impl<S: Surface> Walk<'_, '_, S> {
             let pending = brick.boxes & beam.pierced(low, edge);
             open = Open { brick, pending, first: if pending == 0 { 0 } else { brick.first(self.view) }, low };
         }
-        let left = if bricks > MOST_BRICKS { live } else { 0 };
+        let left = if bricks > MAX_BRICKS { live } else { 0 };
         if S::SOLID { left | self.prove(l, beam.mirror, candidates, depth, unit) } else { left }
     }
 

@@ -47,7 +47,7 @@ pub(in crate::source) fn section(file: &File, offset: u64, length: u64) -> Secti
 }
 
 /// Members in a row that may hold nothing: block-wise compression ends with one, and joined files have a few.
-const MOST_EMPTY: u32 = 4096;
+const MAX_EMPTY: u32 = 4096;
 
 /// Gzip: one member after another; what follows the last one and is no member is ignored, as `gzip` does.
 ///
@@ -102,7 +102,7 @@ impl<R: BufRead> Read for Gzip<R> {
             self.ended = !inner.fill_buf()?.starts_with(b"\x1f");
             if !self.ended {
                 self.empty += 1;
-                if self.empty > MOST_EMPTY {
+                if self.empty > MAX_EMPTY {
                     return Err(invalid("gzip: thousands of members in a row hold nothing"));
                 }
                 let inner = Slot(inner.0.take());
@@ -225,7 +225,7 @@ mod tests {
     fn members_that_hold_nothing_are_passed_over_as_long_as_they_are_few() {
         let stream = |count: usize| [gzip(b"a"), gzip(b"").repeat(count), gzip(b"b")].concat();
         let mut out = Vec::new();
-        Gzip::new(&stream(MOST_EMPTY as usize - 1)[..]).read_to_end(&mut out).unwrap();
+        Gzip::new(&stream(MAX_EMPTY as usize - 1)[..]).read_to_end(&mut out).unwrap();
         assert_eq!(out, b"ab");
         let error = Gzip::new(&stream(500_000)[..]).read_to_end(&mut out).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::InvalidData);

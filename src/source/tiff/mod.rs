@@ -41,7 +41,7 @@ const MAX_PAGES: usize = 2 * Dims::MAX_SIDE as usize;
 const MAX_DESCRIPTION: u64 = 64 << 10;
 
 /// The most bytes that LZW makes of one; deflate and PackBits make fewer.
-const MOST_EXPANSION: u64 = 4096;
+const MAX_EXPANSION: u64 = 4096;
 
 const DESCRIPTION: u16 = 270;
 const X_RESOLUTION: u16 = 282;
@@ -321,7 +321,7 @@ impl Stack {
         let dims = Dims::new(shape.size[0], shape.size[1], nz)
             .ok_or_else(|| refuse(TiffFault::PagesOutOfRange { count: nz }))?;
         let bytes = dims.voxels() * shape.samples.bytes() as u64;
-        if bytes > self.file_bytes.saturating_mul(MOST_EXPANSION) {
+        if bytes > self.file_bytes.saturating_mul(MAX_EXPANSION) {
             return Err(refuse(TiffFault::Promise { bytes, file_bytes: self.file_bytes }));
         }
         let spacing_mm = self.spacing_mm.unwrap_or([1.0; 3]);

@@ -15,7 +15,7 @@ use super::json::{Accessor, Described, Embedded, Shape};
 use crate::facts::{Feature, MeshFault, Part};
 
 /// Longest distance of two items.
-const MOST_STRIDE: u64 = 252;
+const MAX_STRIDE: u64 = 252;
 
 /// A run of bytes of a file.
 #[derive(Clone, Debug)]
@@ -213,7 +213,7 @@ impl Buffers {
         let own = parts * number.bytes();
         let (run, stride) = self.view(described, view)?;
         let stride = stride.unwrap_or(own);
-        if stride < own || stride > MOST_STRIDE {
+        if stride < own || stride > MAX_STRIDE {
             return Err(out_of_range(Part::View));
         }
         let end = accessor

@@ -30,8 +30,8 @@ use buffers::{Buffers, Decoded, Items, Place, Run, item, out_of_range};
 use json::{Described, Mesh, Node, Primitive, Shape};
 
 /// Triangles of a file that may be much smaller than its model, and more for each of its bytes.
-pub(super) const MOST_TRIANGLES: u64 = 1 << 22;
-pub(super) const MOST_TRIANGLES_PER_BYTE: u64 = 4;
+pub(super) const MAX_TRIANGLES: u64 = 1 << 22;
+pub(super) const MAX_TRIANGLES_PER_BYTE: u64 = 4;
 /// From metres with y up to millimetres with z up.
 const UPRIGHT: [[f64; 4]; 3] = [[1000.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1000.0, 0.0], [0.0, 1000.0, 0.0, 0.0]];
 
@@ -196,7 +196,7 @@ impl Gltf {
 
     /// Looks at every mesh once, counts triangles, and tells how many nodes have a mesh.
     fn check(&self, bytes: u64) -> Result<u64, Stop> {
-        let most = MOST_TRIANGLES + bytes.saturating_mul(MOST_TRIANGLES_PER_BYTE);
+        let most = MAX_TRIANGLES + bytes.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let mut counts = Vec::with_capacity(self.described.root.meshes.len());
         for mesh in &self.described.root.meshes {
             let mut count = 0_u64;

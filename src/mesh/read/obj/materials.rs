@@ -19,7 +19,7 @@ use crate::facts::MeshFault;
 const EACH_BYTES: u64 = 256;
 
 /// Most names of missing files that are kept.
-const MOST_MISSING: usize = 16;
+const MAX_MISSING: usize = 16;
 
 /// Materials that were read.
 pub(super) struct Done {
@@ -80,7 +80,7 @@ impl<'a> Materials<'a> {
                 Ok(Some((file, bytes)))
             }
             Err(Stop::Mesh(MeshFault::Missing { name, .. } | MeshFault::Outside { name })) => {
-                if !self.missing.contains(&name) && self.missing.len() < MOST_MISSING {
+                if !self.missing.contains(&name) && self.missing.len() < MAX_MISSING {
                     self.hold(&name)?;
                     self.missing.push(name);
                 }

@@ -19,7 +19,7 @@ const USUAL: &str = "3D/3dmodel.model";
 const RELATIONS: &str = "_rels/.rels";
 const KIND: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
 /// Most texts of an archive.
-const MOST_TEXTS: usize = 4096;
+const MAX_TEXTS: usize = 4096;
 
 /// The archive, and its root text.
 pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member), Stop> {
@@ -50,7 +50,7 @@ pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Conte
     let mut done = 1;
     // Texts that parts name, those of these included.
     while done < reader.texts.len() {
-        if reader.texts.len() > MOST_TEXTS {
+        if reader.texts.len() > MAX_TEXTS {
             return Err(MeshFault::BadReference { part: Part::Text }.into());
         }
         let name = reader.texts[done].clone();

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
-use super::gltf::{MOST_TRIANGLES, MOST_TRIANGLES_PER_BYTE};
+use super::gltf::{MAX_TRIANGLES, MAX_TRIANGLES_PER_BYTE};
 use super::limits::Limits;
 use super::look::{Look, Material, NO_MATERIAL};
 use super::stop::{EachLook, Stop};
@@ -32,7 +32,7 @@ const LOOKED: usize = 28;
 const PLAIN: u32 = u32::MAX;
 const COLORED: u32 = u32::MAX - 1;
 /// How deep objects may hold objects.
-const MOST_DEPTH: usize = 64;
+const MAX_DEPTH: usize = 64;
 
 /// Is called with first vertex, vertices, first triangle and triangles of a mesh, and how it is placed.
 type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
@@ -109,7 +109,7 @@ impl ThreeMf {
 
     /// Counts triangles, however often objects hold the same ones, and tells how many meshes are built.
     fn check(&self, inflated: u64) -> Result<u64, Stop> {
-        let most = MOST_TRIANGLES + inflated.saturating_mul(MOST_TRIANGLES_PER_BYTE);
+        let most = MAX_TRIANGLES + inflated.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let (mut all, mut parts) = (0_u64, 0);
         self.walk(&mut |[.., triangles], _| {
             parts += 1;
@@ -137,14 +137,14 @@ impl ThreeMf {
                     return Err(MeshFault::Transform.into());
                 }
                 steps += 1;
-                if steps > MOST_TRIANGLES {
-                    return Err(MeshFault::TooManyTriangles { most: MOST_TRIANGLES }.into());
+                if steps > MAX_TRIANGLES {
+                    return Err(MeshFault::TooManyTriangles { most: MAX_TRIANGLES }.into());
                 }
                 let object = self.contents.objects.get(&first.key);
                 match object.ok_or(MeshFault::BadReference { part: Part::Object })? {
                     Object::Mesh(runs) => each(*runs, &at)?,
                     Object::Parts(parts) => {
-                        if way.len() >= MOST_DEPTH {
+                        if way.len() >= MAX_DEPTH {
                             return Err(MeshFault::Recursion.into());
                         }
                         way.push((parts, at));

@@ -17,7 +17,7 @@ use crate::source::dicom::parse::value::Tag;
 use crate::source::dicom::parse::window::ReadAt;
 
 /// Most fragments of a frame that is read at several places at once (RLE); sound files have one.
-const MOST_LISTED: usize = 4096;
+const MAX_LISTED: usize = 4096;
 
 /// Head of an item.
 const HEAD: u64 = 8;
@@ -113,7 +113,7 @@ fn fragment<R: ReadAt + ?Sized>(
 }
 
 /// Items that [`missing_end`] looks at; what has more is left to the decoder.
-const MOST_WALKED: u64 = 1 << 20;
+const MAX_WALKED: u64 = 1 << 20;
 
 /// A pixel element of undefined length that the file ends, or goes on, without a delimiter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -149,7 +149,7 @@ pub(crate) fn missing_end<R: ReadAt + ?Sized>(
             table = u64::from(!has_no_table(codec, &next));
         }
         items += 1;
-        if items == MOST_WALKED {
+        if items == MAX_WALKED {
             return Ok(None);
         }
         lacking = next.declared - next.length;
@@ -409,12 +409,12 @@ pub(crate) struct ListedFrame<'a, R: ReadAt + ?Sized> {
 
 impl<'a, R: ReadAt + ?Sized> ListedFrame<'a, R> {
     /// # Errors
-    /// There are more fragments than [`MOST_LISTED`].
+    /// There are more fragments than [`MAX_LISTED`].
     pub(crate) fn new(input: &'a R, span: &Span) -> Result<Self, ScanError> {
         let count = usize::try_from(span.fragments)
             .ok()
-            .filter(|n| *n <= MOST_LISTED)
-            .ok_or_else(|| damaged(span.start, Damage::ManyFragments { most: MOST_LISTED }))?;
+            .filter(|n| *n <= MAX_LISTED)
+            .ok_or_else(|| damaged(span.start, Damage::ManyFragments { most: MAX_LISTED }))?;
         let mut list = Vec::with_capacity(count);
         let (mut at, mut begun, mut heads) = (span.start - HEAD, 0, Heads::new());
         while list.len() < count

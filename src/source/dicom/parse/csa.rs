@@ -24,10 +24,10 @@ use super::window::{ReadAt, Window};
 use crate::facts::dicom::{CsaCount, CsaFault};
 
 /// Most tags, and most items of a tag; real headers have about a hundred, and a few dozen.
-const MOST: u32 = 1000;
+const MAX_COUNT: u32 = 1000;
 
 /// Longest header that is looked at; real ones have some 12 KiB.
-const MOST_BYTES: u64 = 1 << 20;
+const MAX_BYTES: u64 = 1 << 20;
 
 /// Bytes of the text of an item that are looked at; numbers are shorter.
 const TEXT_BYTES: u64 = 64;
@@ -54,7 +54,7 @@ pub(crate) fn read<R: ReadAt + ?Sized>(
     start: u64,
     bytes: u64,
 ) -> Result<Csa, CsaFault> {
-    let end = start.saturating_add(bytes.min(MOST_BYTES)).min(window.len());
+    let end = start.saturating_add(bytes.min(MAX_BYTES)).min(window.len());
     let mut reader = Reader { window, at: start, end };
     let newer = reader.array::<4>()? == *b"SV10";
     if newer {
@@ -115,10 +115,10 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
         self.array().map(u32::from_le_bytes)
     }
 
-    /// A number of things, at most [`MOST`].
+    /// A number of things, at most [`MAX_COUNT`].
     fn count(&mut self, of: CsaCount) -> Result<u32, CsaFault> {
         let stated = self.number()?;
-        if stated > MOST { Err(CsaFault::Count { of, stated }) } else { Ok(stated) }
+        if stated > MAX_COUNT { Err(CsaFault::Count { of, stated }) } else { Ok(stated) }
     }
 
     /// Is there one of the numbers that nobody knows the meaning of, so far ahead?

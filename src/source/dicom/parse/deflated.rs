@@ -13,7 +13,7 @@ use crate::facts::dicom::DeflateFault;
 const BLOCK: usize = 8 << 10;
 
 /// Deflate makes at most 1032 bytes out of one (RFC 1951: a match of 258 bytes takes two bits).
-const MOST_EXPANSION: u64 = 1032;
+const MAX_EXPANSION: u64 = 1032;
 
 /// Bytes that may be inflated in search of the pixels: no header is as long, and the search ends.
 const LONGEST_SEARCH: u64 = 64 << 20;
@@ -49,7 +49,7 @@ impl<'a, R: ReadAt + ?Sized> Inflated<'a, R> {
     /// As [`Inflated::new`] with another limit on inflated bytes.
     pub(crate) fn up_to(input: &'a R, start: u64, limit: u64) -> io::Result<Self> {
         let compressed = input.byte_len()?.saturating_sub(start);
-        let len = compressed.saturating_mul(MOST_EXPANSION).saturating_add(start);
+        let len = compressed.saturating_mul(MAX_EXPANSION).saturating_add(start);
         let state = RefCell::new(State::new(input, start)?);
         Ok(Self { input, start, len, limit: limit.saturating_add(start), state })
     }

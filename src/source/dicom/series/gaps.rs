@@ -24,7 +24,7 @@ const SAME: f64 = 0.01;
 const SAME_MM: f64 = 1e-3;
 
 /// Slices that are made at most for each one that is there: more would be a picture of the interpolation.
-const MOST_MADE: f64 = 10.0;
+const MAX_MADE: f64 = 10.0;
 
 /// Gaps named in one warning.
 const NAMED: usize = 4;
@@ -70,7 +70,7 @@ pub(crate) fn positions(along: &[f64]) -> (Vec<usize>, usize) {
 }
 
 /// Slices of a segmentation at most, empty ones included.
-const MOST_LAYERS: f64 = 4096.0;
+const MAX_LAYERS: f64 = 4096.0;
 
 /// Where images of a segmentation, which leaves out empty slices, lie on the grid of all slices: for each
 /// slice the number of its image. `None` if they lie evenly as they are, or on no grid.
@@ -83,7 +83,7 @@ pub(crate) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Ve
     let fits = |step: &f64| {
         let on_grid = |p: &f64| {
             let place = (p - start) / step;
-            place < MOST_LAYERS && (place - place.round()).abs() <= UNEVEN
+            place < MAX_LAYERS && (place - place.round()).abs() <= UNEVEN
         };
         *step > SAME_MM && along.iter().all(on_grid)
     };
@@ -158,7 +158,7 @@ fn fill(
     notes: &mut Vec<DicomNote>,
 ) -> Result<Grid, SeriesFault> {
     let steps = (total / usual).round().max(1.0);
-    if steps > MOST_MADE * count(along.len()) {
+    if steps > MAX_MADE * count(along.len()) {
         return Err(SeriesFault::TooFar { slices: steps, images: along.len() });
     }
     let step = total / steps;
