@@ -22,7 +22,7 @@ use crate::source::{
     FORMATS, FileList, Finding, HEAD_BYTES, InputFiles, RawVolume, STACKS, Slices, StableHash, Subject,
 };
 use crate::synthetic;
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::{Result, SourceError, VolumeSource};
 
 /// One series, stack or file.
 #[derive(Clone, Copy, Debug)]
@@ -85,7 +85,7 @@ pub(super) enum What {
 pub(super) type Name<'a> = &'a dyn Fn(&'static str, EachFile<'_>) -> String;
 
 /// Volumes of one file or folder.
-type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
+type Opened = Result<Vec<Box<dyn VolumeSource>>>;
 
 impl Catalogue {
     /// The subjects of an item.
@@ -104,7 +104,7 @@ impl Catalogue {
     }
 
     /// Files of an item in natural order, with size and time of change of each.
-    fn list(&self, item: &Item) -> Result<(FileList, Vec<(u64, u64)>), SourceError> {
+    fn list(&self, item: &Item) -> Result<(FileList, Vec<(u64, u64)>)> {
         // Names below one folder are kept relative to it.
         let mut base: Option<PathBuf> = None;
         for record in self.log.chain(item.last) {
@@ -145,7 +145,7 @@ struct Opening<'a> {
 }
 
 impl Opening<'_> {
-    fn open(&self) -> Result<Vec<Finding>, SourceError> {
+    fn open(&self) -> Result<Vec<Finding>> {
         let Weight { images, opening_bytes: needed_bytes } = self.item.weight;
         let allowed_bytes = self.allowed_bytes();
         // What one image takes is there always.
@@ -245,7 +245,7 @@ impl Opening<'_> {
         findings(self.path, format.name, id, files, opened)
     }
 
-    fn stack(&self, at: usize) -> Result<Vec<Finding>, SourceError> {
+    fn stack(&self, at: usize) -> Result<Vec<Finding>> {
         let (list, facts) = self.of.list(self.item)?;
         let folder = self.path.parent().unwrap_or(Path::new("")).to_path_buf();
         let names = list.select(0..list.len());
@@ -280,7 +280,7 @@ impl Opening<'_> {
         Ok(found)
     }
 
-    fn mesh(&self) -> Result<Finding, SourceError> {
+    fn mesh(&self) -> Result<Finding> {
         let format = mesh_format(self.path, self.first.size)?;
         let checked = mesh::check(self.path, self.of.options.follow_links);
         let subject = checked.map(|()| Subject::Mesh(vec![self.path.to_path_buf()]));
@@ -323,7 +323,7 @@ fn each_sample(path: &Path, opened: &Opened, each: &mut dyn FnMut(&Path)) {
 }
 
 /// The format of a mesh, which was one when its folder was searched.
-fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str, SourceError> {
+fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
     let mut head = Vec::new();
     let read = File::open(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
     read.map_err(|cause| SourceError::Unreadable { path: path.to_path_buf(), cause })?;
@@ -341,7 +341,7 @@ pub(super) fn finding(
     format: &'static str,
     id: String,
     files: InputFiles,
-    subject: Result<Subject, SourceError>,
+    subject: Result<Subject>,
 ) -> Finding {
     let volume = subject.as_ref().ok().and_then(Subject::volume);
     Finding {
@@ -372,7 +372,7 @@ fn findings(
         Err(error) => vec![Err(error)],
         Ok(volumes) => volumes.into_iter().map(|volume| Ok(Subject::Volume(volume))).collect(),
     };
-    let of = |(i, subject): (usize, Result<Subject, SourceError>)| {
+    let of = |(i, subject): (usize, Result<Subject>)| {
         if !several {
             return finding(path, format, id.clone(), files, subject);
         }

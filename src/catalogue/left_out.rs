@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::log::{Log, NONE, Record};
 use crate::facts::NotVolume;
 use crate::source::natural_cmp;
-use crate::volume::SourceError;
+use crate::volume::{Result, SourceError};
 
 /// Different reasons that are kept apart.
 const MAX_REASONS: usize = 32;
@@ -44,7 +44,7 @@ impl LeftOutFiles {
     }
 
     /// Leaves out a file by its whole path; it is counted in any case.
-    pub(super) fn add(&mut self, why: NotVolume, path: PathBuf) -> Result<(), SourceError> {
+    pub(super) fn add(&mut self, why: NotVolume, path: PathBuf) -> Result {
         let noted = self.note(&why, &path);
         self.count(why, path);
         noted
@@ -73,7 +73,7 @@ impl LeftOutFiles {
         }
     }
 
-    fn note(&mut self, why: &NotVolume, path: &Path) -> Result<(), SourceError> {
+    fn note(&mut self, why: &NotVolume, path: &Path) -> Result {
         let number = self.reasons.iter().position(|known| known == why);
         let number = number.unwrap_or_else(|| {
             // As for the counts: many reasons become one.
@@ -98,7 +98,7 @@ impl LeftOutFiles {
     }
 
     /// Every file with its reason, in the order in which they were met.
-    fn all(&self) -> impl Iterator<Item = Result<(&NotVolume, PathBuf), SourceError>> + '_ {
+    fn all(&self) -> impl Iterator<Item = Result<(&NotVolume, PathBuf)>> + '_ {
         self.log.all().map(|record| {
             let record = record?;
             let why = usize::try_from(record.size).ok().and_then(|at| self.reasons.get(at));

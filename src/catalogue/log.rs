@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use crate::platform::{FileExt, OsStrExt};
 use crate::scratch::nameless;
-use crate::volume::SourceError;
+use crate::volume::{Result, SourceError};
 
 /// No record: the end of a chain.
 pub(super) const NONE: u64 = u64::MAX;
@@ -65,7 +65,7 @@ impl Log {
     ///
     /// # Errors
     /// [`SourceError::Scratch`] when the disk is full.
-    pub(super) fn push(&mut self, record: &Record) -> Result<u64, SourceError> {
+    pub(super) fn push(&mut self, record: &Record) -> Result<u64> {
         let path = record.path.as_os_str().as_bytes();
         let path = path.get(..path.len().min(MAX_PATH_BYTES)).unwrap_or(&[]);
         if self.tail.len() + HEAD_BYTES + path.len() > MEMORY_BYTES {
@@ -101,7 +101,7 @@ impl Log {
     ///
     /// # Errors
     /// [`SourceError::Scratch`] when the disk fails.
-    pub(super) fn get(&self, offset: u64) -> Result<Record, SourceError> {
+    pub(super) fn get(&self, offset: u64) -> Result<Record> {
         self.read(offset).map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })
     }
 
@@ -145,7 +145,7 @@ impl Log {
     ///
     /// # Errors
     /// As [`Log::get`], for each.
-    pub(super) fn all(&self) -> impl Iterator<Item = Result<Record, SourceError>> + '_ {
+    pub(super) fn all(&self) -> impl Iterator<Item = Result<Record>> + '_ {
         let end = self.written + self.tail.len() as u64;
         let mut next = 0;
         std::iter::from_fn(move || {
@@ -162,7 +162,7 @@ impl Log {
     ///
     /// # Errors
     /// As [`Log::get`], for each.
-    pub(super) fn chain(&self, last: u64) -> impl Iterator<Item = Result<Record, SourceError>> + '_ {
+    pub(super) fn chain(&self, last: u64) -> impl Iterator<Item = Result<Record>> + '_ {
         let mut next = last;
         std::iter::from_fn(move || {
             if next == NONE {

@@ -37,7 +37,7 @@ use std::path::{Path, PathBuf};
 use crate::facts::{NotVolume, Note, StatedBy};
 use crate::source::{Finding, InputFiles, OpenOptions, STACKS, StableHash};
 use crate::stamp::stamp;
-use crate::volume::{Noted, SourceError, VolumeSource, Watched, place};
+use crate::volume::{Noted, Result, SourceError, VolumeSource, Watched, place};
 use content::{hash_of, is_copy};
 use item::{Item, Name, What, changed_meanwhile, finding};
 use left_out::LeftOutFiles;
@@ -70,7 +70,7 @@ impl Catalogue {
     ///
     /// # Errors
     /// An input cannot be read at all or describes nothing, or `scratch` cannot hold what does not fit into memory.
-    pub fn survey(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Self, SourceError> {
+    pub fn survey(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Self> {
         Self::survey_to_depth(inputs, options, scratch, DEPTH)
     }
 
@@ -83,7 +83,7 @@ impl Catalogue {
         options: &OpenOptions,
         scratch: &Path,
         depth: u32,
-    ) -> Result<Self, SourceError> {
+    ) -> Result<Self> {
         let inputs = without_repeats(inputs)?;
         let mut surveyor = Surveyor::new(&inputs, options, scratch);
         walk(&inputs, depth, options.follow_links, &mut surveyor)?;
@@ -247,7 +247,7 @@ impl Catalogue {
     }
 
     /// One picture alone in a folder is no stack, unless it was given by name.
-    fn leave_single_pictures(&mut self) -> Result<(), SourceError> {
+    fn leave_single_pictures(&mut self) -> Result {
         let mut kept = Vec::with_capacity(self.items.len());
         for item in &self.items {
             if matches!(item.what, What::Stack(_)) && item.files == 1 {
@@ -268,7 +268,7 @@ impl Catalogue {
     }
 
     /// Items in natural order of their first paths, kinds of left-out files by their number, then likewise.
-    fn sort(&mut self) -> Result<(), SourceError> {
+    fn sort(&mut self) -> Result {
         let (log, inputs) = (&self.log, &self.inputs);
         sort_or_stop(&mut self.items, |a, b| {
             Ok::<_, SourceError>(precedes(inputs, &log.get(a.first)?, &log.get(b.first)?))
@@ -281,7 +281,7 @@ impl Catalogue {
 /// A finding with another volume in place of its own.
 fn with_volume(
     finding: Finding,
-    change: impl FnOnce(&Path, Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>, SourceError>,
+    change: impl FnOnce(&Path, Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>>,
 ) -> Finding {
     let path = &finding.path;
     let subject = finding.subject.and_then(|subject| subject.map_volume(|volume| change(path, volume)));

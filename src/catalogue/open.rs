@@ -21,7 +21,7 @@ use crate::source::{RawVolume, header_of_samples};
 use crate::synthetic;
 use crate::volume::Noted;
 use crate::volume::place;
-use crate::volume::{SourceError, VolumeSource, Watched, Workspace};
+use crate::volume::{Result, SourceError, VolumeSource, Watched, Workspace};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -40,7 +40,7 @@ const UNROLLING_BYTES: u64 = 64 << 20;
 ///
 /// # Errors
 /// A [`SourceError`] that names the input and says what was found and what to add.
-pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>, SourceError> {
+pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
     let scratch = std::env::temp_dir();
     let mut volume = open_unprepared_in(inputs, options, &scratch)?;
     let memory = Budget::new(UNROLLING_BYTES);
@@ -52,10 +52,7 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
 ///
 /// # Errors
 /// As [`open_unprepared_in`].
-pub fn open_unprepared(
-    inputs: &[PathBuf],
-    options: &OpenOptions,
-) -> Result<Box<dyn VolumeSource>, SourceError> {
+pub fn open_unprepared(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
     open_unprepared_in(inputs, options, &std::env::temp_dir())
 }
 
@@ -75,7 +72,7 @@ pub fn open_unprepared_in(
     inputs: &[PathBuf],
     options: &OpenOptions,
     scratch: &Path,
-) -> Result<Box<dyn VolumeSource>, SourceError> {
+) -> Result<Box<dyn VolumeSource>> {
     if let Some(raw) = &options.raw {
         if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
             return Err(synthetic::usage(described, SyntheticFault::Described));
@@ -137,7 +134,7 @@ impl Subject {
     ///
     /// # Errors
     /// As [`catalogue::open_unprepared`](super::open_unprepared); [`Misuse::SeveralTrees`].
-    pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self, SourceError> {
+    pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self> {
         // Whoever says what the bytes are is believed.
         let kind = if options.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(inputs) };
         Self::open_as(kind, inputs, options, &std::env::temp_dir())
@@ -149,7 +146,7 @@ impl Subject {
         inputs: &[PathBuf],
         options: &OpenOptions,
         scratch: &Path,
-    ) -> Result<Self, SourceError> {
+    ) -> Result<Self> {
         match (kind, inputs) {
             (SubjectKind::Mesh, _) => Ok(Self::Mesh(inputs.to_vec())),
             (SubjectKind::Tree, [only]) => Ok(Self::Tree(only.clone())),
@@ -248,7 +245,7 @@ impl Chooser {
         });
     }
 
-    fn decide(self, first: &Path, found: &Catalogue) -> Result<Box<dyn VolumeSource>, SourceError> {
+    fn decide(self, first: &Path, found: &Catalogue) -> Result<Box<dyn VolumeSource>> {
         let Self { wanted, seen, best, refused, gapped, named, damaged, mut errors } = self;
         // A larger series that lacks a slice is what is meant; a smaller one is not taken for it in silence.
         if let (None, Some(best), Some((voxels, number))) = (wanted, &best, gapped)

@@ -11,7 +11,7 @@ use super::walk::changed;
 use crate::facts::StatedBy;
 use crate::facts::sidecar::SideCarFault;
 use crate::volume::{Placement, place};
-use crate::volume::{SourceError, VolumeSource, Watched};
+use crate::volume::{Result, SourceError, VolumeSource, Watched};
 
 /// What a side-car says of data that says the rest itself.
 #[derive(Debug)]
@@ -113,7 +113,7 @@ impl Placing {
     ///
     /// # Errors
     /// What is wrong with the side-car.
-    pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>, SourceError> {
+    pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>> {
         let unusable = |fault: &SideCarFault| SourceError::Unusable {
             path: self.path.clone(),
             fault: fault.clone().into(),

@@ -36,7 +36,7 @@ use crate::geom::Orientation;
 use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
 use crate::volume::Noted;
 use crate::volume::Placement;
-use crate::volume::{Note, SourceError, VolumeSource};
+use crate::volume::{Note, Result, SourceError, VolumeSource};
 pub(super) use keys::Keys;
 
 /// Longest text that is looked at.
@@ -65,7 +65,7 @@ pub(super) fn is_named_so(path: &Path) -> bool {
 
 /// Reads a side-car; `None` for a file that is none (no `dims` and `dtype`), the reason for one whose
 /// values are wrong.
-pub(super) fn read(path: &Path) -> Option<Result<Sidecar, SourceError>> {
+pub(super) fn read(path: &Path) -> Option<Result<Sidecar>> {
     let keys = keys_of(path)?;
     keys.describe_raw().then(|| Sidecar::of(&keys).map_err(|fault| unusable(path, fault)))
 }
@@ -207,7 +207,7 @@ pub(super) fn describes(data: &Path) -> bool {
 ///
 /// # Errors
 /// What is wrong with the side-car, or that its data is not there, or not as long as it says.
-pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSource>, SourceError> {
+pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
     let sidecar = read(path).ok_or_else(|| unusable(path, SideCarFault::Changed))??;
     let data = match &sidecar.file {
         Some(name) => path.with_file_name(name),

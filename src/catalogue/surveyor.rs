@@ -21,7 +21,7 @@ use crate::source::StableHash;
 use crate::source::dicom::{Recognised, recognise};
 use crate::source::{FORMATS, HEAD_BYTES, OpenOptions, STACKS, SubjectKind, known};
 use crate::synthetic;
-use crate::volume::SourceError;
+use crate::volume::{Result, SourceError};
 
 /// A catalogue in the making.
 pub(super) struct Surveyor<'a> {
@@ -66,7 +66,7 @@ impl<'a> Surveyor<'a> {
         full_path(self.inputs, &record)
     }
 
-    fn classify(&mut self, path: &Path, meta: &Metadata, named: bool) -> Result<Class, SourceError> {
+    fn classify(&mut self, path: &Path, meta: &Metadata, named: bool) -> Result<Class> {
         let left_out = |why: NotVolume| Ok(Class::LeftOut(why));
         if meta.len() == 0 {
             return left_out(NotVolume::Empty);
@@ -156,12 +156,7 @@ impl<'a> Surveyor<'a> {
         left_out(if is_headerless_by_name(path) { NotVolume::Headerless } else { NotVolume::Unknown })
     }
 
-    fn add(
-        &mut self,
-        (what, key): (What, Option<u64>),
-        weight: Weight,
-        mut record: Record,
-    ) -> Result<(), SourceError> {
+    fn add(&mut self, (what, key): (What, Option<u64>), weight: Weight, mut record: Record) -> Result {
         let known = key.and_then(|key| self.index.get(&(what, key))).copied();
         let item = known.and_then(|at| self.items.get_mut(at as usize));
         let Some(item) = item else {
@@ -185,7 +180,7 @@ impl<'a> Surveyor<'a> {
 }
 
 impl Visitor for Surveyor<'_> {
-    fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result<(), SourceError> {
+    fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result {
         let full = self.path(input, path);
         match self.classify(&full, meta, path.as_os_str().is_empty())? {
             Class::Part => Ok(()),
@@ -203,7 +198,7 @@ impl Visitor for Surveyor<'_> {
         }
     }
 
-    fn synthetic(&mut self, input: u32) -> Result<(), SourceError> {
+    fn synthetic(&mut self, input: u32) -> Result {
         let record = Record { before: NONE, size: 0, changed: 0, input, path: PathBuf::new() };
         let text = self.path(input, Path::new(""));
         if self.options.raw.is_some() {
@@ -214,7 +209,7 @@ impl Visitor for Surveyor<'_> {
         self.add((What::Synthetic, None), Weight::FILE, record)
     }
 
-    fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError> {
+    fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool> {
         let full = self.path(input, path);
         if let Some(skip) = &self.options.skip
             && skip.file_name() == path.file_name()

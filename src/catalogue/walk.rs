@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::facts::{Fault, NotVolume};
 use crate::platform::{self, file_id};
 use crate::synthetic::is_synthetic;
-use crate::volume::SourceError;
+use crate::volume::{Result, SourceError};
 
 /// What a walk comes across.
 pub(super) trait Visitor {
@@ -16,19 +16,19 @@ pub(super) trait Visitor {
     ///
     /// # Errors
     /// What ends the walk.
-    fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result<(), SourceError>;
+    fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result;
 
     /// Is the folder something whole that must not be entered? Then it has been taken care of.
     ///
     /// # Errors
     /// What ends the walk.
-    fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool, SourceError>;
+    fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool>;
 
     /// A volume that an input describes, without a file.
     ///
     /// # Errors
     /// What ends the walk.
-    fn synthetic(&mut self, input: u32) -> Result<(), SourceError>;
+    fn synthetic(&mut self, input: u32) -> Result;
 
     /// A folder that may not be read, or that lies too deep.
     fn not_entered(&mut self, path: &Path, why: NotVolume);
@@ -40,12 +40,7 @@ pub(super) trait Visitor {
 ///
 /// # Errors
 /// [`SourceError::Unreadable`] for an input that is not there; what the visitor says.
-pub(super) fn walk(
-    inputs: &[PathBuf],
-    depth: u32,
-    follow: bool,
-    visitor: &mut dyn Visitor,
-) -> Result<(), SourceError> {
+pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut dyn Visitor) -> Result {
     for (at, input) in inputs.iter().enumerate() {
         let unreadable = |cause| SourceError::Unreadable { path: input.clone(), cause };
         let at = u32::try_from(at).unwrap_or(u32::MAX);
@@ -83,7 +78,7 @@ fn folder(
     depth: u32,
     way: &mut Way,
     visitor: &mut dyn Visitor,
-) -> Result<(), SourceError> {
+) -> Result {
     for entry in entries {
         // A folder that fails half-way (a disk on its way out) is reported, and the rest goes on.
         let Ok(entry) = entry else {
@@ -128,7 +123,7 @@ fn folder(
 ///
 /// # Errors
 /// [`SourceError::Unreadable`] for an input that is not there.
-pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, SourceError> {
+pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let real = |input: &PathBuf| {
         let unreadable = |cause: io::Error| SourceError::Unreadable { path: input.clone(), cause };
         if is_synthetic(input) { Ok(input.clone()) } else { fs::canonicalize(input).map_err(unreadable) }

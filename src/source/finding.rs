@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::{StableHash, Subject};
-use crate::volume::SourceError;
+use crate::volume::Result;
 
 /// One volume, mesh or tree that was found, or why it cannot be used.
 pub struct Finding {
@@ -38,7 +38,7 @@ pub struct Finding {
     /// Volumes like it in the same input that are passed over for it.
     pub more: usize,
     /// What a model of it is built of.
-    pub subject: Result<Subject, SourceError>,
+    pub subject: Result<Subject>,
 }
 
 impl fmt::Debug for Finding {

@@ -8,10 +8,10 @@ use std::path::Path;
 
 use super::files::FileList;
 use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff};
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::{Result, VolumeSource};
 
 /// Volumes that a file of some kind holds.
-type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
+type Opened = Result<Vec<Box<dyn VolumeSource>>>;
 
 /// A kind of file that holds one or several volumes.
 pub(crate) struct Format {
@@ -44,7 +44,7 @@ pub(crate) struct Slices {
     /// Which of the files.
     pub(crate) files: Vec<usize>,
     /// The volume.
-    pub(crate) volume: Result<Box<dyn VolumeSource>, SourceError>,
+    pub(crate) volume: Result<Box<dyn VolumeSource>>,
 }
 
 /// Formats of whole volumes.

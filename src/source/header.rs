@@ -8,7 +8,7 @@ use super::files::FileList;
 use super::stored::{Section, section};
 use crate::facts::Fault;
 use crate::facts::header::HeaderFault;
-use crate::volume::SourceError;
+use crate::volume::{Result, SourceError};
 
 /// Longest line: far more than any real one, so that binary data is not taken for a line.
 const MAX_LINE: u64 = 64 << 10;
@@ -124,7 +124,7 @@ fn data_name(name: &str) -> Result<PathBuf, HeaderFault> {
 ///
 /// # Errors
 /// The first file that does not.
-pub(super) fn check_links(header: &Path, files: &FileList, follow: bool) -> Result<(), SourceError> {
+pub(super) fn check_links(header: &Path, files: &FileList, follow: bool) -> Result {
     let outside = (0..files.len()).find(|at| !stays(header, &files.path(*at)));
     match outside.filter(|_| !follow) {
         None => Ok(()),

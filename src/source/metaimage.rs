@@ -17,7 +17,7 @@ use crate::facts::metaimage::MetaImageFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::platform::FileExt;
-use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 
 /// Keys that a header begins with, in lower case.
 const FIRST_KEYS: [&str; 4] = ["objecttype", "ndims", "comment", "objectsubtype"];
@@ -34,7 +34,7 @@ pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     header.stored(path, options.follow_links)?.open()
@@ -67,7 +67,7 @@ struct Header {
 }
 
 impl Header {
-    fn read(path: &Path, file: &File) -> Result<Self, SourceError> {
+    fn read(path: &Path, file: &File) -> Result<Self> {
         let mut lines = Lines::new(file);
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
         let mut header = Self {
@@ -146,7 +146,7 @@ impl Header {
         Some(())
     }
 
-    fn stored(mut self, path: &Path, follow: bool) -> Result<Stored, SourceError> {
+    fn stored(mut self, path: &Path, follow: bool) -> Result<Stored> {
         let refuse = |fault: MetaImageFault| unusable(path, fault);
         if !(2..=4).contains(&self.axes) || self.size.len() != self.axes {
             return Err(refuse(MetaImageFault::Dimensions { count: self.axes, sizes: self.size.len() }));
@@ -275,7 +275,7 @@ fn samples(name: &str) -> Option<Samples> {
 }
 
 /// Compressed samples are zlib, but gzip is written, too.
-fn stream_kind(files: &FileList, skip: u64) -> Result<Encoding, SourceError> {
+fn stream_kind(files: &FileList, skip: u64) -> Result<Encoding> {
     let path = files.path(0);
     regular(&path)?;
     let mut magic = [0; 2];

@@ -16,7 +16,7 @@ use super::stored::{Encoding, Samples, Skip, Stored};
 use crate::facts::nifti::NiftiFault;
 use crate::facts::samples::StoredFault;
 use crate::facts::{Note, StatedNumber};
-use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 use geometry::Placement;
 
 /// Bytes of a NIfTI-1 header, and of an ANALYZE 7.5 one.
@@ -78,7 +78,7 @@ fn unpacked(stream: impl Read, out: &mut [u8]) -> usize {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let encoding = encoding_of(&file).map_err(|cause| unreadable(path, cause))?;
     let mut bytes = [0; NIFTI2_BYTES];

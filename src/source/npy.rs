@@ -16,7 +16,7 @@ use crate::facts::npy::NpyFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::platform::FileExt;
-use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -29,7 +29,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 }
 
 /// Opens an array of two or three dimensions.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let length = file.metadata().map_err(|cause| unreadable(path, cause))?.len();
     let short = || unusable(path, NpyFault::Short);

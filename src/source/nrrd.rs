@@ -18,7 +18,7 @@ use super::stored::{Encoding, Samples, Skip, Stored, section};
 use crate::facts::header::HeaderFault;
 use crate::facts::nrrd::NrrdFault;
 use crate::facts::{Fault, Note};
-use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 
 /// Most axes that the format allows.
@@ -30,7 +30,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     let stored = header.stored(path, &file, options.follow_links).map_err(|wrong| match wrong {
@@ -80,7 +80,7 @@ struct Header {
 }
 
 impl Header {
-    fn read(path: &Path, file: &File) -> Result<Self, SourceError> {
+    fn read(path: &Path, file: &File) -> Result<Self> {
         let mut lines = Lines::new(file);
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
         let magic = next(&mut lines)?.unwrap_or_default();

@@ -22,7 +22,7 @@ use crate::budget::costs;
 use crate::facts::png::{PngFault, PngHead};
 use crate::facts::{Carrier, Fault, Note};
 use crate::geom::{Affine, Dims};
-use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
 
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
@@ -47,7 +47,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     vec![Slices { files, volume: order.and_then(|order| Ok(order.apply(stack(list)?))) }]
 }
 
-fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
+fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {
     let mut first: Option<Head> = None;
     let mut file_bytes = 0_u64;
     for index in 0..list.len() {
@@ -168,7 +168,7 @@ impl Unroll for Pictures {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>> {
         for z in 0..info.dims.nz() {
             let index = z as usize;
             let path = || self.files.list().path(index);
@@ -192,7 +192,7 @@ fn picture(
     info: &VolumeInfo,
     target: &Target<'_>,
     path: &dyn Fn() -> PathBuf,
-) -> Result<(), SourceError> {
+) -> Result {
     let failed = |error: DecodingError| match error {
         DecodingError::IoError(cause) if cause.raw_os_error().is_some() => unreadable(&path(), cause),
         DecodingError::IoError(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => {

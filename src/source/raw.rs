@@ -13,7 +13,9 @@ use crate::facts::samples::{RawFault, RawLayout};
 use crate::facts::{Fault, Instead, Known, Misuse};
 use crate::geom::{Dims, Orientation};
 use crate::mark::is_own_picture;
-use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{
+    Endian, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+};
 
 /// What the caller must say of a headerless volume.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +52,7 @@ impl RawVolume {
     /// [`SourceError::Unusable`] when the number of files is not the number of slices;
     /// [`SourceError::NoVolume`] for an empty folder; [`SourceError::Usage`] for impossible options;
     /// [`SourceError::Unreadable`] when the system refuses.
-    pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self, SourceError> {
+    pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self> {
         let (list, name) = list_files(inputs)?;
         let first = || inputs.first().cloned().unwrap_or_default();
         let affine = options.orientation.affine(options.spacing_mm);
@@ -124,13 +126,7 @@ impl VolumeSource for RawVolume {
         self.placed.files.list().for_each(each);
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         self.placed.read_rows(&self.info, z, rows, cols, out)
     }
 
@@ -141,7 +137,7 @@ impl VolumeSource for RawVolume {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         self.placed.read_pitched(&self.info, z, rows, cols, pitch, out)
     }
 }
@@ -152,7 +148,7 @@ fn layout_of(options: &RawOptions, index: usize, files: usize) -> RawLayout {
 }
 
 /// The files to read, in slice order, and the base name to remember.
-fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
+fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     let Some(first) = inputs.first() else {
         return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
     };
@@ -182,7 +178,7 @@ fn is_made_of_slices(path: &Path) -> bool {
 }
 
 /// Regular files of a folder in natural order; hidden ones, models, their pictures and subfolders are left out.
-fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
+fn list_folder(folder: &Path) -> Result<FileList> {
     let unreadable = |cause| SourceError::Unreadable { path: folder.to_path_buf(), cause };
     let mut list = FileList::new(folder);
     for entry in fs::read_dir(folder).map_err(unreadable)? {

@@ -7,7 +7,7 @@ use crate::facts::samples::ReadFault;
 use crate::geom::Dims;
 use crate::volume::Spool;
 use crate::volume::check_request;
-use crate::volume::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
+use crate::volume::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace};
 
 /// Bytes of a block that is turned at a time.
 const BLOCK_BYTES: usize = 1 << 20;
@@ -66,7 +66,7 @@ impl VolumeSource for Reversed {
         }
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         if self.spool.is_some() {
             return Ok(());
         }
@@ -105,13 +105,7 @@ impl VolumeSource for Reversed {
         Ok(())
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let failed = |cause| SourceError::ReadFailed {
             path: self.info.description.name.clone().into(),
             slice: z,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
+use super::{Preparation, Result, VolumeInfo, VolumeSource, Workspace};
 
 /// So that what wraps a volume, such as [`Crop`](super::Crop), need not own it.
 #[deny(clippy::missing_trait_methods)]
@@ -20,7 +20,7 @@ impl VolumeSource for &mut (dyn VolumeSource + '_) {
         (**self).for_each_file(each);
     }
 
-    fn check_unchanged(&self) -> Result<(), SourceError> {
+    fn check_unchanged(&self) -> Result {
         (**self).check_unchanged()
     }
 
@@ -28,17 +28,11 @@ impl VolumeSource for &mut (dyn VolumeSource + '_) {
         (**self).preparation()
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         (**self).prepare(workspace)
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         (**self).read_rows(z, rows, cols, out)
     }
 
@@ -49,7 +43,7 @@ impl VolumeSource for &mut (dyn VolumeSource + '_) {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         (**self).read_pitched(z, rows, cols, pitch, out)
     }
 

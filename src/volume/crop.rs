@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
+use super::{Result, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Misuse;
 use crate::geom::Dims;
 
@@ -20,7 +20,7 @@ impl<'a> Crop<'a> {
     ///
     /// # Errors
     /// [`SourceError::Usage`] when the box is empty or not within the volume.
-    pub fn new(source: Box<dyn VolumeSource + 'a>, roi: [Range<u32>; 3]) -> Result<Self, SourceError> {
+    pub fn new(source: Box<dyn VolumeSource + 'a>, roi: [Range<u32>; 3]) -> Result<Self> {
         let mut info = source.info().clone();
         let size = roi.clone().map(|r| r.end.saturating_sub(r.start));
         let fits = roi.iter().zip(info.dims.to_array()).all(|(r, n)| r.end <= n);
@@ -65,13 +65,7 @@ impl Wrapper for Crop<'_> {
         0
     }
 
-    fn own_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let [x, y, slices] = &self.roi;
         let z = z.saturating_add(slices.start);
         self.source.read_rows(z, moved(&rows, y.start), moved(&cols, x.start), out)
@@ -84,7 +78,7 @@ impl Wrapper for Crop<'_> {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         let [x, y, slices] = &self.roi;
         let z = z.saturating_add(slices.start);
         self.source.read_pitched(z, moved(&rows, y.start), moved(&cols, x.start), pitch, out)

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{Scalar, ScalarType, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
+use super::{Result, Scalar, ScalarType, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Misuse;
 use crate::geom::Dims;
 
@@ -33,7 +33,7 @@ impl<'a> Downsample<'a> {
     ///
     /// # Errors
     /// [`SourceError::Usage`] for other factors.
-    pub fn new(source: Box<dyn VolumeSource + 'a>, factor: u32) -> Result<Self, SourceError> {
+    pub fn new(source: Box<dyn VolumeSource + 'a>, factor: u32) -> Result<Self> {
         let mut info = source.info().clone();
         let sides = info.dims.to_array().map(|n| n.div_ceil(factor.max(1)));
         let dims = Dims::new(sides[0], sides[1], sides[2]);
@@ -58,7 +58,7 @@ impl<'a> Downsample<'a> {
     }
 
     /// One row of means.
-    fn row<T: Scalar>(&self, z: u32, y: u32, cols: &Range<u32>, out: &mut [u8]) -> Result<(), SourceError> {
+    fn row<T: Scalar>(&self, z: u32, y: u32, cols: &Range<u32>, out: &mut [u8]) -> Result {
         let [nx, ny, nz] = self.source.info().dims.to_array();
         let block = |i: u32, n: u32| (i * self.factor).min(n)..((i + 1) * self.factor).min(n);
         let (rows, slices) = (block(y, ny), block(z, nz));
@@ -122,13 +122,7 @@ impl Wrapper for Downsample<'_> {
         64 << 10
     }
 
-    fn own_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let row_bytes = cols.len() * self.info.scalar.bytes();
         if row_bytes == 0 {
             return Ok(());

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::blend::{blend_rows, neighbour_bytes};
-use super::{Noted, SourceError, VolumeInfo, VolumeSource, Wrapper};
+use super::{Noted, Result, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Note;
 use crate::geom::Dims;
 
@@ -66,13 +66,7 @@ impl Wrapper for Filled {
         neighbour_bytes(&self.info)
     }
 
-    fn own_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         // A slice out of range is refused by the volume behind.
         let (at, part) = self.places.get(z as usize).copied().unwrap_or((u32::MAX, 0.0));
         self.source.read_rows(at, rows.clone(), cols.clone(), out)?;

@@ -55,6 +55,9 @@ use crate::budget::{Budget, Reservation};
 use crate::geom::{Affine, Dims};
 use crate::progress::{Progress, Stopped};
 
+/// What reading a volume gives: nothing but success, unless said otherwise.
+pub type Result<T = (), E = SourceError> = std::result::Result<T, E>;
+
 /// What is known of a volume before its voxels are read.
 #[derive(Clone, Debug)]
 pub struct VolumeInfo {
@@ -145,11 +148,7 @@ impl Workspace<'_> {
     ///
     /// # Errors
     /// [`SourceError::Memory`].
-    pub(crate) fn reserve(
-        &self,
-        bytes: u64,
-        path: impl FnOnce() -> PathBuf,
-    ) -> Result<Reservation, SourceError> {
+    pub(crate) fn reserve(&self, bytes: u64, path: impl FnOnce() -> PathBuf) -> Result<Reservation> {
         self.memory.reserve(bytes).map_err(|refused| SourceError::Memory {
             path: path(),
             needed_bytes: refused.needed_bytes,
@@ -234,7 +233,7 @@ pub trait VolumeSource: Send + Sync {
     /// # Errors
     /// [`Fault::ChangedInUse`](crate::facts::Fault::ChangedInUse) with the first file that is not. What comes from
     /// [`catalogue::open`](fn@crate::catalogue::open) notices; a volume whose files nobody watches does not.
-    fn check_unchanged(&self) -> Result<(), SourceError> {
+    fn check_unchanged(&self) -> Result {
         Ok(())
     }
 
@@ -248,7 +247,7 @@ pub trait VolumeSource: Send + Sync {
     ///
     /// # Errors
     /// The input is damaged, the scratch folder is full, or the memory allowed is too little.
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let _ = workspace;
         Ok(())
     }
@@ -258,13 +257,7 @@ pub trait VolumeSource: Send + Sync {
     ///
     /// # Errors
     /// The file became unreadable or ended early.
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError>;
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result;
 
     /// As [`VolumeSource::read_rows`], but row r of the block begins at byte `r * pitch` of `out`, and what
     /// lies between rows is left as it is. `out` ends with the last row.
@@ -280,7 +273,7 @@ pub trait VolumeSource: Send + Sync {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         row_by_row(self, z, rows, cols, pitch, out)
     }
 
@@ -298,7 +291,7 @@ pub(crate) fn row_by_row(
     cols: Range<u32>,
     pitch: usize,
     out: &mut [u8],
-) -> Result<(), SourceError> {
+) -> Result {
     let row_bytes = cols.len() * source.info().scalar.bytes();
     for (row, part) in rows.zip(out.chunks_mut(pitch)) {
         source.read_rows(z, row..row + 1, cols.clone(), part.get_mut(..row_bytes).unwrap_or_default())?;

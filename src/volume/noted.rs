@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{SourceError, VolumeInfo, VolumeSource, Wrapper};
+use super::{Result, VolumeInfo, VolumeSource, Wrapper};
 
 /// A volume with more to be said of it.
 pub(crate) struct Noted {
@@ -32,13 +32,7 @@ impl Wrapper for Noted {
         0
     }
 
-    fn own_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         self.source.read_rows(z, rows, cols, out)
     }
 
@@ -49,7 +43,7 @@ impl Wrapper for Noted {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         self.source.read_pitched(z, rows, cols, pitch, out)
     }
 }

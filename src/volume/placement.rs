@@ -4,7 +4,7 @@
 //! tells in a note; the note is the record of it, and goes when somebody states what was missing.
 
 use super::noted::Noted;
-use super::{Note, SourceError, Treatment, VolumeInfo, VolumeSource};
+use super::{Note, Result, SourceError, Treatment, VolumeInfo, VolumeSource};
 use crate::facts::{Misuse, StatedBy};
 use crate::geom::Orientation;
 
@@ -47,7 +47,7 @@ pub(crate) fn place(
     source: Box<dyn VolumeSource>,
     asked: Placement,
     by: StatedBy,
-) -> Result<Box<dyn VolumeSource>, SourceError> {
+) -> Result<Box<dyn VolumeSource>> {
     if asked.is_empty() {
         return Ok(source);
     }
@@ -131,7 +131,7 @@ mod tests {
             _: std::ops::Range<u32>,
             _: std::ops::Range<u32>,
             _: &mut [u8],
-        ) -> Result<(), SourceError> {
+        ) -> Result {
             Ok(())
         }
     }

@@ -8,7 +8,7 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{ScalarType, SourceError};
+use super::{Result, ScalarType, SourceError};
 use crate::geom::Dims;
 use crate::platform::FileExt;
 use crate::scratch::nameless_for;
@@ -28,7 +28,7 @@ impl Spool {
     ///
     /// # Errors
     /// [`SourceError::Scratch`] where there is no room for it.
-    pub(crate) fn create(folder: &Path, dims: Dims, scalar: ScalarType) -> Result<Self, SourceError> {
+    pub(crate) fn create(folder: &Path, dims: Dims, scalar: ScalarType) -> Result<Self> {
         let bytes = dims.voxels() * scalar.bytes() as u64;
         let failed = |cause| SourceError::Scratch { path: folder.to_path_buf(), cause };
         let file = nameless_for(folder, bytes).map_err(failed)?;
@@ -51,7 +51,7 @@ impl Spool {
     ///
     /// # Errors
     /// [`SourceError::Scratch`].
-    pub(crate) fn write(&self, samples: &[u8], offset: u64) -> Result<(), SourceError> {
+    pub(crate) fn write(&self, samples: &[u8], offset: u64) -> Result {
         self.file
             .write_all_at(samples, offset)
             .map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })

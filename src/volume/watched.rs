@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
+use super::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace};
 use crate::facts::Fault;
 use crate::stamp::stamp;
 
@@ -47,7 +47,7 @@ impl VolumeSource for Watched {
         self.source.for_each_file(each);
     }
 
-    fn check_unchanged(&self) -> Result<(), SourceError> {
+    fn check_unchanged(&self) -> Result {
         self.source.check_unchanged()?;
         let mut changed = None;
         let mut look = |path: &Path, then: u64| {
@@ -73,17 +73,11 @@ impl VolumeSource for Watched {
         self.source.preparation()
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         self.source.prepare(workspace)
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         self.source.read_rows(z, rows, cols, out)
     }
 
@@ -94,7 +88,7 @@ impl VolumeSource for Watched {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         self.source.read_pitched(z, rows, cols, pitch, out)
     }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
+use super::{Preparation, Result, VolumeInfo, VolumeSource, Workspace, row_by_row};
 
 /// A volume made of another one, which says of itself and reads what is different; all else is the inner
 /// volume's.
@@ -30,8 +30,7 @@ pub(crate) trait Wrapper: Sized + Send + Sync {
     ///
     /// # Errors
     /// As there.
-    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8])
-    -> Result<(), SourceError>;
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result;
 
     /// [`VolumeSource::read_pitched`] of the whole; row by row, unless there is a better way.
     ///
@@ -44,7 +43,7 @@ pub(crate) trait Wrapper: Sized + Send + Sync {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         row_by_row(self, z, rows, cols, pitch, out)
     }
 }
@@ -65,7 +64,7 @@ impl<W: Wrapper> VolumeSource for W {
         self.inner().for_each_file(each);
     }
 
-    fn check_unchanged(&self) -> Result<(), SourceError> {
+    fn check_unchanged(&self) -> Result {
         self.inner().check_unchanged()
     }
 
@@ -73,7 +72,7 @@ impl<W: Wrapper> VolumeSource for W {
         self.inner().preparation()
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let Some(inner) = self.inner_mut() else { return Ok(()) };
         let known = inner.info().notes.len();
         inner.prepare(workspace)?;
@@ -82,13 +81,7 @@ impl<W: Wrapper> VolumeSource for W {
         Ok(())
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         self.own_rows(z, rows, cols, out)
     }
 
@@ -99,7 +92,7 @@ impl<W: Wrapper> VolumeSource for W {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         self.own_pitched(z, rows, cols, pitch, out)
     }
 
@@ -135,18 +128,18 @@ mod tests {
         fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
             each(Path::new("a"));
         }
-        fn check_unchanged(&self) -> Result<(), SourceError> {
+        fn check_unchanged(&self) -> Result {
             Err(SourceError::Unusable { path: "a".into(), fault: Fault::ChangedInUse })
         }
         fn preparation(&self) -> Preparation {
             NEEDS
         }
-        fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
             let _memory = workspace.reserve(NEEDS.memory_bytes, || "a".into())?;
             self.0.notes.push(Note::WhiteIsZero);
             Ok(())
         }
-        fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result<(), SourceError> {
+        fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result {
             Err(SourceError::ReadFailed {
                 path: "a".into(),
                 slice: z,

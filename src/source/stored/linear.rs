@@ -13,7 +13,7 @@ use crate::facts::{Note, Packing};
 use crate::platform::FileExt;
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
-use crate::volume::{Endian, SourceError, VolumeInfo};
+use crate::volume::{Endian, Result, SourceError, VolumeInfo};
 
 /// Stored bytes that are turned into samples at once; a multiple of every sample's width.
 const PIECE_BYTES: usize = 32 << 10;
@@ -129,7 +129,7 @@ impl Linear {
         slice_bytes: u64,
         target: &Target<'_>,
         buffer: &mut [u8],
-    ) -> Result<Option<Note>, SourceError> {
+    ) -> Result<Option<Note>> {
         let mut stream = self.encoding.open(file, self.skip, self.samples);
         let packing = self.encoding.packing();
         let before = within.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
@@ -214,7 +214,7 @@ impl Unroll for Linear {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>> {
         let dims = info.dims;
         let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.samples.bytes() as u64;
         let mut buffer = vec![0; PIECE_BYTES / self.samples.bytes() * self.samples.delivered().bytes()];

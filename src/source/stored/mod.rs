@@ -32,7 +32,7 @@ use crate::facts::samples::ReadFault;
 use crate::progress::Progress;
 use crate::volume::Spool;
 use crate::volume::check_request;
-use crate::volume::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
+use crate::volume::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
 
 /// Writes a volume that can only be read from front to back.
 pub(super) trait Unroll: Send + Sync {
@@ -48,7 +48,7 @@ pub(super) trait Unroll: Send + Sync {
     }
 
     /// Writes every sample of the volume into `target`; gives back what came to light.
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError>;
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>>;
 }
 
 /// Where a recipe writes to.
@@ -59,7 +59,7 @@ pub(super) struct Target<'a> {
 
 impl Target<'_> {
     /// Writes samples (native order, as delivered) at a byte offset of the volume.
-    pub(super) fn write(&self, samples: &[u8], offset: u64) -> Result<(), SourceError> {
+    pub(super) fn write(&self, samples: &[u8], offset: u64) -> Result {
         self.spool.write(samples, offset)?;
         Ok(self.progress.step(samples.len() as u64)?)
     }
@@ -128,7 +128,7 @@ impl VolumeSource for StoredVolume {
         }
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let needed_bytes = self.preparation().memory_bytes;
         let Data::Sequential { recipe, spool } = &mut self.data else { return Ok(()) };
         if spool.is_some() {
@@ -144,13 +144,7 @@ impl VolumeSource for StoredVolume {
         Ok(())
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         match &self.data {
             Data::Placed(placed) => placed.read_rows(&self.info, z, rows, cols, out),
             Data::Sequential { recipe, spool } => check_request(&self.info, z, &rows, &cols, out.len())
@@ -169,7 +163,7 @@ impl VolumeSource for StoredVolume {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         match &self.data {
             Data::Placed(placed) => placed.read_pitched(&self.info, z, rows, cols, pitch, out),
             Data::Sequential { .. } => row_by_row(self, z, rows, cols, pitch, out),

@@ -11,7 +11,7 @@ use crate::geom::{Affine, Dims};
 use crate::source::files::base_name;
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
-use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// Volumes that one file may hold: each takes about a KiB once it is opened.
 const MAX_VOLUMES: u64 = 2048;
@@ -62,7 +62,7 @@ impl Stored {
     /// # Errors
     /// [`SourceError::Unusable`] where the header contradicts itself or the files;
     /// [`SourceError::Unreadable`] where the system refuses.
-    pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+    pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>> {
         let wrong = |fault: StoredFault| Err(unusable(&self.header, fault));
         let sides = self.size.map(|n| u32::try_from(n).unwrap_or(0));
         let Some(dims) = Dims::new(sides[0], sides[1], sides[2]) else {
@@ -139,7 +139,7 @@ impl Stored {
     }
 
     /// Holds the size of every file against its share; gives back where the samples begin.
-    fn check_files(&mut self, share: u64) -> Result<u64, SourceError> {
+    fn check_files(&mut self, share: u64) -> Result<u64> {
         let mut common = None;
         let mut longer = 0_u64;
         for index in 0..self.files.len() {
@@ -176,7 +176,7 @@ impl Stored {
 }
 
 /// Length of a regular file: no device, pipe or folder is opened because a header names it.
-pub(in crate::source) fn regular(path: &Path) -> Result<u64, SourceError> {
+pub(in crate::source) fn regular(path: &Path) -> Result<u64> {
     let meta =
         fs::metadata(path).map_err(|cause| SourceError::Unreadable { path: path.to_path_buf(), cause })?;
     if !meta.is_file() {

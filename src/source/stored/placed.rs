@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::Samples;
 use crate::platform::read_parts;
 use crate::source::files::FileSet;
-use crate::volume::{Endian, SourceError, VolumeInfo};
+use crate::volume::{Endian, Result, SourceError, VolumeInfo};
 use crate::volume::{check_request, read_block};
 
 /// Where the slices of a volume begin.
@@ -66,7 +66,7 @@ impl Placed {
         rows: Range<u32>,
         cols: Range<u32>,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         let width = self.samples.bytes();
         check_request(info, z, &rows, &cols, out.len())
             .and_then(|()| {
@@ -92,7 +92,7 @@ impl Placed {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         let dims = info.dims;
         let row_bytes = cols.len() * info.scalar.bytes();
         let expected = rows.len() * row_bytes;

@@ -29,7 +29,7 @@ use crate::facts::samples::Damage;
 use crate::facts::tiff::{TiffFault, TiffShape};
 use crate::facts::{Carrier, Note};
 use crate::geom::{Affine, Dims};
-use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use directory::{Directory, Tiff, damaged};
 use notes::Notes;
 use raster::Raster;
@@ -193,7 +193,7 @@ struct Stack {
 
 impl Stack {
     /// Adds the pages of a file.
-    fn add(&mut self, path: &Path, file: u32) -> Result<(), SourceError> {
+    fn add(&mut self, path: &Path, file: u32) -> Result {
         super::stored::regular(path)?;
         let added = File::open(path).and_then(|opened| self.add_pages(&opened, file));
         added.map_err(|cause| unreadable(path, cause))
@@ -313,7 +313,7 @@ impl Stack {
         Ok(())
     }
 
-    fn volume(self, list: FileList, name: String) -> Result<Box<dyn VolumeSource>, SourceError> {
+    fn volume(self, list: FileList, name: String) -> Result<Box<dyn VolumeSource>> {
         let path = list.path(0);
         let refuse = |fault: TiffFault| unusable(&path, fault);
         let shape = self.shape.ok_or_else(|| refuse(TiffFault::NoSlice))?;
@@ -414,7 +414,7 @@ impl Unroll for Pages {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>> {
         for (z, (file, offset)) in (0..).zip(&self.pages) {
             let index = *file as usize;
             let mut result = Ok(());

@@ -10,7 +10,7 @@ use crate::budget::costs;
 use crate::facts::tiff::TiffFault;
 use crate::geom::Dims;
 use crate::source::stored::{Samples, Section, Target, section};
-use crate::volume::{Endian, ScalarType, SourceError};
+use crate::volume::{Endian, Result, ScalarType};
 
 /// Bytes that are written to the spool at once, if rows are shorter.
 const BATCH_BYTES: usize = 64 << 10;
@@ -201,12 +201,7 @@ impl Raster {
     }
 
     /// Unpacks the page into slice `z`.
-    pub(super) fn unroll(
-        &self,
-        tiff: &Tiff<'_>,
-        z: u32,
-        target: &Target<'_>,
-    ) -> Result<Result<(), SourceError>, io::Error> {
+    pub(super) fn unroll(&self, tiff: &Tiff<'_>, z: u32, target: &Target<'_>) -> Result<Result, io::Error> {
         let (stored, delivered) = (self.samples.bytes(), self.samples.delivered().bytes());
         let chunk_row = self.chunk[0] as usize;
         let row_bytes = chunk_row * delivered;

@@ -18,7 +18,7 @@ use crate::source::dicom::parse::deflated::Inflated;
 use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::window::ReadAt;
-use crate::volume::SourceError;
+use crate::volume::{Result, SourceError};
 
 /// Receives decoded frames.
 pub trait FrameSink {
@@ -38,7 +38,7 @@ pub trait FrameSink {
     ///
     /// # Errors
     /// The samples cannot be kept.
-    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result<(), SourceError>;
+    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result;
 }
 
 /// Decodes the frames that are wanted, in the order of the file, row by row, in one pass.
@@ -53,7 +53,7 @@ pub fn unroll<R: ReadAt + ?Sized>(
     image: &Image,
     memory: &Budget,
     sink: &mut dyn FrameSink,
-) -> Result<(), SourceError> {
+) -> Result {
     let walked = if header.transfer_syntax == TransferSyntax::Deflated {
         deflated(input, header, image, memory, sink)
     } else {

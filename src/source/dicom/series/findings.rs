@@ -14,7 +14,7 @@ use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
 use crate::source::{Finding, InputFiles, OpenOptions, Subject};
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::{Result, SourceError, VolumeSource};
 
 /// Attributes named in one note.
 const NAMED: usize = 4;
@@ -141,13 +141,7 @@ fn finding(
 }
 
 /// Orders the images of a part, unless one of them stands in the way.
-fn open(
-    series: &Series,
-    group: &Group,
-    part: &Part,
-    path: &Path,
-    options: &OpenOptions,
-) -> Result<Stack, SourceError> {
+fn open(series: &Series, group: &Group, part: &Part, path: &Path, options: &OpenOptions) -> Result<Stack> {
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
     let refuse = |path: &Path, fault| Err(SourceError::Dicom { path: path.to_path_buf(), fault });
     let images = slices.len();

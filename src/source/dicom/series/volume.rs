@@ -18,8 +18,8 @@ use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileSet;
 use crate::volume::Spool;
 use crate::volume::{
-    ImageKind, Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
-    Workspace,
+    ImageKind, Preparation, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo,
+    VolumeSource, Workspace,
 };
 use crate::volume::{blend_rows, check_request, neighbour_bytes, read_block};
 
@@ -334,7 +334,7 @@ impl FrameSink for ToSpool<'_> {
         self.paddings.get(padding as usize).copied().flatten()
     }
 
-    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result<(), SourceError> {
+    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result {
         let Some((_, slice, _)) = self.find(frame) else { return Ok(()) };
         let (rows, across) = (self.layout.rows, self.layout.across());
         let (down, row) = (row / rows, row % rows);
@@ -375,7 +375,7 @@ impl VolumeSource for DicomVolume {
         }
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let Some((dims, scalar)) = self.spool_dims().filter(|_| self.coded > 0 && self.spool.is_none())
         else {
             return Ok(());
@@ -420,13 +420,7 @@ impl VolumeSource for DicomVolume {
         Ok(())
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let failed = |cause| SourceError::ReadFailed {
             path: self.files.list().path(self.file_of(z)),
             slice: z,
