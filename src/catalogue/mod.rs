@@ -37,7 +37,7 @@ use std::path::{Path, PathBuf};
 use crate::facts::{NotVolume, Note, StatedBy};
 use crate::source::{Finding, InputFiles, OpenOptions, STACKS, StableHash};
 use crate::stamp::stamp;
-use crate::volume::{Noted, Result, SourceError, VolumeSource, Watched, place};
+use crate::volume::{InfoOverride, Result, SourceError, VolumeSource, Watched, place};
 use content::{hash_of, is_copy};
 use item::{Item, Name, What, changed_meanwhile, finding};
 use left_out::LeftOutFiles;
@@ -154,11 +154,7 @@ impl Catalogue {
             }
             let more = others.len();
             let note = Note::FirstOfMany { volumes: more + 1 };
-            let noted = |source: Box<dyn VolumeSource>| {
-                let mut info = source.info().clone();
-                info.notes.push(note);
-                Ok(Box::new(Noted { source, info }) as _)
-            };
+            let noted = |source| Ok(InfoOverride::with_note(source, note));
             let subject = finding.subject.and_then(|subject| subject.map_volume(noted));
             all.push(Finding { subject, more, ..finding });
         }

@@ -19,7 +19,7 @@ use crate::source::dicom::{Recognised, recognise};
 use crate::source::{HEAD_BYTES, Subject, SubjectKind, known};
 use crate::source::{RawVolume, header_of_samples};
 use crate::synthetic;
-use crate::volume::Noted;
+use crate::volume::InfoOverride;
 use crate::volume::place;
 use crate::volume::{Result, SourceError, VolumeSource, Watched, Workspace};
 
@@ -300,7 +300,7 @@ impl Chooser {
         let mut info = source.info().clone();
         notes.append(&mut info.notes);
         info.notes = notes;
-        Ok(Box::new(Noted { source, info }))
+        Ok(InfoOverride::new(source, info))
     }
 }
 

@@ -34,9 +34,8 @@ use crate::facts::sidecar::{ParseFault, SideCarFault, Unparsed};
 use crate::facts::{Fault, Misuse};
 use crate::geom::Orientation;
 use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
-use crate::volume::Noted;
 use crate::volume::Placement;
-use crate::volume::{Note, Result, SourceError, VolumeSource};
+use crate::volume::{InfoOverride, Note, Result, SourceError, VolumeSource};
 pub(super) use keys::Keys;
 
 /// Longest text that is looked at.
@@ -160,9 +159,7 @@ pub(super) fn with_unknown(
     if unknown.is_empty() {
         return volume;
     }
-    let mut info = volume.info().clone();
-    info.notes.push(Note::UnknownKeys { unknown: unknown.to_vec(), known });
-    Box::new(Noted { source: volume, info })
+    InfoOverride::with_note(volume, Note::UnknownKeys { unknown: unknown.to_vec(), known })
 }
 
 /// Side-cars that could describe a file or folder, by their names; the first that does counts.

@@ -12,7 +12,7 @@ use super::stable_hash::StableHash;
 use crate::facts::Note;
 use crate::facts::numbered::{NumberFault, NumberGaps, NumberNote};
 use crate::platform::OsStrExt;
-use crate::volume::{Filled, VolumeSource};
+use crate::volume::{GapFill, InfoOverride, VolumeSource};
 
 /// Numbers of a name that are looked at; names have few.
 const FIELDS: usize = 16;
@@ -40,8 +40,11 @@ impl Order {
     /// A volume of slices in the order of their files, with what is to be made between them.
     pub(super) fn apply(self, volume: Box<dyn VolumeSource>) -> Box<dyn VolumeSource> {
         match self {
-            Self::AsTheyAre(note) => Filled::noted(volume, note),
-            Self::Filled(places, note) => Filled::between(volume, places, note),
+            Self::AsTheyAre(note) => match note {
+                Some(note) => InfoOverride::with_note(volume, note),
+                None => volume,
+            },
+            Self::Filled(places, note) => GapFill::between(volume, places, note),
         }
     }
 }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
+use super::wrapper::owns_source_and_info;
 use super::{Result, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Misuse;
 use crate::geom::Dims;
@@ -45,25 +46,7 @@ fn moved(range: &Range<u32>, start: u32) -> Range<u32> {
 }
 
 impl Wrapper for Crop<'_> {
-    fn inner(&self) -> &dyn VolumeSource {
-        &*self.source
-    }
-
-    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
-        Some(&mut *self.source)
-    }
-
-    fn own_info(&self) -> &VolumeInfo {
-        &self.info
-    }
-
-    fn own_info_mut(&mut self) -> &mut VolumeInfo {
-        &mut self.info
-    }
-
-    fn own_bytes(&self) -> u64 {
-        0
-    }
+    owns_source_and_info!();
 
     fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let [x, y, slices] = &self.roi;

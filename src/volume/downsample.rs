@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
+use super::wrapper::owns_source_and_info;
 use super::{Result, Scalar, ScalarType, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Misuse;
 use crate::geom::Dims;
@@ -102,21 +103,7 @@ impl<'a> Downsample<'a> {
 }
 
 impl Wrapper for Downsample<'_> {
-    fn inner(&self) -> &dyn VolumeSource {
-        &*self.source
-    }
-
-    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
-        Some(&mut *self.source)
-    }
-
-    fn own_info(&self) -> &VolumeInfo {
-        &self.info
-    }
-
-    fn own_info_mut(&mut self) -> &mut VolumeInfo {
-        &mut self.info
-    }
+    owns_source_and_info!();
 
     fn own_bytes(&self) -> u64 {
         64 << 10

@@ -14,12 +14,10 @@
 
 mod blend;
 mod block;
-mod borrowed;
 mod crop;
 mod description;
 mod downsample;
-mod filled;
-mod noted;
+mod gap_fill;
 mod placement;
 mod scalar;
 mod slices;
@@ -35,8 +33,7 @@ pub(crate) use block::{check_request, read_block};
 pub use crop::Crop;
 pub use description::{ImageKind, SourceDescription, Treatment};
 pub use downsample::Downsample;
-pub(crate) use filled::Filled;
-pub(crate) use noted::Noted;
+pub(crate) use gap_fill::GapFill;
 pub use placement::Placement;
 pub(crate) use placement::place;
 pub use scalar::{Endian, Scalar, ScalarType};
@@ -45,7 +42,7 @@ pub(crate) use spool::Spool;
 pub use view::VolumeView;
 pub use voxels::Voxels;
 pub(crate) use watched::Watched;
-pub(crate) use wrapper::Wrapper;
+pub(crate) use wrapper::{InfoOverride, Wrapper};
 
 use std::fmt;
 use std::ops::Range;

@@ -3,8 +3,7 @@
 //! Pictures and arrays state neither, and some headers state less than they could. What a format then assumes it
 //! tells in a note; the note is the record of it, and goes when somebody states what was missing.
 
-use super::noted::Noted;
-use super::{Note, Result, SourceError, Treatment, VolumeInfo, VolumeSource};
+use super::{InfoOverride, Note, Result, SourceError, Treatment, VolumeInfo, VolumeSource};
 use crate::facts::{Misuse, StatedBy};
 use crate::geom::Orientation;
 
@@ -64,7 +63,7 @@ pub(crate) fn place(
             misuse: Misuse::Spacing { by },
         });
     }
-    Ok(Box::new(Noted { source, info }))
+    Ok(InfoOverride::new(source, info))
 }
 
 fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {

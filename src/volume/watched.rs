@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::wrapper::pass_on;
 use super::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace};
 use crate::facts::Fault;
 use crate::stamp::stamp;
@@ -35,17 +36,8 @@ impl Watched {
 
 #[deny(clippy::missing_trait_methods)]
 impl VolumeSource for Watched {
-    fn info(&self) -> &VolumeInfo {
-        self.source.info()
-    }
-
-    fn modality(&self) -> Option<&str> {
-        self.source.modality()
-    }
-
-    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.source.for_each_file(each);
-    }
+    pass_on!(self => self.source; facts);
+    pass_on!(self => self.source; samples);
 
     fn check_unchanged(&self) -> Result {
         self.source.check_unchanged()?;
@@ -67,33 +59,6 @@ impl VolumeSource for Watched {
             });
         }
         changed.map_or(Ok(()), |path| Err(SourceError::Unusable { path, fault: Fault::ChangedInUse }))
-    }
-
-    fn preparation(&self) -> Preparation {
-        self.source.preparation()
-    }
-
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
-        self.source.prepare(workspace)
-    }
-
-    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
-        self.source.read_rows(z, rows, cols, out)
-    }
-
-    fn read_pitched(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        pitch: usize,
-        out: &mut [u8],
-    ) -> Result {
-        self.source.read_pitched(z, rows, cols, pitch, out)
-    }
-
-    fn resident_bytes(&self) -> u64 {
-        self.source.resident_bytes()
     }
 }
 

@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::blend::{blend_rows, neighbour_bytes};
-use super::{Noted, Result, VolumeInfo, VolumeSource, Wrapper};
+use super::wrapper::owns_source_and_info;
+use super::{InfoOverride, Result, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Note;
 use crate::geom::Dims;
 
@@ -11,56 +12,34 @@ use crate::geom::Dims;
 /// integers rounded half away from zero.
 ///
 /// Holds 16 bytes a slice; while it is read, 64 KiB (or one row) for each thread.
-pub(crate) struct Filled {
+pub(crate) struct GapFill {
     source: Box<dyn VolumeSource>,
     info: VolumeInfo,
     /// For each slice one of `source`, and how much of the way to the next one it lies.
-    places: Vec<(u32, f64)>,
+    slices: Vec<(u32, f64)>,
 }
 
-impl Filled {
-    /// The slices of `source` as they are, with a note if there is one.
-    pub(crate) fn noted(source: Box<dyn VolumeSource>, note: Option<Note>) -> Box<dyn VolumeSource> {
-        let Some(note) = note else { return source };
-        let mut info = source.info().clone();
-        info.notes.push(note);
-        Box::new(Noted { source, info })
-    }
-
-    /// The slices that `places` names; as they are where that are too many or none.
+impl GapFill {
+    /// The slices that `slices` names; all of them where those are too many or none.
     pub(crate) fn between(
         source: Box<dyn VolumeSource>,
-        places: Vec<(u32, f64)>,
+        slices: Vec<(u32, f64)>,
         note: Note,
     ) -> Box<dyn VolumeSource> {
         let mut info = source.info().clone();
         let [nx, ny, _] = info.dims.to_array();
-        let Some(dims) = u32::try_from(places.len()).ok().and_then(|nz| Dims::new(nx, ny, nz)) else {
-            return Self::noted(source, Some(note));
+        let Some(dims) = u32::try_from(slices.len()).ok().and_then(|nz| Dims::new(nx, ny, nz)) else {
+            return InfoOverride::with_note(source, note);
         };
         info.dims = dims;
         info.description.bytes = dims.voxels() * info.scalar.bytes() as u64;
         info.notes.push(note);
-        Box::new(Self { source, info, places })
+        Box::new(Self { source, info, slices })
     }
 }
 
-impl Wrapper for Filled {
-    fn inner(&self) -> &dyn VolumeSource {
-        &*self.source
-    }
-
-    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
-        Some(&mut *self.source)
-    }
-
-    fn own_info(&self) -> &VolumeInfo {
-        &self.info
-    }
-
-    fn own_info_mut(&mut self) -> &mut VolumeInfo {
-        &mut self.info
-    }
+impl Wrapper for GapFill {
+    owns_source_and_info!();
 
     fn own_bytes(&self) -> u64 {
         neighbour_bytes(&self.info)
@@ -68,7 +47,7 @@ impl Wrapper for Filled {
 
     fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         // A slice out of range is refused by the volume behind.
-        let (at, part) = self.places.get(z as usize).copied().unwrap_or((u32::MAX, 0.0));
+        let (at, part) = self.slices.get(z as usize).copied().unwrap_or((u32::MAX, 0.0));
         self.source.read_rows(at, rows.clone(), cols.clone(), out)?;
         if part == 0.0 {
             return Ok(());
