@@ -1,7 +1,8 @@
 //! Tables from stored values to what they mean: the Modality LUT and palettes (PS3.3 C.11.1.1.1,
 //! C.7.6.3.1.5 and C.7.6.3.1.6). At most 65536 entries, so 128 KiB.
 
-use crate::facts::dicom::{Damage, ScanError};
+use crate::facts::dicom::Damage;
+use crate::source::dicom::parse::Result;
 use crate::source::dicom::parse::element::{Element, Parser, damaged};
 use crate::source::dicom::parse::header::{DicomHeader, Encoding};
 use crate::source::dicom::parse::window::ReadAt;
@@ -42,7 +43,7 @@ impl Lut {
         input: &R,
         header: &DicomHeader,
         signed: bool,
-    ) -> Result<Self, ScanError> {
+    ) -> Result<Self> {
         let at = header.places.modality_lut.unwrap_or(0);
         let mut parser = Parser::new(input)?;
         let sequence = parser.element(at, header.encoding)?;
@@ -76,11 +77,7 @@ impl Lut {
     ///
     /// # Errors
     /// It is damaged or incomplete.
-    pub(crate) fn palette<R: ReadAt + ?Sized>(
-        input: &R,
-        header: &DicomHeader,
-        signed: bool,
-    ) -> Result<Self, ScanError> {
+    pub(crate) fn palette<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, signed: bool) -> Result<Self> {
         let encoding = header.encoding;
         let mut parser = Parser::new(input)?;
         let mut shared = None;
@@ -122,7 +119,7 @@ impl Descriptor {
         element: &Element,
         encoding: Encoding,
         signed: bool,
-    ) -> Result<Self, ScanError> {
+    ) -> Result<Self> {
         let at = element.value_at;
         let value = parser.value(element)?;
         let word = |i: usize| {
@@ -152,7 +149,7 @@ impl Descriptor {
         data: &Element,
         encoding: Encoding,
         each: &mut dyn FnMut(u16),
-    ) -> Result<(), ScanError> {
+    ) -> Result {
         let at = data.value_at;
         let length = data.length.and_then(|n| usize::try_from(n).ok()).unwrap_or(0);
         let packed = length < 2 * self.entries;

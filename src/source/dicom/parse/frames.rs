@@ -1,9 +1,12 @@
 //! Position and meaning of every frame of a file (PS3.3 C.7.6.16, functional groups).
 
+use super::Result;
 use super::deflated::Inflated;
 use super::element::{Element, ItemReader, Parser, damaged};
 use super::header::{DicomHeader, Encoding, decimal};
-use super::value::{Tag, are_not_finite, double, is_not_finite, number, numbers, text, time_of};
+use super::value::{
+    Tag, are_not_finite, double, is_not_finite, long_of, number, numbers, text, time_of, word_of,
+};
 use super::window::ReadAt;
 use crate::facts::dicom::{Attribute, Damage, ScanError, TransferSyntax};
 use crate::volume::Endian;
@@ -92,7 +95,7 @@ pub fn visit<R: ReadAt + ?Sized>(
     input: &R,
     header: &DicomHeader,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
-) -> Result<(), ScanError> {
+) -> Result {
     if header.transfer_syntax == TransferSyntax::Deflated {
         return walk(&Inflated::new(input, header.dataset)?, header, each);
     }
@@ -103,7 +106,7 @@ fn walk<R: ReadAt + ?Sized>(
     input: &R,
     header: &DicomHeader,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
-) -> Result<(), ScanError> {
+) -> Result {
     let mut parser = Parser::new(input)?;
     let frames = header.frames.and_then(Result::ok).unwrap_or(1);
     let mut base = FrameGeometry::of_file(header);
@@ -166,7 +169,7 @@ struct Numbers {
 struct Vector {
     value_at: u64,
     entries: u32,
-    big: bool,
+    endian: Endian,
 }
 
 impl Vector {
@@ -174,30 +177,26 @@ impl Vector {
         parser: &mut Parser<'_, R>,
         at: Option<u64>,
         encoding: Encoding,
-    ) -> Result<Option<Self>, ScanError> {
+    ) -> Result<Option<Self>> {
         let Some(at) = at else { return Ok(None) };
         let element = parser.element(at, encoding)?;
         parser.skip(&element, at, encoding)?;
         let entries = element.length.unwrap_or(0) / 2;
-        Ok(Some(Self { value_at: element.value_at, entries, big: encoding.endian == Endian::Big }))
+        Ok(Some(Self { value_at: element.value_at, entries, endian: encoding.endian }))
     }
 
     /// Number of a frame; 0 if there is none.
-    fn number<R: ReadAt + ?Sized>(self, parser: &mut Parser<'_, R>, frame: u32) -> Result<u16, ScanError> {
+    fn number<R: ReadAt + ?Sized>(self, parser: &mut Parser<'_, R>, frame: u32) -> Result<u16> {
         if frame >= self.entries {
             return Ok(0);
         }
         let bytes = parser.window.array::<2>(self.value_at + 2 * u64::from(frame))?.unwrap_or_default();
-        Ok(if self.big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
+        Ok(word_of(&bytes, self.endian).unwrap_or_default())
     }
 }
 
 impl Numbers {
-    fn of<R: ReadAt + ?Sized>(
-        parser: &mut Parser<'_, R>,
-        header: &DicomHeader,
-        frames: u32,
-    ) -> Result<Self, ScanError> {
+    fn of<R: ReadAt + ?Sized>(parser: &mut Parser<'_, R>, header: &DicomHeader, frames: u32) -> Result<Self> {
         let mut own = Self {
             slices: Vector::of(parser, header.places.slice_vector, header.encoding)?,
             ..Self::default()
@@ -223,11 +222,7 @@ impl Numbers {
     }
 
     /// Notes what the vectors say of a frame; returns how many slices away from the first it lies.
-    fn read<R: ReadAt + ?Sized>(
-        &self,
-        parser: &mut Parser<'_, R>,
-        frame: &mut FrameGeometry,
-    ) -> Result<f64, ScanError> {
+    fn read<R: ReadAt + ?Sized>(&self, parser: &mut Parser<'_, R>, frame: &mut FrameGeometry) -> Result<f64> {
         for (number, vector) in frame.vectors.iter_mut().zip(self.vectors) {
             *number = vector.map_or(Ok(0), |vector| vector.number(parser, frame.index))?;
         }
@@ -247,7 +242,7 @@ fn of_groups<R: ReadAt + ?Sized>(
     frames: u32,
     base: &FrameGeometry,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
-) -> Result<u32, ScanError> {
+) -> Result<u32> {
     let sequence = parser.element(at, encoding)?;
     let mut told = 0;
     let mut frame = base.clone();
@@ -284,7 +279,7 @@ fn of_grid<R: ReadAt + ?Sized>(
     frames: u32,
     base: &FrameGeometry,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
-) -> Result<u32, ScanError> {
+) -> Result<u32> {
     let element = parser.element(at, encoding)?;
     let end = parser.skip(&element, at, encoding)?;
     let Some((position, normal)) = base.position.zip(base.normal()) else { return Ok(0) };
@@ -318,7 +313,7 @@ fn first_item<'a, R: ReadAt + ?Sized>(
     at: u64,
     encoding: Encoding,
     read: &mut ItemReader<'_, 'a, R>,
-) -> Result<u64, ScanError> {
+) -> Result<u64> {
     let sequence = parser.element(at, encoding)?;
     first_item_of(parser, &sequence, at, encoding, read)
 }
@@ -329,7 +324,7 @@ fn first_item_of<'a, R: ReadAt + ?Sized>(
     at: u64,
     encoding: Encoding,
     read: &mut ItemReader<'_, 'a, R>,
-) -> Result<u64, ScanError> {
+) -> Result<u64> {
     let mut first = true;
     parser.items(sequence, at, encoding, &mut |parser, at, end, encoding| {
         if std::mem::take(&mut first) {
@@ -405,7 +400,7 @@ impl FrameGeometry {
         at: u64,
         end: Option<u64>,
         encoding: Encoding,
-    ) -> Result<u64, ScanError> {
+    ) -> Result<u64> {
         parser.elements(at, end, encoding, &mut |parser, group, at| {
             if !is_group(group.tag) {
                 return Ok(None);
@@ -431,21 +426,14 @@ impl FrameGeometry {
 
     /// Takes over one element of a functional group.
     fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
-        let big = endian == Endian::Big;
         let wrong = match tag {
             0x0020_9301 if are_not_finite(value, endian) => Some(Attribute::Position),
             0x0020_9302 if are_not_finite(value, endian) => Some(Attribute::Orientation),
             _ => decimal(tag).filter(|_| is_not_finite(value)),
         };
         self.not_finite = self.not_finite.or(wrong);
-        let word = || {
-            let bytes = *value.first_chunk::<2>()?;
-            Some(if big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
-        };
-        let long = || {
-            let bytes = *value.first_chunk::<4>()?;
-            Some(if big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
-        };
+        let word = || word_of(value, endian);
+        let long = || long_of(value, endian);
         match tag {
             0x0008_9007 => self.frame_type = text(value),
             0x0008_9208 => self.complex_component = text(value),
@@ -464,7 +452,7 @@ impl FrameGeometry {
             0x0020_9156 => self.acquisition = word().map(i32::from),
             0x0020_9157 => {
                 for (slot, bytes) in self.dimensions.iter_mut().zip(value.as_chunks::<4>().0) {
-                    *slot = if big { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
+                    *slot = long_of(bytes, endian).unwrap_or_default();
                 }
             }
             0x0020_9301 => self.position = doubles(value, endian),

@@ -7,6 +7,7 @@
 
 use std::io;
 
+use super::Result;
 use super::deflated::Inflated;
 use super::element::{Element, META, Parser, length_form};
 use super::header::{DicomHeader, Encoding, PixelData, PixelElement};
@@ -34,7 +35,7 @@ const MAX_PLAUSIBLE_FIRST: u32 = 1024;
 /// # Errors
 /// See [`ScanError`]. A pixel element longer than the file is no error here: the header says how much
 /// of it is there.
-pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader, ScanError> {
+pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader> {
     let mut parser = Parser::new(input)?;
     let has_preamble = parser.window.array::<4>(128)? == Some(*b"DICM");
     let start = if has_preamble { 132 } else { 0 };
@@ -78,7 +79,7 @@ struct Scanner<'a, R: ReadAt + ?Sized> {
 }
 
 impl<R: ReadAt + ?Sized> Scanner<'_, R> {
-    fn file(&mut self, start: u64, input: &R) -> Result<(), ScanError> {
+    fn file(&mut self, start: u64, input: &R) -> Result {
         let (at, syntax) = self.meta(start)?;
         self.header.dataset = at;
         if syntax == Some(TransferSyntax::Deflated) {
@@ -100,14 +101,14 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
         self.dataset(at, encoding)
     }
 
-    fn inflated(&mut self, at: u64) -> Result<(), ScanError> {
+    fn inflated(&mut self, at: u64) -> Result {
         let encoding = self.detect(at, Some(&TransferSyntax::Deflated))?;
         self.dataset(at, encoding)
     }
 
     /// Group 0002, always explicit little-endian; returns where the dataset begins. The group's own
     /// length is not trusted: the group ends where another begins.
-    fn meta(&mut self, mut at: u64) -> Result<(u64, Option<TransferSyntax>), ScanError> {
+    fn meta(&mut self, mut at: u64) -> Result<(u64, Option<TransferSyntax>)> {
         let mut syntax = None;
         while self.parser.window.array::<2>(at)? == Some([2, 0]) {
             let element = self.parser.element(at, META)?;
@@ -151,7 +152,7 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
     }
 
     /// The main dataset, up to the pixels or the end of the file.
-    fn dataset(&mut self, mut at: u64, encoding: Encoding) -> Result<(), ScanError> {
+    fn dataset(&mut self, mut at: u64, encoding: Encoding) -> Result {
         self.header.encoding = encoding;
         while !self.parser.is_end(at)? {
             let element = self.parser.element(at, encoding)?;

@@ -11,6 +11,12 @@ pub(super) fn word_of(value: &[u8], endian: Endian) -> Option<u16> {
     Some(if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
 }
 
+/// One 32-bit number (VR UL).
+pub(super) fn long_of(value: &[u8], endian: Endian) -> Option<u32> {
+    let bytes = *value.first_chunk::<4>()?;
+    Some(if endian == Endian::Big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+}
+
 /// Text without padding; bytes outside ASCII become `?` (no kept element may have any).
 pub(crate) fn text(value: &[u8]) -> String {
     let plain: String = value
