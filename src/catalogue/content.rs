@@ -13,7 +13,7 @@ use crate::volume::VolumeInfo;
 const SAMPLE_BYTES: u64 = 256 << 10;
 /// Bytes that are looked at of a file in any case: its head, middle and end.
 const MIN_BYTES: u64 = 3 * PIECE;
-/// What is read at a time of a sample, and of what is compared.
+/// Bytes that are read at a time of a sample.
 const PIECE: u64 = 4 << 10;
 const LONG: u64 = 64 << 10;
 
@@ -22,7 +22,7 @@ pub(super) type EachFile<'a> = &'a dyn Fn(&mut dyn FnMut(&Path));
 
 /// A hash of the lengths of files and of samples of their bytes, in twelve hex digits.
 ///
-/// Of each file the head is looked at, and pieces at even distances up to the end, where compressed files have
+/// The head of each file is looked at, and pieces at even distances up to the end, where compressed files have
 /// their checksums; 256 KiB of a single file, 12 KiB of each of many. Files that differ elsewhere only have one
 /// hash: [`is_copy`] compares all of them.
 ///

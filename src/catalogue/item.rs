@@ -17,7 +17,7 @@ use crate::csg;
 use crate::facts::Fault;
 use crate::facts::dicom::DicomFault;
 use crate::mesh;
-use crate::source::dicom::{Recognised, open_series, recognise};
+use crate::source::dicom::{Recognition, open_series, recognise};
 use crate::source::{
     FORMATS, FileList, Finding, HEAD_BYTES, InputFiles, RawVolume, STACKS, Slices, StableHash, Subject,
 };
@@ -27,7 +27,7 @@ use crate::volume::{Result, SourceError, VolumeSource};
 /// One series, stack or file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Item {
-    pub(super) what: What,
+    pub(super) what: ItemKind,
     /// Head of its chain in the log.
     pub(super) last: u64,
     /// The record whose path comes first; items are in the order of these.
@@ -36,7 +36,7 @@ pub(super) struct Item {
     pub(super) weight: Weight,
 }
 
-/// What it takes to open an item.
+/// Cost of opening an item.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weight {
     /// Files, or the frames in them.
@@ -63,7 +63,7 @@ impl Weight {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum What {
+pub(super) enum ItemKind {
     Series,
     /// DICOM that cannot be followed.
     Damaged,
@@ -85,7 +85,7 @@ pub(super) enum What {
 pub(super) type Name<'a> = &'a dyn Fn(&'static str, EachFile<'_>) -> String;
 
 /// Volumes of one file or folder.
-type Opened = Result<Vec<Box<dyn VolumeSource>>>;
+type Volumes = Result<Vec<Box<dyn VolumeSource>>>;
 
 impl Catalogue {
     /// The subjects of an item.
@@ -99,7 +99,7 @@ impl Catalogue {
     ) -> Result<Vec<Finding>, (PathBuf, SourceError)> {
         let first = self.log.get(item.first).map_err(|e| (PathBuf::new(), e))?;
         let path = full_path(&self.inputs, &first);
-        let opening = Opening { of: self, item, name, path: &path, first: &first };
+        let opening = ItemOpener { of: self, item, name, path: &path, first: &first };
         opening.open().map_err(|e| (path.clone(), e))
     }
 
@@ -135,7 +135,7 @@ impl Catalogue {
 }
 
 /// An item on its way.
-struct Opening<'a> {
+struct ItemOpener<'a> {
     of: &'a Catalogue,
     item: &'a Item,
     name: Name<'a>,
@@ -144,7 +144,7 @@ struct Opening<'a> {
     first: &'a Record,
 }
 
-impl Opening<'_> {
+impl ItemOpener<'_> {
     fn open(&self) -> Result<Vec<Finding>> {
         let Weight { images, opening_bytes: needed_bytes } = self.item.weight;
         let allowed_bytes = self.allowed_bytes();
@@ -154,29 +154,29 @@ impl Opening<'_> {
             return Err(SourceError::ManyImages { path, images, needed_bytes, allowed_bytes });
         }
         Ok(match self.item.what {
-            What::Series => {
+            ItemKind::Series => {
                 let (list, facts) = self.of.list(self.item)?;
                 open_series(list, &facts, &self.of.options)
             }
-            What::Damaged => {
+            ItemKind::Damaged => {
                 let error = match File::open(self.path).map(|file| recognise(&file)) {
                     Err(cause) => SourceError::Unreadable { path: self.path.to_path_buf(), cause },
-                    Ok(Recognised::Damaged(error)) => {
+                    Ok(Recognition::Damaged(error)) => {
                         SourceError::Dicom { path: self.path.to_path_buf(), fault: DicomFault::Header(error) }
                     }
                     Ok(_) => changed_meanwhile(self.path),
                 };
                 findings(self.path, "dicom", self.id("dicom"), self.one(), Err(error))
             }
-            What::Format(at) => self.format(usize::from(at)),
-            What::Stack(at) => self.stack(usize::from(at))?,
-            What::Sidecar => {
+            ItemKind::Format(at) => self.format(usize::from(at)),
+            ItemKind::Stack(at) => self.stack(usize::from(at))?,
+            ItemKind::Sidecar => {
                 let opened = sidecar::open(self.path, &self.of.options).map(|v| vec![v]);
                 let files = self.with_samples(&opened);
                 let id = (self.name)("raw", &|each| self.each_source(&opened, each));
                 findings(self.path, "raw", id, files, opened)
             }
-            What::Raw => match &self.of.options.raw {
+            ItemKind::Raw => match &self.of.options.raw {
                 Some(raw) => {
                     let volume = RawVolume::open(std::slice::from_ref(&self.path.to_path_buf()), raw);
                     let opened = volume.map(|v| vec![Box::new(v) as _]);
@@ -184,9 +184,9 @@ impl Opening<'_> {
                 }
                 None => Vec::new(),
             },
-            What::Mesh => vec![self.mesh()?],
-            What::Tree => vec![self.tree()],
-            What::Synthetic => {
+            ItemKind::Mesh => vec![self.mesh()?],
+            ItemKind::Tree => vec![self.tree()],
+            ItemKind::Synthetic => {
                 let hash = StableHash::new().part(self.path.as_os_str().as_bytes()).finish();
                 let files = InputFiles { fingerprint: hash, ..InputFiles::default() };
                 let id = format!("synthetic-{:012x}", hash >> 16);
@@ -213,7 +213,7 @@ impl Opening<'_> {
     }
 
     /// A header and what it names: the samples may change without it.
-    fn with_samples(&self, opened: &Opened) -> InputFiles {
+    fn with_samples(&self, opened: &Volumes) -> InputFiles {
         let mut files = self.one();
         each_sample(self.path, opened, &mut |data| {
             if let Ok(meta) = metadata(data) {
@@ -223,8 +223,8 @@ impl Opening<'_> {
         files
     }
 
-    /// A header, or whatever leads to a volume, and the files of samples beside it.
-    fn each_source(&self, opened: &Opened, each: &mut dyn FnMut(&Path)) {
+    /// The file that leads to a volume, and its files of samples.
+    fn each_source(&self, opened: &Volumes, each: &mut dyn FnMut(&Path)) {
         each(self.path);
         each_sample(self.path, opened, each);
     }
@@ -311,8 +311,8 @@ impl Opening<'_> {
     }
 }
 
-/// The files of samples beside the one that leads to them.
-fn each_sample(path: &Path, opened: &Opened, each: &mut dyn FnMut(&Path)) {
+/// The files of samples other than the one that leads to them.
+fn each_sample(path: &Path, opened: &Volumes, each: &mut dyn FnMut(&Path)) {
     if let Some(volume) = opened.as_ref().ok().and_then(|all| all.first()) {
         volume.for_each_file(&mut |data| {
             if data != path {
@@ -365,7 +365,7 @@ fn findings(
     format: &'static str,
     id: String,
     files: InputFiles,
-    opened: Opened,
+    opened: Volumes,
 ) -> Vec<Finding> {
     let several = opened.as_ref().is_ok_and(|volumes| volumes.len() != 1);
     let found = match opened {

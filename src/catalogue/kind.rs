@@ -1,4 +1,4 @@
-//! Meshes and trees of solids, told by what a file holds.
+//! Meshes and trees of solids, recognised by content.
 
 use std::fs::{self, File};
 use std::io::Read;
@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use crate::csg;
 use crate::mesh;
-use crate::source::dicom::{Recognised, recognise};
+use crate::source::dicom::{Recognition, recognise};
 use crate::source::{FORMATS, HEAD_BYTES, STACKS, SubjectKind};
 use crate::synthetic::is_synthetic;
 
-/// What a file is that is built on a grid of the caller's choice, by its first bytes and its length; by its name where
+/// Kind of a file that is built on a grid of the caller's choice, by its first bytes and its length; by its name where
 /// these do not tell.
 pub(super) fn solid_kind(head: &[u8], bytes: u64, path: &Path) -> Option<SubjectKind> {
     let mesh = mesh::format_of(head, bytes, path).map(|_| SubjectKind::Mesh);
@@ -18,7 +18,7 @@ pub(super) fn solid_kind(head: &[u8], bytes: u64, path: &Path) -> Option<Subject
 }
 
 impl SubjectKind {
-    /// What some inputs are: a mesh where all are files of meshes, a tree where one of them is one, a volume
+    /// Kind of some inputs: a mesh where all are files of meshes, a tree where one of them is one, a volume
     /// otherwise. A file that cannot be read is what its name says.
     pub fn of(inputs: &[PathBuf]) -> Self {
         match inputs {
@@ -47,7 +47,7 @@ impl SubjectKind {
         let bytes = opened.as_ref().map_or(0, |(bytes, _)| *bytes);
         let kind = solid_kind(&head, bytes, path).or_else(|| mesh::is_named(path).then_some(Self::Mesh));
         let is_volume = |(_, file): (u64, File)| {
-            !matches!(recognise(&file), Recognised::Foreign)
+            !matches!(recognise(&file), Recognition::Foreign)
                 || FORMATS.iter().any(|format| (format.recognise)(&head, path))
                 || STACKS.iter().any(|format| (format.recognise)(&head, path))
         };

@@ -16,7 +16,7 @@ const MAX_SORTED: u64 = 4096;
 /// Files that are no volume and no part of one: one line for each kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// What they are.
+    /// Their kind.
     pub why: NotVolume,
     /// How many.
     pub count: u64,

@@ -44,7 +44,7 @@ pub(super) struct Record {
     pub(super) path: PathBuf,
 }
 
-/// Records in a nameless scratch file, the last ones in memory.
+/// Records in an anonymous scratch file, the last ones in memory.
 #[derive(Debug)]
 pub(super) struct Log {
     folder: PathBuf,

@@ -1,8 +1,8 @@
-//! What lies at a path, and below some folders: every volume, mesh and tree of solids, with the reason where one
+//! Discovery of every volume, mesh and tree of solids at a path or below some folders, with the reason where one
 //! cannot be used.
 //!
 //! Surveying reads headers only. A [`Catalogue`] holds some 50 bytes per item in memory (a DICOM series,
-//! a volume file, a stack of pictures); the names of the files wait in a nameless scratch file, chained
+//! a volume file, a stack of pictures); the names of the files wait in an anonymous scratch file, chained
 //! per item. An item is opened when it is its turn, so that a disk full of studies needs no more memory
 //! than its largest series: some 400 bytes for each of its images while it is opened, a third of that after.
 //!
@@ -37,9 +37,9 @@ use std::path::{Path, PathBuf};
 use crate::facts::{NotVolume, Note, StatedBy};
 use crate::source::{Finding, InputFiles, OpenOptions, STACKS, StableHash};
 use crate::stamp::stamp;
-use crate::volume::{InfoOverride, Result, SourceError, VolumeSource, Watched, place};
+use crate::volume::{FileWatch, InfoOverride, Result, SourceError, VolumeSource, place};
 use content::{hash_of, is_copy};
-use item::{Item, Name, What, changed_meanwhile, finding};
+use item::{Item, ItemKind, Name, changed_meanwhile, finding};
 use left_out::LeftOutFiles;
 use log::Log;
 use order::{full_path, precedes, sort_or_stop};
@@ -74,7 +74,7 @@ impl Catalogue {
         Self::survey_to_depth(inputs, options, scratch, DEPTH)
     }
 
-    /// As [`Catalogue::survey`], but folders are entered `depth` levels deep only.
+    /// Like [`Catalogue::survey`], but folders are entered `depth` levels deep only.
     ///
     /// # Errors
     /// As [`Catalogue::survey`].
@@ -108,7 +108,7 @@ impl Catalogue {
 
     /// The volumes of item `index`, refused ones included; none for an index out of range.
     ///
-    /// Cost: headers, and some 256 KiB of the content of what is no DICOM, from which it is named.
+    /// Cost: headers, and some 256 KiB of the content of other formats than DICOM, which names them.
     pub fn open(&self, index: usize) -> Vec<Finding> {
         let unreadable = |format| format!("{format}-unreadable-{}", index + 1);
         let findings = self.open_named(index, &|format, files| match hash_of(files) {
@@ -119,8 +119,8 @@ impl Catalogue {
         self.first_of_many(findings)
     }
 
-    /// Of very many volumes of one input that are alike the first, unless all are wanted: a study of the brain at
-    /// work has five hundred, and nobody wants as many models unasked.
+    /// The first of very many volumes of one input that are alike, unless all are wanted: a functional study has
+    /// five hundred.
     fn first_of_many(&self, findings: Vec<Finding>) -> Vec<Finding> {
         if self.options.all_volumes || findings.len() <= MAX_ALIKE {
             return findings;
@@ -162,8 +162,8 @@ impl Catalogue {
         all
     }
 
-    /// As [`Catalogue::open`], for one that takes a volume and no names: nothing but headers is read.
-    fn open_nameless(&self, index: usize) -> Vec<Finding> {
+    /// Like [`Catalogue::open`], without names: only headers are read.
+    fn open_unnamed(&self, index: usize) -> Vec<Finding> {
         self.open_named(index, &|format, _| format.to_owned())
     }
 
@@ -202,7 +202,7 @@ impl Catalogue {
     /// Cost: that item is opened again, and all files of both are read, up to the first difference. One that
     /// cannot be read is no copy.
     pub fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
-        let mut others = self.first_of_many(self.open_nameless(index)).into_iter();
+        let mut others = self.first_of_many(self.open_unnamed(index)).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
 
@@ -217,7 +217,7 @@ impl Catalogue {
         self.options.opening_bytes = Some(bytes);
     }
 
-    /// What is no volume, summed up.
+    /// Files that are left out, summed up.
     pub fn left_out(&self) -> &[LeftOut] {
         self.left_out.kinds()
     }
@@ -234,9 +234,9 @@ impl Catalogue {
         self.left_out.for_each(each)
     }
 
-    /// What the files of an item are now; differs when one of them does.
+    /// Identity of an item's files; differs when one of them does.
     fn stamp(&self, item: &Item) -> u64 {
-        // A log that cannot be read is told of where the item is opened.
+        // A log that cannot be read is reported where the item is opened.
         let records = self.log.chain(item.last).filter_map(Result::ok);
         let stamps = records.map(|record| stamp(&full_path(&self.inputs, &record)));
         stamps.fold(StableHash::new(), StableHash::number).finish()
@@ -246,12 +246,12 @@ impl Catalogue {
     fn leave_single_pictures(&mut self) -> Result {
         let mut kept = Vec::with_capacity(self.items.len());
         for item in &self.items {
-            if matches!(item.what, What::Stack(_)) && item.files == 1 {
+            if matches!(item.what, ItemKind::Stack(_)) && item.files == 1 {
                 let record = self.log.get(item.first)?;
                 let path = full_path(&self.inputs, &record);
                 let is_whole = |at: u8| STACKS.get(usize::from(at)).is_some_and(|f| (f.is_whole)(&path));
                 if !record.path.as_os_str().is_empty()
-                    && !matches!(item.what, What::Stack(at) if is_whole(at))
+                    && !matches!(item.what, ItemKind::Stack(at) if is_whole(at))
                 {
                     self.left_out.add(NotVolume::SinglePicture, path)?;
                     continue;
@@ -286,5 +286,7 @@ fn with_volume(
 
 /// A finding whose volume notices a change of its files, of a header among them.
 fn watched(finding: Finding) -> Finding {
-    with_volume(finding, |path, volume| Ok(Watched::files(volume, Some(path).filter(|path| path.is_file()))))
+    with_volume(finding, |path, volume| {
+        Ok(FileWatch::files(volume, Some(path).filter(|path| path.is_file())))
+    })
 }

@@ -15,13 +15,13 @@ use crate::facts::{
 };
 use crate::mesh;
 use crate::progress::Silent;
-use crate::source::dicom::{Recognised, recognise};
+use crate::source::dicom::{Recognition, recognise};
 use crate::source::{HEAD_BYTES, Subject, SubjectKind, known};
 use crate::source::{RawVolume, header_of_samples};
 use crate::synthetic;
 use crate::volume::InfoOverride;
 use crate::volume::place;
-use crate::volume::{Result, SourceError, VolumeSource, Watched, Workspace};
+use crate::volume::{FileWatch, Result, SourceError, VolumeSource, Workspace};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -34,7 +34,7 @@ const UNROLLING_BYTES: u64 = 64 << 20;
 
 /// Opens a volume, ready to be read: headerless if the options say what it is, otherwise by what the files contain.
 ///
-/// What is packed (gzip, compressed images) is unrolled into a nameless file in the system's folder for temporary
+/// Packed inputs (gzip, compressed images) are unrolled into an anonymous file in the system's folder for temporary
 /// files, as large as the volume, within 64 MiB of memory. Of several volumes the largest is taken, unless
 /// [`OpenOptions::volume`] chooses one.
 ///
@@ -48,7 +48,7 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
     Ok(volume)
 }
 
-/// As [`open_unprepared_in`], with the system's folder for temporary files.
+/// Like [`open_unprepared_in`], with the system's folder for temporary files.
 ///
 /// # Errors
 /// As [`open_unprepared_in`].
@@ -61,9 +61,9 @@ pub fn open_unprepared(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<
 ///
 /// Folders are searched five levels deep. Of several volumes the largest is taken, unless
 /// [`OpenOptions::volume`] chooses one; the others are listed in a note. A single slice is a volume,
-/// but only if nothing has several. More names of files than fit into some 64 KiB wait in a nameless
+/// but only if nothing has several. More names of files than fit into some 64 KiB wait in an anonymous
 /// file in `scratch`. A single file or folder that is nothing by itself may be described by a side-car
-/// beside it.
+/// next to it.
 ///
 /// # Errors
 /// A [`SourceError`] that names the input and says what was found and what to add: nothing that is a
@@ -81,7 +81,7 @@ pub fn open_unprepared_in(
             let path = inputs.first().cloned().unwrap_or_default();
             return Err(SourceError::Usage { path, misuse: Misuse::SingleVolume { wanted } });
         }
-        return Ok(Watched::files(Box::new(RawVolume::open(inputs, raw)?), None));
+        return Ok(FileWatch::files(Box::new(RawVolume::open(inputs, raw)?), None));
     }
     let Some(first) = inputs.first() else {
         return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
@@ -102,12 +102,12 @@ pub fn open_unprepared_in(
     let options = &OpenOptions { meshes: false, ..options.clone() };
     let found = Catalogue::survey_to_depth(inputs, options, scratch, DEPTH)?;
     if found.is_empty() {
-        // Nothing by itself, but described beside it.
+        // Nothing by itself, but described by a side-car.
         if let [data] = inputs
             && (data.is_dir() || found.left_out().is_empty())
             && let Some(description) = sidecar::of(data)
         {
-            let volume = Watched::files(sidecar::open(&description, options)?, Some(&description));
+            let volume = FileWatch::files(sidecar::open(&description, options)?, Some(&description));
             let volume = place(volume, options.placement, StatedBy::Caller)?;
             return match options.volume {
                 None | Some(1) => Ok(volume),
@@ -120,7 +120,7 @@ pub fn open_unprepared_in(
     }
     let mut choice = Chooser { wanted: options.volume, ..Chooser::default() };
     for item in 0..found.len() {
-        for finding in found.open_nameless(item) {
+        for finding in found.open_unnamed(item) {
             choice.consider(finding);
         }
     }
@@ -135,7 +135,7 @@ impl Subject {
     /// # Errors
     /// As [`catalogue::open_unprepared`](super::open_unprepared); [`Misuse::SeveralTrees`].
     pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self> {
-        // Whoever says what the bytes are is believed.
+        // A stated layout is believed.
         let kind = if options.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(inputs) };
         Self::open_as(kind, inputs, options, &std::env::temp_dir())
     }
@@ -166,7 +166,7 @@ type Rank = (u8, u64);
 struct Best {
     rank: Rank,
     number: usize,
-    told: Candidate,
+    candidate: Candidate,
     /// `None` if it cannot be used.
     volume: Option<Box<dyn VolumeSource>>,
 }
@@ -181,11 +181,11 @@ struct Chooser {
     refused: Option<(u64, bool, usize)>,
     /// The largest of those that are refused for missing slices only, which a choice could mend.
     gapped: Option<(u64, usize)>,
-    /// What was seen, the largest first, as many as are named.
+    /// The volumes seen, the largest first, as many as are named.
     named: Vec<(Rank, usize, Candidate)>,
     /// The first damaged ones, as many as are named.
     damaged: Vec<usize>,
-    /// Why those of all these cannot be used that cannot.
+    /// Errors of the unusable ones among all these.
     errors: BTreeMap<usize, SourceError>,
 }
 
@@ -224,7 +224,7 @@ impl Chooser {
         if self.wanted.is_none_or(|wanted| wanted == number) {
             if usable || self.wanted.is_some() {
                 if self.best.as_ref().is_none_or(|best| rank > best.rank) {
-                    self.best = Some(Best { rank, number, told: candidate, volume });
+                    self.best = Some(Best { rank, number, candidate, volume });
                 }
             } else if self.refused.is_none_or(|(most, ..)| voxels > most) {
                 self.refused = Some((voxels, size[2] > 1, number));
@@ -233,7 +233,7 @@ impl Chooser {
         self.forget();
     }
 
-    /// Keeps the errors only that may still be told.
+    /// Keeps only the errors that may still be reported.
     fn forget(&mut self) {
         let Self { best, refused, gapped, named, damaged, errors, .. } = self;
         errors.retain(|number, _| {
@@ -252,16 +252,16 @@ impl Chooser {
             && voxels > best.rank.1
             && let Some(error) = errors.remove(&number)
         {
-            let Candidate { kind, part, size, .. } = best.told.clone();
+            let Candidate { kind, part, size, .. } = best.candidate.clone();
             let other = Box::new(OtherVolume { number: best.number, kind, part, size });
             return Err(SourceError::Gaps { error: Box::new(error), number, other });
         }
         let (number, taken) = match (best, refused) {
-            // A scout beside a series that is refused is not mistaken for the volume.
+            // A scout next to a series that is refused is not mistaken for the volume.
             (Some(Best { rank: (1, _), .. }), Some((_, true, refused))) if wanted.is_none() => {
                 (refused, None)
             }
-            (Some(best), _) => (best.number, best.volume.map(|volume| (best.told, volume))),
+            (Some(best), _) => (best.number, best.volume.map(|volume| (best.candidate, volume))),
             (None, Some((.., refused))) => (refused, None),
             (None, None) => (0, None),
         };
@@ -342,7 +342,7 @@ fn refuse_file(path: &Path) -> SourceError {
     if length == 0 {
         return unusable(Fault::Empty);
     }
-    if let Recognised::NoImage(kind) = recognise(&file) {
+    if let Recognition::NoImage(kind) = recognise(&file) {
         let found = Instead::File(NotVolume::Dicom(kind));
         return SourceError::NoVolume { path: path.to_path_buf(), found };
     }

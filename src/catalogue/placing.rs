@@ -10,15 +10,15 @@ use super::sidecar::{candidates, is_named_so, keys_of, unparsed, with_unknown};
 use super::walk::changed;
 use crate::facts::StatedBy;
 use crate::facts::sidecar::SideCarFault;
+use crate::volume::{FileWatch, Result, SourceError, VolumeSource};
 use crate::volume::{Placement, place};
-use crate::volume::{Result, SourceError, VolumeSource, Watched};
 
-/// What a side-car says of data that says the rest itself.
+/// A side-car of data that states the rest itself.
 #[derive(Debug)]
-pub(super) struct Placing {
+pub(super) struct PlacementSidecar {
     /// The side-car.
     path: PathBuf,
-    /// What it says, or what is wrong with it.
+    /// Its contents, or its fault.
     said: Result<(Placement, Vec<String>), SideCarFault>,
 }
 
@@ -28,22 +28,22 @@ const PLACING_KEYS: [&str; 4] = ["spacing", "spacing_mm", "orientation", "file"]
 /// Endings of files that can be placed.
 const PLACED: [&str; 4] = ["npy", "tif", "tiff", "png"];
 
-/// Name of a side-car in the folder of the pictures, whatever that is called.
+/// Name of a side-car in the folder of the pictures, of any name.
 const INSIDE: &str = "stack";
 
-/// Reads a side-car that only places its data; `None` for a text that is none.
-fn read_placing(path: &Path) -> Option<(Placing, Option<String>)> {
+/// Reads a side-car that only places its data; `None` for any other text.
+fn read_placing(path: &Path) -> Option<(PlacementSidecar, Option<String>)> {
     let keys = keys_of(path)?;
     if keys.describe_raw() || !keys.place() {
         return None;
     }
     let file = keys.file().ok().flatten();
     let said = keys.file().and_then(|_| Ok((keys.placement()?, keys.unknown(&PLACING_KEYS))));
-    Some((Placing { path: path.to_path_buf(), said }, file))
+    Some((PlacementSidecar { path: path.to_path_buf(), said }, file))
 }
 
 /// The side-car that places data: the first that does for the first of the paths, a file before its folder.
-pub(super) fn placing_of(data: &[&Path]) -> Option<Placing> {
+pub(super) fn placing_of(data: &[&Path]) -> Option<PlacementSidecar> {
     let of = |data: &&Path| {
         let mut inside = Vec::new();
         let whole = data.file_name().is_none().then(|| data.canonicalize().ok()).flatten();
@@ -55,10 +55,10 @@ pub(super) fn placing_of(data: &[&Path]) -> Option<Placing> {
         candidates(data).chain(inside).find_map(|path| {
             // What is named like the data, and cannot be read, would have said where it lies.
             if let Some(unparsed) = unparsed(&path) {
-                return Some(Placing { path, said: Err(SideCarFault::Unparsed(unparsed)) });
+                return Some(PlacementSidecar { path, said: Err(SideCarFault::Unparsed(unparsed)) });
             }
             let (placing, file) = read_placing(&path)?;
-            // Inside, the data is the folder, whatever is said of a file.
+            // Inside, the data is the folder, even if a file is stated.
             file.is_none_or(|file| name == OsStr::new(&file)).then_some(placing)
         })
     };
@@ -70,7 +70,7 @@ pub(super) fn places(path: &Path) -> bool {
     is_named_so(path) && read_placing(path).is_some() && may_place(path)
 }
 
-/// Is data that a side-car of this name may place beside it, or around it?
+/// Is data that a side-car of this name may place next to it, or around it?
 pub(super) fn may_place(path: &Path) -> bool {
     let has_pictures = |folder: &Path| {
         let is_picture = |name: PathBuf| {
@@ -96,7 +96,7 @@ pub(super) fn may_place(path: &Path) -> bool {
         || PLACED.iter().any(|e| is_file(e))
 }
 
-impl Placing {
+impl PlacementSidecar {
     /// The side-car.
     pub(super) fn path(&self) -> &Path {
         &self.path
@@ -112,7 +112,7 @@ impl Placing {
     /// A volume where the side-car says.
     ///
     /// # Errors
-    /// What is wrong with the side-car.
+    /// The side-car is faulty.
     pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>> {
         let unusable = |fault: &SideCarFault| SourceError::Unusable {
             path: self.path.clone(),
@@ -120,7 +120,7 @@ impl Placing {
         };
         let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
         let by = StatedBy::SideCar;
-        let volume = Watched::beside(place(volume, *placement, by)?, &self.path);
+        let volume = FileWatch::description(place(volume, *placement, by)?, &self.path);
         Ok(with_unknown(volume, unknown, &PLACING_KEYS))
     }
 }

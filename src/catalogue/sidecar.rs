@@ -1,6 +1,6 @@
-//! Volumes described, or only placed, by a small text file beside them.
+//! Volumes described, or only placed, by a small text file next to them.
 //!
-//! `head.json` or `head.toml` (or `head.raw.json`) describes `head.raw`, whatever the ending of the data,
+//! `head.json` or `head.toml` (or `head.raw.json`) describes `head.raw`, with any ending of the data,
 //! or a folder `head` of slice files. The same keys in both languages:
 //!
 //! | key | value | if missing |
@@ -41,7 +41,7 @@ pub(super) use keys::Keys;
 /// Longest text that is looked at.
 const MAX_BYTES: u64 = 64 << 10;
 
-/// What a side-car of raw data says.
+/// The contents of a side-car of raw data.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sidecar {
     /// How the data is read.
@@ -50,7 +50,7 @@ pub(super) struct Sidecar {
     pub(super) file: Option<String>,
     /// Keys that mean nothing here, as many as are named.
     unknown: Vec<String>,
-    /// What of the options is stated, and not the default.
+    /// The options that are stated, and not the default.
     stated: Placement,
 }
 
@@ -62,7 +62,7 @@ pub(super) fn is_named_so(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "json" || e == "toml")
 }
 
-/// Reads a side-car; `None` for a file that is none (no `dims` and `dtype`), the reason for one whose
+/// Reads a side-car; `None` for any other file (no `dims` and `dtype`), the reason for one whose
 /// values are wrong.
 pub(super) fn read(path: &Path) -> Option<Result<Sidecar>> {
     let keys = keys_of(path)?;
@@ -92,7 +92,7 @@ fn text_of(path: &Path) -> Option<String> {
     Some(text)
 }
 
-/// What is wrong with a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies beside data
+/// The fault of a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies next to data
 /// of its stem, but cannot be parsed.
 pub(super) fn unparsed(path: &Path) -> Option<Unparsed> {
     let text = text_of(path)?;
@@ -111,13 +111,13 @@ pub(super) fn unparsed(path: &Path) -> Option<Unparsed> {
     Some(Unparsed { raw, at })
 }
 
-/// What a text lacks that is meant as a side-car of raw data and lies beside data of its stem.
+/// The missing key of a text that is meant as a side-car of raw data and lies next to data of its stem.
 pub(super) fn incomplete(path: &Path) -> Option<Unparsed> {
     let key = keys_of(path)?.lacks()?;
     data_of(path).map(|_| Unparsed { raw: true, at: ParseFault::Lacks { key } })
 }
 
-/// What is wrong with the side-cars beside a file of samples, if there are any: else it would have been read.
+/// The fault of the side-cars next to a file of samples, if there are any: else it would have been read.
 pub(super) fn wrong_beside(data: &Path) -> Option<SourceError> {
     let longer = |suffix: &str| {
         let mut name = data.file_name().unwrap_or_default().to_owned();
@@ -189,13 +189,13 @@ pub(super) fn is_outdone(path: &Path) -> bool {
         Some(Ok(Sidecar { file: Some(name), .. })) => Some(path.with_file_name(name)),
         _ => data_of(path),
     };
-    // One of another name that states its data does not replace that beside the data: both are meant.
+    // One of another name that states its data does not replace that next to the data: both count.
     data.is_some_and(|data| {
         candidates(&data).any(|candidate| candidate == path) && of(&data).is_some_and(|first| first != path)
     })
 }
 
-/// Is a file or folder the data of a side-car beside it?
+/// Is a file or folder the data of a side-car next to it?
 pub(super) fn describes(data: &Path) -> bool {
     of(data).is_some()
 }
@@ -203,7 +203,7 @@ pub(super) fn describes(data: &Path) -> bool {
 /// Opens the volume that a side-car describes, placed as is asked for where it does not say.
 ///
 /// # Errors
-/// What is wrong with the side-car, or that its data is not there, or not as long as it says.
+/// The side-car is faulty, or its data is missing or of another length.
 pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
     let sidecar = read(path).ok_or_else(|| unusable(path, SideCarFault::Changed))??;
     let data = match &sidecar.file {

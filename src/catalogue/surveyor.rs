@@ -1,4 +1,4 @@
-//! Tells what each file below some folders is, and gathers those that make one item of a [`Catalogue`].
+//! Classifies each file below some folders, and gathers those that make one item of a [`Catalogue`].
 //!
 //! [`Catalogue`]: super::Catalogue
 
@@ -8,7 +8,7 @@ use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::item::{Item, Weight, What};
+use super::item::{Item, ItemKind, Weight};
 use super::kind::solid_kind;
 use super::left_out::LeftOutFiles;
 use super::log::{Log, NONE, Record};
@@ -18,7 +18,7 @@ use super::{placing, sidecar};
 use crate::facts::{NotVolume, SyntheticFault};
 use crate::mark::is_own_picture;
 use crate::source::StableHash;
-use crate::source::dicom::{Recognised, recognise};
+use crate::source::dicom::{Recognition, recognise};
 use crate::source::{FORMATS, HEAD_BYTES, OpenOptions, STACKS, SubjectKind, known};
 use crate::synthetic;
 use crate::volume::{Result, SourceError};
@@ -31,20 +31,20 @@ pub(super) struct Surveyor<'a> {
     log: Log,
     left_out: LeftOutFiles,
     /// Items that take more than one file, by what they are and a hash of their key.
-    index: HashMap<(What, u64), u32>,
+    index: HashMap<(ItemKind, u64), u32>,
 }
 
-/// What a file is.
+/// Class of a file.
 enum Class {
     /// A volume of its own, or with `Some` key a part of one.
-    Item(What, Option<u64>, Weight),
+    Item(ItemKind, Option<u64>, Weight),
     LeftOut(NotVolume),
     /// Part of something that is counted elsewhere.
     Part,
 }
 
 impl<'a> Surveyor<'a> {
-    /// Nothing found yet; names will wait in a nameless file in `scratch`.
+    /// Nothing found yet; names will wait in an anonymous file in `scratch`.
     pub(super) fn new(inputs: &'a [PathBuf], options: &'a OpenOptions, scratch: &Path) -> Self {
         Self {
             inputs,
@@ -56,7 +56,7 @@ impl<'a> Surveyor<'a> {
         }
     }
 
-    /// What was found, in the order in which it was met.
+    /// The findings, in the order of the walk.
     pub(super) fn finish(self) -> (Vec<Item>, Log, LeftOutFiles) {
         (self.items, self.log, self.left_out)
     }
@@ -83,48 +83,48 @@ impl<'a> Surveyor<'a> {
             Err(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
         };
         match recognise(&file) {
-            Recognised::Image { series, frames, opening_bytes } => {
+            Recognition::Image { series, frames, opening_bytes } => {
                 let folder = path.parent().unwrap_or(Path::new(""));
                 let folder = folder.as_os_str().as_bytes();
-                // Images that name no series belong to those beside them.
+                // Images that name no series belong to the others of their folder.
                 let key = if series.is_empty() {
                     StableHash::new().part(b"folder").part(folder)
                 } else {
                     StableHash::new().part(b"series").part(series.as_bytes())
                 };
                 return Ok(Class::Item(
-                    What::Series,
+                    ItemKind::Series,
                     Some(key.finish()),
                     Weight { images: frames, opening_bytes },
                 ));
             }
-            Recognised::NoImage(kind) => return left_out(NotVolume::Dicom(kind)),
-            Recognised::Damaged(_) => return Ok(Class::Item(What::Damaged, None, Weight::FILE)),
-            Recognised::Unreadable(cause) if named => {
+            Recognition::NoImage(kind) => return left_out(NotVolume::Dicom(kind)),
+            Recognition::Damaged(_) => return Ok(Class::Item(ItemKind::Damaged, None, Weight::FILE)),
+            Recognition::Unreadable(cause) if named => {
                 return Err(SourceError::Unreadable { path: path.to_path_buf(), cause });
             }
-            Recognised::Unreadable(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
-            Recognised::Foreign => {}
+            Recognition::Unreadable(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
+            Recognition::Foreign => {}
         }
         let index = |at: usize| u8::try_from(at).unwrap_or(u8::MAX);
         if let Some(at) = FORMATS.iter().position(|f| (f.recognise)(&head, path)) {
-            return Ok(Class::Item(What::Format(index(at)), None, Weight::FILE));
+            return Ok(Class::Item(ItemKind::Format(index(at)), None, Weight::FILE));
         }
         if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
-            // What was given by name is what is meant, whoever made it.
+            // A file given by name is meant, even if the program made it.
             if !named && is_own_picture(&head) {
                 return left_out(NotVolume::ModelPicture);
             }
             let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
             let key = StableHash::new().part(folder).finish();
-            return Ok(Class::Item(What::Stack(index(at)), Some(key), Weight::FILE));
+            return Ok(Class::Item(ItemKind::Stack(index(at)), Some(key), Weight::FILE));
         }
         match solid_kind(&head, meta.len(), path) {
             Some(SubjectKind::Mesh) if self.options.meshes => {
-                return Ok(Class::Item(What::Mesh, None, Weight::FILE));
+                return Ok(Class::Item(ItemKind::Mesh, None, Weight::FILE));
             }
             Some(SubjectKind::Tree) if self.options.meshes => {
-                return Ok(Class::Item(What::Tree, None, Weight::of_text(meta.len())));
+                return Ok(Class::Item(ItemKind::Tree, None, Weight::of_text(meta.len())));
             }
             Some(SubjectKind::Mesh) => return left_out(NotVolume::Mesh),
             Some(SubjectKind::Tree) => return left_out(NotVolume::Tree),
@@ -137,7 +137,7 @@ impl<'a> Surveyor<'a> {
             if sidecar::is_outdone(path) {
                 return left_out(NotVolume::OtherSideCar);
             }
-            return Ok(Class::Item(What::Sidecar, None, Weight::FILE));
+            return Ok(Class::Item(ItemKind::Sidecar, None, Weight::FILE));
         }
         if sidecar::is_named_so(path)
             && let Some(unparsed) = sidecar::unparsed(path).or_else(|| sidecar::incomplete(path))
@@ -150,13 +150,13 @@ impl<'a> Surveyor<'a> {
         if let Some(raw) = &self.options.raw {
             let expected = raw.dims.voxels() * raw.scalar.bytes() as u64;
             if named || expected.checked_add(raw.skip) == Some(meta.len()) {
-                return Ok(Class::Item(What::Raw, None, Weight::FILE));
+                return Ok(Class::Item(ItemKind::Raw, None, Weight::FILE));
             }
         }
         left_out(if is_headerless_by_name(path) { NotVolume::Headerless } else { NotVolume::Unknown })
     }
 
-    fn add(&mut self, (what, key): (What, Option<u64>), weight: Weight, mut record: Record) -> Result {
+    fn add(&mut self, (what, key): (ItemKind, Option<u64>), weight: Weight, mut record: Record) -> Result {
         let known = key.and_then(|key| self.index.get(&(what, key))).copied();
         let item = known.and_then(|at| self.items.get_mut(at as usize));
         let Some(item) = item else {
@@ -204,9 +204,9 @@ impl Visitor for Surveyor<'_> {
         if self.options.raw.is_some() {
             return Err(synthetic::usage(&text, SyntheticFault::Described));
         }
-        // Like a file that is not there: whoever typed it wants to know at once.
+        // Reported at once, like a file that is not there.
         synthetic::open(&text)?;
-        self.add((What::Synthetic, None), Weight::FILE, record)
+        self.add((ItemKind::Synthetic, None), Weight::FILE, record)
     }
 
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool> {
@@ -217,7 +217,7 @@ impl Visitor for Surveyor<'_> {
         {
             return Ok(true);
         }
-        // Slice files described by a side-car beside their folder.
+        // Slice files described by a side-car next to their folder.
         Ok(sidecar::describes(&full))
     }
 

@@ -10,24 +10,24 @@ use crate::platform::{self, file_id};
 use crate::synthetic::is_synthetic;
 use crate::volume::{Result, SourceError};
 
-/// What a walk comes across.
+/// Receives the entries of a walk.
 pub(super) trait Visitor {
     /// A file, by its path below the input (empty when the input itself is the file).
     ///
     /// # Errors
-    /// What ends the walk.
+    /// An error ends the walk.
     fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result;
 
     /// Is the folder something whole that must not be entered? Then it has been taken care of.
     ///
     /// # Errors
-    /// What ends the walk.
+    /// An error ends the walk.
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool>;
 
     /// A volume that an input describes, without a file.
     ///
     /// # Errors
-    /// What ends the walk.
+    /// An error ends the walk.
     fn synthetic(&mut self, input: u32) -> Result;
 
     /// A folder that may not be read, or that lies too deep.
@@ -51,7 +51,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
         let meta = fs::metadata(input).map_err(unreadable)?;
         if meta.is_dir() {
             let entries = fs::read_dir(input).map_err(unreadable)?;
-            let mut way = Way { follow, entered: vec![file_id(&meta)] };
+            let mut way = WalkState { follow, entered: vec![file_id(&meta)] };
             folder(at, entries, Path::new(""), depth, &mut way, visitor)?;
         } else if meta.is_file() {
             visitor.file(at, Path::new(""), &meta)?;
@@ -64,7 +64,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
 }
 
 /// Where a walk is.
-struct Way {
+struct WalkState {
     /// Are links to folders entered?
     follow: bool,
     /// The folders from the input to here, which no link may lead to.
@@ -76,7 +76,7 @@ fn folder(
     entries: fs::ReadDir,
     prefix: &Path,
     depth: u32,
-    way: &mut Way,
+    way: &mut WalkState,
     visitor: &mut dyn Visitor,
 ) -> Result {
     for entry in entries {

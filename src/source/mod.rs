@@ -13,6 +13,7 @@
 #![doc = "\n"]
 #![doc = include_str!("READING.md")]
 
+mod axis_reversal;
 pub mod dicom;
 mod files;
 mod finding;
@@ -28,7 +29,6 @@ mod numbered;
 mod options;
 mod png_stack;
 mod raw;
-mod reversed;
 mod stable_hash;
 mod stored;
 mod subject;

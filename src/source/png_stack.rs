@@ -29,7 +29,7 @@ const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Signature, length and name of the first chunk, and its 13 bytes.
 const HEAD_BYTES: usize = 29;
 
-/// What the decoder may allocate for chunks besides the picture.
+/// Bytes that the decoder may allocate for chunks other than the picture.
 const CHUNK_BYTES: usize = 64 << 10;
 
 /// The most bytes that deflate makes of one.
@@ -57,7 +57,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {
         head.check().map_err(|fault| unusable(&path, fault))?;
         let expected = *first.get_or_insert(head);
         if (head.size, head.scalar()) != (expected.size, expected.scalar()) {
-            let (picture, first) = (head.told(), expected.told());
+            let (picture, first) = (head.facts(), expected.facts());
             return Err(unusable(&path, PngFault::Unlike { picture, first }));
         }
     }
@@ -65,7 +65,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {
     let head = first.ok_or_else(|| unusable(&path, PngFault::NoPicture))?;
     let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
     let dims = Dims::new(head.size[0], head.size[1], count)
-        .ok_or_else(|| unusable(&path, PngFault::OutOfRange { picture: head.told(), slices: count }))?;
+        .ok_or_else(|| unusable(&path, PngFault::OutOfRange { picture: head.facts(), slices: count }))?;
     let bytes = dims.voxels() * head.scalar().bytes() as u64;
     // Smaller samples than a byte grow by 8 at most.
     if bytes > file_bytes.saturating_mul(8 * MAX_EXPANSION) {
@@ -100,7 +100,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {
     Ok(Box::new(StoredVolume::sequential(info, Box::new(recipe))))
 }
 
-/// What the first chunk says.
+/// The first chunk of a PNG file.
 #[derive(Clone, Copy, Debug)]
 struct Head {
     size: [u32; 2],
@@ -141,8 +141,8 @@ impl Head {
         Ok(())
     }
 
-    /// What sets it apart from others.
-    fn told(&self) -> PngHead {
+    /// Size and type, which all pictures of a stack share.
+    fn facts(&self) -> PngHead {
         PngHead { size: self.size, bits: self.depth }
     }
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::files::{FileList, FileSet, base_name};
 use super::known::{HEAD_BYTES, known};
-use super::stored::{Placed, Places, Samples};
+use super::stored::{DirectSamples, Samples, SliceOffsets};
 use crate::facts::samples::{RawFault, RawLayout};
 use crate::facts::{Fault, Instead, Known, Misuse};
 use crate::geom::{Dims, Orientation};
@@ -17,7 +17,7 @@ use crate::volume::{
     Endian, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
 };
 
-/// What the caller must say of a headerless volume.
+/// Layout of a headerless volume, as the caller must state it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawOptions {
     /// Size in voxels; x runs fastest in the file, then y, then z.
@@ -40,7 +40,7 @@ pub struct RawOptions {
 #[derive(Debug)]
 pub struct RawVolume {
     info: VolumeInfo,
-    placed: Placed,
+    samples: DirectSamples,
 }
 
 impl RawVolume {
@@ -103,9 +103,9 @@ impl RawVolume {
             },
             notes: Vec::new(),
         };
-        let placed = Placed {
+        let samples = DirectSamples {
             files: Arc::new(files),
-            places: Places::Even {
+            offsets: SliceOffsets::Even {
                 slices_per_file: u64::from(slices_per_file),
                 skip: options.skip,
                 first_slice: 0,
@@ -113,7 +113,7 @@ impl RawVolume {
             samples: Samples::Plain(options.scalar),
             endian: options.endian,
         };
-        Ok(Self { info, placed })
+        Ok(Self { info, samples })
     }
 }
 
@@ -123,11 +123,11 @@ impl VolumeSource for RawVolume {
     }
 
     fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.placed.files.list().for_each(each);
+        self.samples.files.list().for_each(each);
     }
 
     fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
-        self.placed.read_rows(&self.info, z, rows, cols, out)
+        self.samples.read_rows(&self.info, z, rows, cols, out)
     }
 
     fn read_pitched(
@@ -138,7 +138,7 @@ impl VolumeSource for RawVolume {
         pitch: usize,
         out: &mut [u8],
     ) -> Result {
-        self.placed.read_pitched(&self.info, z, rows, cols, pitch, out)
+        self.samples.read_pitched(&self.info, z, rows, cols, pitch, out)
     }
 }
 
@@ -169,8 +169,8 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     Ok((list, base_name(first)))
 }
 
-/// Was a file, which lies in a folder of slices, made of them: a model, or the picture of one? Told by what it
-/// says, not by its name; a file that cannot be read says so when it is opened as a slice.
+/// Was a file in a folder of slices made of them: a model, or the picture of one? Recognised by content, not by
+/// its name; a file that cannot be read says so when it is opened as a slice.
 fn is_made_of_slices(path: &Path) -> bool {
     let mut head = Vec::with_capacity(HEAD_BYTES);
     let read = fs::File::open(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));

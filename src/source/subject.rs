@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::volume::VolumeSource;
 
-/// What lies at a path: everything that a model can be built of.
+/// Everything that a model can be built of.
 ///
 /// Opened by [`Subject::open`], or found by a [`Catalogue`](crate::catalogue::Catalogue).
 #[derive(Debug)]

@@ -1,4 +1,4 @@
-//! Sequential inputs unrolled: samples in the machine's order in a nameless scratch file, read by position.
+//! Sequential inputs unrolled: samples in the machine's order in an anonymous scratch file, read by position.
 //!
 //! The scratch file is as long as the volume is in memory; it is not compressed, because the builder reads
 //! it in tiles, at the speed of the page cache, which does not count as the process's memory.

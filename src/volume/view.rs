@@ -1,4 +1,4 @@
-//! A volume whose samples belong to somebody else.
+//! A volume of borrowed samples.
 
 use std::ops::Range;
 use std::path::PathBuf;

@@ -8,7 +8,7 @@ use crate::geom::{Affine, Dims};
 
 /// Samples in memory, x fastest, then y, then z.
 ///
-/// For volumes that fit into memory; samples that belong to somebody else are a [`VolumeView`](super::VolumeView),
+/// For volumes that fit into memory; borrowed samples are a [`VolumeView`](super::VolumeView),
 /// those that come slice by slice [`Slices`](super::Slices). For others implement [`VolumeSource`], and for shapes
 /// without samples [`Solid`](crate::builder::Solid).
 ///

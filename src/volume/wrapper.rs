@@ -1,15 +1,14 @@
-//! Volumes that stand before another one: all that they leave as it is, in one place.
+//! Volumes that wrap another one: all that they leave as it is, in one place.
 
 use std::ops::Range;
 use std::path::Path;
 
 use super::{Note, Preparation, Result, VolumeInfo, VolumeSource, Workspace, row_by_row};
 
-/// A volume made of another one, which says of itself and reads what is different; all else is the inner
-/// volume's.
+/// A volume made of another one: it states and reads what differs; all else is the inner volume's.
 ///
-/// Whoever implements it is a [`VolumeSource`] by the one implementation below. Its methods have names of their
-/// own, so that a volume's methods stay unambiguous.
+/// Each one is a [`VolumeSource`] by the implementation below. The methods have other names, so that a volume's
+/// methods stay unambiguous.
 pub(crate) trait Wrapper: Sized + Send + Sync {
     /// The volume behind.
     fn inner(&self) -> &dyn VolumeSource;
@@ -20,7 +19,7 @@ pub(crate) trait Wrapper: Sized + Send + Sync {
     /// [`VolumeSource::info`] of the whole.
     fn own_info(&self) -> &VolumeInfo;
 
-    /// The same, to take up what preparing the volume behind brings to light.
+    /// The same, to take over the notes that preparing the volume behind adds.
     fn own_info_mut(&mut self) -> &mut VolumeInfo;
 
     /// Bytes held per reading thread beyond those of the volume behind.

@@ -14,7 +14,7 @@ use crate::volume::{Endian, Placement, ScalarType};
 /// Unknown keys that are named, and the letters of each.
 const NAMED: (usize, usize) = (4, 40);
 
-/// What a side-car says, key by key; values are judged when they are asked for.
+/// The contents of a side-car, key by key; values are judged when they are asked for.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::catalogue) struct Keys {
@@ -52,7 +52,7 @@ impl<T> Entry<T> {
         }
     }
 
-    /// What the value means, nothing where the key is missing, or the fault.
+    /// Meaning of the value, nothing where the key is missing, or the fault.
     fn meaning<M>(
         &self,
         mean: impl Fn(&T) -> Option<M>,
@@ -84,12 +84,12 @@ impl Numbers {
 }
 
 impl Keys {
-    /// Of a JSON object.
+    /// Keys of a JSON object.
     pub(super) fn of_json(text: &str) -> serde_json::Result<Self> {
         serde_json::from_str(text)
     }
 
-    /// Of a TOML text, as far as [`flat_toml`] reads it.
+    /// Keys of a TOML text, as far as [`flat_toml`] reads it.
     pub(super) fn of_toml(text: &str) -> Option<Self> {
         serde_json::from_value(Value::Object(flat_toml(text))).ok()
     }
@@ -162,7 +162,7 @@ impl Keys {
         Ok(Placement { spacing_mm, orientation })
     }
 
-    /// The first keys that are none of the known ones.
+    /// The first keys that are not known.
     pub(in crate::catalogue) fn unknown(&self, known: &[&str]) -> Vec<String> {
         let raw = [
             ("dims", self.dims.is_stated()),

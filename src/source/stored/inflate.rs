@@ -148,7 +148,7 @@ impl<R: BufRead> Bzip2<R> {
     }
 }
 
-/// Bytes at the head of a bzip2 stream that tell the size of its blocks.
+/// Bytes at the head of a bzip2 stream that state the size of its blocks.
 pub(super) const BZIP2_HEAD: usize = 4;
 
 /// Size of a stream's blocks in units of 100,000 bytes.

@@ -18,7 +18,7 @@ use crate::volume::{Endian, Result, SourceError, VolumeInfo};
 /// Stored bytes that are turned into samples at once; a multiple of every sample's width.
 const PIECE_BYTES: usize = 32 << 10;
 
-/// What the buffers and the window of the inflater take: input, stored samples, delivered samples (twice as
+/// Bytes of the buffers and of the inflater's window: input, stored samples, delivered samples (twice as
 /// long where halves grow), and the inflater's window with its tables.
 const MEMORY_BYTES: u64 = (INPUT_BYTES + 2 * PIECE_BYTES) as u64 + costs::INFLATER;
 
@@ -97,7 +97,7 @@ impl Encoding {
 
 /// Streams with one slice after another: all slices in one, or the same number in each of several.
 ///
-/// Unrolling holds 160 KiB (for bzip2 up to 2.3 MiB more, by its blocks), whatever the size of the volume.
+/// Unrolling holds 160 KiB (for bzip2 up to 2.3 MiB more, by its blocks), for volumes of any size.
 #[derive(Debug)]
 pub(in crate::source) struct Linear {
     pub(in crate::source) files: Arc<FileSet>,

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{Encoding, Linear, Placed, Places, Samples, StoredVolume};
+use super::{DirectSamples, Encoding, Linear, Samples, SliceOffsets, StoredVolume};
 use crate::facts::Note;
 use crate::facts::samples::StoredFault;
 use crate::geom::{Affine, Dims};
@@ -25,9 +25,9 @@ pub(in crate::source) enum Skip {
     AllButSamples,
 }
 
-/// What a header says of the samples, in one or several files.
+/// Layout of samples in one or several files, as a header states it.
 #[derive(Debug)]
-pub(in crate::source) struct Stored {
+pub(in crate::source) struct StoredLayout {
     /// The file to name where the header is wrong; its last part becomes the volume's name.
     pub(in crate::source) header: PathBuf,
     /// Name of the format.
@@ -52,11 +52,11 @@ pub(in crate::source) struct Stored {
     pub(in crate::source) rescale: Rescale,
     /// Voxel index to LPS mm.
     pub(in crate::source) affine: Affine,
-    /// What is to be known of all volumes.
+    /// Notes on all volumes.
     pub(in crate::source) notes: Vec<Note>,
 }
 
-impl Stored {
+impl StoredLayout {
     /// The volumes; nothing is read of the samples yet.
     ///
     /// # Errors
@@ -117,8 +117,11 @@ impl Stored {
             let first_slice = index * u64::from(dims.nz());
             let (files, samples, endian) = (Arc::clone(&files), self.samples, self.endian);
             if self.encoding == Encoding::Raw {
-                let places = Places::Even { slices_per_file, skip, first_slice };
-                return Box::new(StoredVolume::placed(info, Placed { files, places, samples, endian }));
+                let offsets = SliceOffsets::Even { slices_per_file, skip, first_slice };
+                return Box::new(StoredVolume::direct(
+                    info,
+                    DirectSamples { files, offsets, samples, endian },
+                ));
             }
             let (encoding, skip_unpacked) = (self.encoding, self.skip_unpacked);
             Box::new(StoredVolume::sequential(

@@ -276,7 +276,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
 
     /// Offset of the Extended Offset Table's entries, if the file has one that fits.
     fn extended_table(&mut self, header: &DicomHeader) -> Result<Option<u64>> {
-        let Some(at) = header.places.offset_table else { return Ok(None) };
+        let Some(at) = header.offsets.offset_table else { return Ok(None) };
         let element = Parser::new(self.input)?.element(at, header.encoding)?;
         let length = element.length.unwrap_or(0).into();
         Ok(self.table_fits(element.value_at, length, true)?.then_some(element.value_at))
@@ -497,7 +497,7 @@ mod tests {
         assert_eq!(missing(&[&whole[..], b"\xfc\xff\xfc\xffOB\0\0\x04\0\0\0tail"].concat()), None);
         let two = MissingEnd { fragments: 2, lacking: 0 };
         assert_eq!(missing(&whole[..whole.len() - 8]), Some(two));
-        // Half a delimiter is none; a whole tag is one.
+        // Half a delimiter does not count; a whole tag does.
         assert_eq!(missing(&whole[..whole.len() - 5]), Some(two));
         assert_eq!(missing(&whole[..whole.len() - 2]), None);
         assert_eq!(missing(&whole[..whole.len() - 11]), Some(MissingEnd { fragments: 2, lacking: 3 }));

@@ -44,7 +44,7 @@ impl Lut {
         header: &DicomHeader,
         signed: bool,
     ) -> Result<Self> {
-        let at = header.places.modality_lut.unwrap_or(0);
+        let at = header.offsets.modality_lut.unwrap_or(0);
         let mut parser = Parser::new(input)?;
         let sequence = parser.element(at, header.encoding)?;
         let (mut descriptor, mut entries) = (None, None);
@@ -81,7 +81,7 @@ impl Lut {
         let encoding = header.encoding;
         let mut parser = Parser::new(input)?;
         let mut shared = None;
-        for at in header.places.palette_descriptors {
+        for at in header.offsets.palette_descriptors {
             let at = at.unwrap_or(0);
             let element = parser.element(at, encoding)?;
             let descriptor = Descriptor::read(&mut parser, &element, encoding, signed)?;
@@ -92,7 +92,7 @@ impl Lut {
         let Some(descriptor) = shared else { return Err(damaged(0, Damage::PaletteWithoutDescriptor)) };
         // Colour by colour, in the order of the file, so that a deflated file is inflated once.
         let mut sums = vec![0_u32; descriptor.entries];
-        for (at, weight) in header.places.palettes.into_iter().zip([299_u32, 587, 114]) {
+        for (at, weight) in header.offsets.palettes.into_iter().zip([299_u32, 587, 114]) {
             let element = parser.element(at.unwrap_or(0), encoding)?;
             let mut each = sums.iter_mut();
             descriptor.visit(&mut parser, &element, encoding, &mut |entry| {

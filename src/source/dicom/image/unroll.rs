@@ -14,7 +14,7 @@ use crate::budget::{Budget, Reservation, TooSmall, costs};
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, Mismatch, RowSink, jpeg, jpeg2000, jpegls, rle};
 use crate::facts::dicom::{DeflateFault, DicomFault, ScanError, TransferSyntax};
-use crate::source::dicom::parse::deflated::Inflated;
+use crate::source::dicom::parse::deflated::InflateReader;
 use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::window::ReadAt;
@@ -82,7 +82,7 @@ impl Image {
         codec + self.rows_bytes() + costs::DICOM_DECODER + self.table_bytes()
     }
 
-    /// Rows held here, whatever the decoder holds.
+    /// Rows held here, in addition to the decoder.
     fn rows_bytes(&self) -> u64 {
         u64::from(self.layout.columns) * u64::from(self.samples) * 16
     }
@@ -96,7 +96,7 @@ impl Image {
     }
 }
 
-/// What went wrong, before it is known where.
+/// A failure whose file is not named yet.
 enum Failure {
     Scan(ScanError),
     Codec(u32, CodecError),
@@ -160,7 +160,7 @@ fn deflated<R: ReadAt + ?Sized>(
     memory: &Budget,
     sink: &mut dyn FrameSink,
 ) -> Result<(), Failure> {
-    let open = || Inflated::up_to(input, header.dataset, u64::MAX);
+    let open = || InflateReader::up_to(input, header.dataset, u64::MAX);
     let tables = open()?;
     if image.planar {
         let planes = [open()?, open()?, open()?];
@@ -420,7 +420,7 @@ struct Receiver<'r, 'a> {
     frame: u32,
     next: u32,
     sink: &'r mut dyn FrameSink,
-    /// What the sink said, which does not fit a decoder's error.
+    /// Error of the sink, which does not fit a decoder's error.
     error: Option<SourceError>,
 }
 

@@ -61,7 +61,7 @@ impl Element {
     }
 }
 
-/// What encloses the walk inside undefined lengths.
+/// One level of nesting inside undefined lengths.
 #[derive(Clone, Copy)]
 enum Level {
     Sequence(Encoding),
@@ -111,7 +111,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         // Items and delimiters never have a VR.
         let delimiter = tag >> 16 == 0xfffe;
         let letters = vr.iter().all(u8::is_ascii_uppercase);
-        // A VR that is letters but not known has the long form (PS3.5 6.2). One that is no letters at
+        // A VR that is letters but not known has the long form (PS3.5 6.2). One without letters at
         // all is an element written without VR, which some programs slip in.
         let form = length_form(&vr).or(letters.then_some(LengthForm::Long));
         let Some(form) = form.filter(|_| encoding.explicit && !delimiter) else {
@@ -143,7 +143,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         self.window.upto(element.value_at, element.value_bytes())
     }
 
-    /// Offset after an element, whatever its length is.
+    /// Offset after an element of any length.
     pub(crate) fn skip(&mut self, element: &Element, at: u64, encoding: Encoding) -> Result<u64> {
         match element.length {
             Some(_) => self.end(element, at),

@@ -1,7 +1,7 @@
 //! Position and meaning of every frame of a file (PS3.3 C.7.6.16, functional groups).
 
 use super::Result;
-use super::deflated::Inflated;
+use super::deflated::InflateReader;
 use super::element::{Element, ItemReader, Parser, damaged};
 use super::header::{DicomHeader, Encoding, decimal};
 use super::value::{
@@ -26,7 +26,7 @@ pub enum Origin {
     Stepped,
 }
 
-/// What a file says of one frame: its own functional groups, else the shared ones, else the file's own
+/// Attributes of one frame: from its own functional groups, else the shared ones, else the file's own
 /// elements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameGeometry {
@@ -74,16 +74,16 @@ pub struct FrameGeometry {
     pub gradient: Option<[f64; 3]>,
     /// Time of Frame Acquisition DateTime, or the file's, as the number HHMMSS.FFFFFF.
     pub acquisition_time: Option<f64>,
-    /// The first of the Dimension Index Values; 0 where there is none.
+    /// The first of the Dimension Index Values; 0 where absent.
     pub dimensions: [u32; 5],
-    /// What the vectors of nuclear medicine say of the frame, apart from its slice, in the order of
-    /// [`super::header::Places::frame_vectors`]; 0 where they say nothing.
+    /// Numbers of the frame in the vectors of nuclear medicine, other than its slice, in the order of
+    /// [`super::header::ElementOffsets::frame_vectors`]; 0 where they are absent.
     pub vectors: [u16; 8],
     /// The first attribute that places the frame, or scales its values, and is infinite or not a number.
     pub not_finite: Option<Attribute>,
 }
 
-/// Tells `each` of every frame of a file, in the order of the file, in constant memory and in one pass
+/// Calls `each` for every frame of a file, in the order of the file, in constant memory and in one pass
 /// over the functional groups. `each` returns false to end early.
 ///
 /// Frames for which the file has no functional group get what the file says of all of them. The number of
@@ -97,7 +97,7 @@ pub fn visit<R: ReadAt + ?Sized>(
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
 ) -> Result {
     if header.transfer_syntax == TransferSyntax::Deflated {
-        return walk(&Inflated::new(input, header.dataset)?, header, each);
+        return walk(&InflateReader::new(input, header.dataset)?, header, each);
     }
     walk(input, header, each)
 }
@@ -110,7 +110,7 @@ fn walk<R: ReadAt + ?Sized>(
     let mut parser = Parser::new(input)?;
     let frames = header.frames.and_then(Result::ok).unwrap_or(1);
     let mut base = FrameGeometry::of_file(header);
-    if let Some(at) = header.places.detectors.filter(|_| base.position.is_none()) {
+    if let Some(at) = header.offsets.detectors.filter(|_| base.position.is_none()) {
         first_item(&mut parser, at, header.encoding, &mut |parser, at, end, encoding| {
             parser.elements(at, end, encoding, &mut |parser, element, _| {
                 if matches!(element.tag, 0x0020_0032 | 0x0020_0037) {
@@ -120,27 +120,27 @@ fn walk<R: ReadAt + ?Sized>(
             })
         })?;
     }
-    if let Some(at) = header.places.shared_groups {
+    if let Some(at) = header.offsets.shared_groups {
         first_item(&mut parser, at, header.encoding, &mut |parser, at, end, encoding| {
             base.groups(parser, at, end, encoding)
         })?;
     }
-    let mut told = 0;
-    if let Some(at) = header.places.frame_groups {
-        told = of_groups(&mut parser, at, header.encoding, frames, &base, each)?;
-    } else if let Some(at) = header.places.grid_offsets.filter(|_| frames > 1) {
-        told = of_grid(&mut parser, at, header.encoding, frames, &base, each)?;
+    let mut visited = 0;
+    if let Some(at) = header.offsets.frame_groups {
+        visited = of_groups(&mut parser, at, header.encoding, frames, &base, each)?;
+    } else if let Some(at) = header.offsets.grid_offsets.filter(|_| frames > 1) {
+        visited = of_grid(&mut parser, at, header.encoding, frames, &base, each)?;
     }
-    let numbers = if told == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
+    let numbers = if visited == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
     // Slices of nuclear medicine may state no more than how thick they are.
     let thickness = base.slice_thickness.filter(|_| numbers.slices.is_some());
-    let step = base.spacing_between.or(thickness).filter(|mm| *mm != 0.0 && told == 0 && frames > 1);
+    let step = base.spacing_between.or(thickness).filter(|mm| *mm != 0.0 && visited == 0 && frames > 1);
     let along = step.zip(base.position).zip(base.normal());
-    for index in told..frames {
+    for index in visited..frames {
         base.index = index;
         let steps = numbers.read(&mut parser, &mut base)?;
         if let Some(((step, position), normal)) = along
-            && header.places.frame_groups.is_none()
+            && header.offsets.frame_groups.is_none()
         {
             base.origin = Origin::Stepped;
             base.position = Some([0, 1, 2].map(|i| position[i] + steps * step * normal[i]));
@@ -185,7 +185,7 @@ impl Vector {
         Ok(Some(Self { value_at: element.value_at, entries, endian: encoding.endian }))
     }
 
-    /// Number of a frame; 0 if there is none.
+    /// Number of a frame; 0 if absent.
     fn number<R: ReadAt + ?Sized>(self, parser: &mut Parser<'_, R>, frame: u32) -> Result<u16> {
         if frame >= self.entries {
             return Ok(0);
@@ -198,10 +198,10 @@ impl Vector {
 impl Numbers {
     fn of<R: ReadAt + ?Sized>(parser: &mut Parser<'_, R>, header: &DicomHeader, frames: u32) -> Result<Self> {
         let mut own = Self {
-            slices: Vector::of(parser, header.places.slice_vector, header.encoding)?,
+            slices: Vector::of(parser, header.offsets.slice_vector, header.encoding)?,
             ..Self::default()
         };
-        for (vector, place) in own.vectors.iter_mut().zip(header.places.frame_vectors) {
+        for (vector, place) in own.vectors.iter_mut().zip(header.offsets.frame_vectors) {
             *vector = Vector::of(parser, place, header.encoding)?;
         }
         if let Some(slices) = own.slices {
@@ -233,8 +233,7 @@ impl Numbers {
     }
 }
 
-/// Tells of the frames that have a group of their own; returns how many were told of, all if `each` has
-/// had enough.
+/// Visits the frames that have a group of their own; returns how many were visited, all if `each` ended the walk.
 fn of_groups<R: ReadAt + ?Sized>(
     parser: &mut Parser<'_, R>,
     at: u64,
@@ -244,24 +243,24 @@ fn of_groups<R: ReadAt + ?Sized>(
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
 ) -> Result<u32> {
     let sequence = parser.element(at, encoding)?;
-    let mut told = 0;
+    let mut visited = 0;
     let mut frame = base.clone();
     let walked = parser.items(&sequence, at, encoding, &mut |parser, at, end, encoding| {
-        if told == frames {
+        if visited == frames {
             return Err(ENOUGH);
         }
         frame.clone_from(base);
-        frame.index = told;
+        frame.index = visited;
         let after = frame.groups(parser, at, end, encoding)?;
-        told += 1;
+        visited += 1;
         if each(&frame) {
             return Ok(after);
         }
-        told = frames;
+        visited = frames;
         Err(ENOUGH)
     });
     match walked {
-        Err(ScanError::NotDicom) | Ok(_) => Ok(told),
+        Err(ScanError::NotDicom) | Ok(_) => Ok(visited),
         Err(e) => Err(e),
     }
 }
@@ -361,7 +360,7 @@ fn is_group(tag: Tag) -> bool {
 }
 
 impl FrameGeometry {
-    /// What the file says of all frames, or of its only one.
+    /// Attributes that the file states for all frames, or for its only one.
     pub(crate) fn of_file(header: &DicomHeader) -> Self {
         Self {
             position: header.position,

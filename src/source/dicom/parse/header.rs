@@ -30,7 +30,7 @@ pub enum PixelElement {
     Double,
 }
 
-/// Tags of [`Places::frame_vectors`].
+/// Tags of [`ElementOffsets::frame_vectors`].
 const FRAME_VECTORS: [Tag; 8] =
     [0x0054_0010, 0x0054_0020, 0x0054_0030, 0x0054_0050, 0x0054_0060, 0x0054_0070, 0x0054_0090, 0x0054_0100];
 
@@ -60,7 +60,7 @@ pub struct Encoding {
 
 /// Offsets of the heads of longer elements; `None` where the file has no such element.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Places {
+pub struct ElementOffsets {
     /// (5200,9229) Shared Functional Groups Sequence.
     pub shared_groups: Option<u64>,
     /// (5200,9230) Per-Frame Functional Groups Sequence.
@@ -88,7 +88,7 @@ pub struct Places {
     pub frame_set: Option<u64>,
 }
 
-impl Places {
+impl ElementOffsets {
     /// Remembers where an element begins, if it is one of these.
     pub(crate) fn keep(&mut self, tag: Tag, at: u64) {
         let slot = match tag {
@@ -113,7 +113,7 @@ impl Places {
                 }
             }
             0x7fe0_0001 => &mut self.offset_table,
-            // In whatever block of private elements.
+            // In any block of private elements.
             _ if tag & 0xffff_00ff == 0x0065_0051 && tag & 0xff00 != 0 => &mut self.frame_set,
             _ => return,
         };
@@ -121,7 +121,7 @@ impl Places {
     }
 }
 
-/// What one DICOM file says of its image; `None` where an element is missing or illegible.
+/// Attributes of the image in one DICOM file; `None` where an element is missing or illegible.
 ///
 /// No patient data is kept: no names, no numbers of patients, no dates, no free text.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -214,12 +214,12 @@ pub struct DicomHeader {
     pub gradient: Option<[f64; 3]>,
     /// Nominal Percentage of Cardiac Phase.
     pub cardiac_phase: Option<f64>,
-    /// Acquisition Time, or the time of Acquisition DateTime, as the number HHMMSS.FFFFFF; only to tell
-    /// images apart.
+    /// Acquisition Time, or the time of Acquisition DateTime, as the number HHMMSS.FFFFFF; only to
+    /// distinguish images.
     pub acquisition_time: Option<f64>,
     /// Private elements of mosaics.
     pub private: Private,
-    /// Frame Reference Time of PET in ms; only to tell images apart.
+    /// Frame Reference Time of PET in ms; only to distinguish images.
     pub frame_reference_time: Option<f64>,
     /// Does Burned In Annotation say YES?
     pub burned_in: bool,
@@ -239,7 +239,7 @@ pub struct DicomHeader {
     /// bytes of the inflated stream.
     pub dataset: u64,
     /// Where some longer elements lie, which are read only when needed.
-    pub places: Places,
+    pub offsets: ElementOffsets,
     /// Pixels, if the file has any.
     pub pixels: Option<PixelData>,
 }
@@ -250,7 +250,7 @@ impl DicomHeader {
         Self { transfer_syntax, encoding, ..Self::default() }
     }
 
-    /// What the object is, in words without patient data: `CT image`, `DICOMDIR`, ...
+    /// Kind of object, in words without patient data: `CT image`, `DICOMDIR`, ...
     pub fn kind(&self) -> String {
         let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
         let known = match class {
@@ -325,7 +325,7 @@ impl DicomHeader {
         }
     }
 
-    /// Is it a segmentation, whose numbers are labels whatever colours they are shown in?
+    /// Is it a segmentation, whose numbers are labels in any colours?
     pub fn is_segmentation(&self) -> bool {
         self.kind() == "segmentation"
     }
@@ -429,7 +429,7 @@ elements! { |header, value, endian|
     0x0048_0007 => header.total_matrix[1] = long_of(value, endian),
 }
 
-/// What a decimal string that matters for place and values states.
+/// Attribute that a decimal string states, if it matters for position or values.
 pub(super) fn decimal(tag: Tag) -> Option<Attribute> {
     Some(match tag {
         0x0018_0050 => Attribute::SliceThickness,

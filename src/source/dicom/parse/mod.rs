@@ -24,5 +24,5 @@ pub(super) mod syntax;
 pub(super) mod value;
 pub(super) mod window;
 
-/// What reading elements gives: nothing but success, unless said otherwise.
+/// Result of reading elements.
 pub(super) type Result<T = (), E = crate::facts::dicom::ScanError> = std::result::Result<T, E>;

@@ -8,7 +8,7 @@
 use std::io;
 
 use super::Result;
-use super::deflated::Inflated;
+use super::deflated::InflateReader;
 use super::element::{Element, META, Parser, length_form};
 use super::header::{DicomHeader, Encoding, PixelData, PixelElement};
 use super::value::{Tag, text};
@@ -27,7 +27,7 @@ const MODALITY_LUT: Tag = 0x0028_3000;
 const MAX_PLAUSIBLE_FIRST: u32 = 1024;
 
 /// Reads what matters of a DICOM file's header, in time linear in the number of elements before the
-/// pixels and in a few KiB of memory (some 50 for a deflated file), whatever the bytes are.
+/// pixels and in a few KiB of memory (some 50 for a deflated file), for any bytes.
 ///
 /// Files without preamble, and without meta header, are recognised when they begin plausibly and turn
 /// out to describe an object. Elements after the pixels are not looked at.
@@ -84,8 +84,8 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
         self.header.dataset = at;
         if syntax == Some(TransferSyntax::Deflated) {
             self.header.transfer_syntax = TransferSyntax::Deflated;
-            let inflated = Inflated::new(input, at)?;
-            // The header goes into the scanner of the stream, and comes back whatever happens there.
+            let inflated = InflateReader::new(input, at)?;
+            // The header goes into the scanner of the stream, and comes back in every case.
             let header = std::mem::replace(&mut self.header, DicomHeader::new(TransferSyntax::Deflated));
             let mut inner = Scanner { parser: Parser::new(&inflated)?, header };
             let walked = inner.inflated(at);
@@ -136,7 +136,7 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
         Ok(Encoding { explicit: big || length_form(&[v0, v1]).is_some(), endian })
     }
 
-    /// Has a Modality LUT Sequence a table, or a part of one? What cannot be followed counts as one, and is told
+    /// Has a Modality LUT Sequence a table, or a part of one? What cannot be followed counts as one, and is reported
     /// of when it is used.
     fn holds_lut(&mut self, sequence: &Element, at: u64, encoding: Encoding) -> bool {
         const DESCRIPTOR: Tag = 0x0028_3002;
@@ -178,15 +178,15 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
                 at = self.parser.skip(&element, at, encoding)?;
                 continue;
             }
-            self.header.places.keep(element.tag, at);
+            self.header.offsets.keep(element.tag, at);
             if self.header.private.is_csa(element.tag) {
-                self.header.places.csa.get_or_insert(at);
+                self.header.offsets.csa.get_or_insert(at);
             }
             let wanted = DicomHeader::wants(element.tag);
             if element.length.is_some() {
                 let end = self.parser.end(&element, at)?;
                 if wanted {
-                    // Split borrow: the value lives in the window, the header beside it.
+                    // Split borrow: the value lives in the window, apart from the header.
                     let value = self.parser.value(&element)?;
                     self.header.keep(element.tag, value, encoding.endian);
                 }

@@ -59,7 +59,7 @@ pub(crate) fn double(value: &[u8], endian: Endian) -> Option<f64> {
     raw_double(value, endian).filter(|v| v.is_finite())
 }
 
-/// One binary double, whatever it is.
+/// One binary double, finite or not.
 pub(super) fn raw_double(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<8>()?;
     Some(if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
@@ -76,7 +76,7 @@ pub(super) fn single(value: &[u8], endian: Endian) -> Option<f64> {
     raw_single(value, endian).filter(|v| v.is_finite())
 }
 
-/// One binary single, whatever it is.
+/// One binary single, finite or not.
 pub(super) fn raw_single(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<4>()?;
     Some(if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) }.into())

@@ -57,7 +57,7 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
     findings
 }
 
-/// What sets each group of a series apart from the others.
+/// The difference between each group of a series and the others.
 fn group_labels(groups: &[Group]) -> Vec<String> {
     let differ = |f: &dyn Fn(&Shared) -> String| {
         let mut all = groups.iter().map(|g| f(&g.shared));
@@ -206,7 +206,7 @@ fn id(shared: &Shared, label: &str) -> String {
     safe_name(&format!("{}{number}-{:08x}{part}", modality.to_ascii_lowercase(), hash >> 32))
 }
 
-/// What was dropped, and by which attributes a series was split.
+/// Notes of dropped images, and of the attributes by which a series was split.
 fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<DicomNote> {
     let mut notes = Vec::new();
     if !series.duplicates.is_empty() {

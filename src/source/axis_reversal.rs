@@ -16,13 +16,13 @@ const BLOCK_BYTES: usize = 1 << 20;
 ///
 /// Holds a block of 1 MiB while it unrolls itself, and one row of a volume whose rows are longer than that.
 #[derive(Debug)]
-pub(super) struct Reversed {
+pub(super) struct AxisReversal {
     info: VolumeInfo,
     inner: Box<dyn VolumeSource>,
     spool: Option<Spool>,
 }
 
-impl Reversed {
+impl AxisReversal {
     /// Turns a volume that is read by position and whose axes have no directions yet.
     pub(super) fn new(inner: Box<dyn VolumeSource>) -> Self {
         let mut info = inner.info().clone();
@@ -44,7 +44,7 @@ impl Reversed {
     }
 }
 
-impl VolumeSource for Reversed {
+impl VolumeSource for AxisReversal {
     fn info(&self) -> &VolumeInfo {
         &self.info
     }

@@ -13,7 +13,7 @@ use crate::volume::{check_request, read_block};
 
 /// Where the slices of a volume begin.
 #[derive(Clone, Debug)]
-pub(in crate::source) enum Places {
+pub(in crate::source) enum SliceOffsets {
     /// Every file holds the same number of slices side by side.
     Even {
         /// Slices in one file; at least 1.
@@ -29,33 +29,33 @@ pub(in crate::source) enum Places {
 
 /// A volume that is read by position, straight into the caller's buffer.
 #[derive(Debug)]
-pub(in crate::source) struct Placed {
+pub(in crate::source) struct DirectSamples {
     pub(in crate::source) files: Arc<FileSet>,
-    pub(in crate::source) places: Places,
+    pub(in crate::source) offsets: SliceOffsets,
     pub(in crate::source) samples: Samples,
     pub(in crate::source) endian: Endian,
 }
 
-impl Placed {
+impl DirectSamples {
     /// File and offset of slice `z`; `None` where no file could have it.
-    fn place(&self, info: &VolumeInfo, z: u32) -> Option<(usize, u64)> {
-        match &self.places {
-            Places::Even { slices_per_file, skip, first_slice } => {
+    fn offset_of(&self, info: &VolumeInfo, z: u32) -> Option<(usize, u64)> {
+        match &self.offsets {
+            SliceOffsets::Even { slices_per_file, skip, first_slice } => {
                 let slice = first_slice.checked_add(z.into())?;
                 let area = u64::from(info.dims.nx()) * u64::from(info.dims.ny());
                 let bytes = area * self.samples.bytes() as u64;
                 let within = slice.checked_rem(*slices_per_file)?.checked_mul(bytes)?.checked_add(*skip)?;
                 Some((usize::try_from(slice.checked_div(*slices_per_file)?).ok()?, within))
             }
-            Places::Each(places) => {
-                let (file, offset) = places.get(usize::try_from(z).ok()?)?;
+            SliceOffsets::Each(offsets) => {
+                let (file, offset) = offsets.get(usize::try_from(z).ok()?)?;
                 Some((usize::try_from(*file).ok()?, *offset))
             }
         }
     }
 
     fn path(&self, info: &VolumeInfo, z: u32) -> PathBuf {
-        self.files.list().path(self.place(info, z).map_or(0, |(file, _)| file))
+        self.files.list().path(self.offset_of(info, z).map_or(0, |(file, _)| file))
     }
 
     /// As [`crate::volume::VolumeSource::read_rows`].
@@ -71,7 +71,7 @@ impl Placed {
         check_request(info, z, &rows, &cols, out.len())
             .and_then(|()| {
                 let (file, base) =
-                    self.place(info, z).ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
+                    self.offset_of(info, z).ok_or_else(|| io::Error::from(io::ErrorKind::InvalidInput))?;
                 // Samples that have to grow wait in the tail of `out`.
                 let tail = out.len() - out.len() / self.samples.delivered().bytes() * width;
                 let stored = out.get_mut(tail..).unwrap_or_default();
@@ -101,7 +101,7 @@ impl Placed {
         if whole_rows
             && as_it_is
             && row_bytes <= pitch
-            && let Some((file, base)) = self.place(info, z)
+            && let Some((file, base)) = self.offset_of(info, z)
         {
             let offset = base + u64::from(rows.start) * row_bytes as u64;
             let mut parts: Vec<IoSliceMut<'_>> = out

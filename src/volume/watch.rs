@@ -1,4 +1,4 @@
-//! A volume whose files are held against what they were when it was opened.
+//! A volume that notices changes of its files.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -8,34 +8,38 @@ use super::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspac
 use crate::facts::Fault;
 use crate::stamp::stamp;
 
-/// A volume that knows what its files were, and says so when one of them is not any more.
+/// A volume that reports when one of its files differs from when it was opened.
 ///
-/// Holds 8 bytes a file. Cost: every file is looked up once when it is made, and once when it is asked.
-pub(crate) struct Watched {
+/// Holds 8 bytes a file. Cost: every file is looked up when the volume is made, and again when it is checked.
+pub(crate) struct FileWatch {
     source: Box<dyn VolumeSource>,
-    /// Of the files of samples, in their order; empty where only `beside` counts.
+    /// Identities of the files of samples, in order; empty where only `description` counts.
     stamps: Box<[u64]>,
-    /// A file that says something of the volume: its header, or a side-car.
-    beside: Option<(PathBuf, u64)>,
+    /// A file that describes the volume: its header, or a side-car.
+    description: Option<(PathBuf, u64)>,
 }
 
-impl Watched {
-    /// Watches the files of samples, and one that speaks of them.
-    pub(crate) fn files(source: Box<dyn VolumeSource>, beside: Option<&Path>) -> Box<dyn VolumeSource> {
+impl FileWatch {
+    /// Watches the files of samples, and one that describes them.
+    pub(crate) fn files(source: Box<dyn VolumeSource>, description: Option<&Path>) -> Box<dyn VolumeSource> {
         let mut stamps = Vec::new();
         source.for_each_file(&mut |path| stamps.push(stamp(path)));
-        let beside = beside.map(|path| (path.to_path_buf(), stamp(path)));
-        Box::new(Self { source, stamps: stamps.into(), beside })
+        let description = description.map(|path| (path.to_path_buf(), stamp(path)));
+        Box::new(Self { source, stamps: stamps.into(), description })
     }
 
-    /// Watches a file that speaks of a volume, besides what the volume watches.
-    pub(crate) fn beside(source: Box<dyn VolumeSource>, path: &Path) -> Box<dyn VolumeSource> {
-        Box::new(Self { source, stamps: Box::default(), beside: Some((path.to_path_buf(), stamp(path))) })
+    /// Watches a file that describes a volume, in addition to the files that the volume watches.
+    pub(crate) fn description(source: Box<dyn VolumeSource>, path: &Path) -> Box<dyn VolumeSource> {
+        Box::new(Self {
+            source,
+            stamps: Box::default(),
+            description: Some((path.to_path_buf(), stamp(path))),
+        })
     }
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl VolumeSource for Watched {
+impl VolumeSource for FileWatch {
     pass_on!(self => self.source; facts);
     pass_on!(self => self.source; samples);
 
@@ -47,7 +51,7 @@ impl VolumeSource for Watched {
                 changed = Some(path.to_path_buf());
             }
         };
-        if let Some((path, then)) = &self.beside {
+        if let Some((path, then)) = &self.description {
             look(path, *then);
         }
         if !self.stamps.is_empty() {
@@ -89,7 +93,7 @@ mod tests {
                 orientation: Orientation::LPS,
             };
             let volume = RawVolume::open(&[at("a"), at("b")], &raw).unwrap();
-            Watched::files(Box::new(volume), Some(&at("about")))
+            FileWatch::files(Box::new(volume), Some(&at("about")))
         };
         type Change<'a> = &'a dyn Fn(&Path);
         let ways: [(&str, Change<'_>); 6] = [
