@@ -121,12 +121,5 @@ pub(super) fn unusable(path: &Path, fault: CsgFault) -> SourceError {
 }
 
 pub(super) fn too_small(path: &Path, memory: MemoryCap, bytes: u64) -> BuildError {
-    let dry = Budget::dry(memory);
-    drop(dry.reserve(2 * bytes));
-    let limit_bytes = memory.bytes();
-    BuildError::BudgetTooSmall {
-        name: path.display().to_string(),
-        limit_bytes,
-        minimum_bytes: dry.smallest_limit(1).max(limit_bytes + 1),
-    }
+    crate::mesh::too_small(path.display().to_string(), memory, 2 * bytes)
 }

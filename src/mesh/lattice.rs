@@ -166,7 +166,7 @@ impl Grid {
 /// The triangle of three points, its smallest vertex first: what is computed of it does not depend on where the file
 /// begins it.
 #[inline]
-pub(crate) fn turned([a, b, c]: [[i32; 3]; 3]) -> Triangle {
+pub(crate) fn smallest_first([a, b, c]: [[i32; 3]; 3]) -> Triangle {
     let [a, b, c] = if a <= b && a <= c {
         [a, b, c]
     } else if b <= c {

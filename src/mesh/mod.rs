@@ -57,7 +57,7 @@ mod solid;
 mod thin;
 
 pub(crate) use census::{Census, Closed};
-pub(crate) use lattice::{Bounds, MAX_VOXELS, STEPS, Triangle, span, turned};
+pub(crate) use lattice::{Bounds, MAX_VOXELS, STEPS, Triangle, smallest_first, span};
 pub use lattice::{Grid, GridChoice};
 pub(crate) use nearest::{Facet, Nearest};
 pub(crate) use raster::{Crossings, Rule, cross_slice};
@@ -65,6 +65,7 @@ pub(crate) use raster::{Crossings, Rule, cross_slice};
 use std::path::{Path, PathBuf};
 
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
+use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, CellEdges, Progress, Tile};
 use crate::facts::{Fill, MeshFacts, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
@@ -194,6 +195,15 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
         COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(MIN_RESIDENT, 32) + painter + thin + edges;
     bins + (READER_BYTES + collecting + BINNING_BYTES.max(BOUNDARY_BYTES))
         .max(column.max(MIN_WORKER) + WORKER_OVERHEAD)
+}
+
+/// The refusal of a memory cap in which so many bytes have no room.
+pub(crate) fn too_small(name: String, memory: MemoryCap, bytes: u64) -> BuildError {
+    let dry = Budget::dry(memory);
+    let _most = dry.reserve(bytes);
+    let limit_bytes = memory.bytes();
+    let minimum_bytes = dry.smallest_limit(1).max(limit_bytes + 1);
+    BuildError::BudgetTooSmall { name, limit_bytes, minimum_bytes }
 }
 
 /// The bounds of a mesh at another place.

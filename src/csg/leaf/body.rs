@@ -9,7 +9,8 @@ use crate::csg::tree::Faces;
 use crate::facts::CsgFault;
 use crate::geom::{Affine, cross, dot};
 use crate::mesh::{
-    Census, Closed, Crossings, Facet, MAX_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice, span, turned,
+    Census, Closed, Crossings, Facet, MAX_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice,
+    smallest_first, span,
 };
 
 /// How far from a voxel its nearest triangle is sought, squared: two voxels.
@@ -68,7 +69,7 @@ impl Body {
         let mut triangles = Vec::with_capacity(faces.triangles.len());
         for [a, b, c] in &faces.triangles {
             let corner = |at: &u32| placed.get(*at as usize).copied().ok_or(CsgFault::Size { line });
-            let t = turned([corner(a)?, corner(b)?, corner(c)?]);
+            let t = smallest_first([corner(a)?, corner(b)?, corner(c)?]);
             census.add(&t);
             triangles.push(t);
         }

@@ -23,7 +23,7 @@ pub(in crate::mesh) struct Look {
 
 impl Look {
     /// The same for corners that begin with another one: the second, where `by` is 1, or the third.
-    pub(in crate::mesh) fn turned(mut self, by: usize) -> Self {
+    pub(in crate::mesh) fn rotated(mut self, by: usize) -> Self {
         if let Some(colors) = &mut self.colors {
             colors.rotate_left(by % 3);
         }

@@ -91,11 +91,11 @@ impl Spool {
 
     /// Appends a record.
     #[inline]
-    pub(super) fn put<const N: usize>(&mut self, record: [u8; N]) -> Result<(), Stop> {
-        if self.buffer.len() + N > Self::BUFFER {
+    fn put(&mut self, record: &[u8]) -> Result<(), Stop> {
+        if self.buffer.len() + record.len() > Self::BUFFER {
             self.flush().map_err(Stop::Scratch)?;
         }
-        self.buffer.extend_from_slice(&record);
+        self.buffer.extend_from_slice(record);
         self.count += 1;
         Ok(())
     }
@@ -103,21 +103,13 @@ impl Spool {
     /// Appends a vertex.
     #[inline]
     pub(super) fn vertex(&mut self, v: [f64; 3]) -> Result<(), Stop> {
-        let mut record = [0; 24];
-        for (out, c) in record.as_chunks_mut::<8>().0.iter_mut().zip(v) {
-            *out = c.to_le_bytes();
-        }
-        self.put(record)
+        self.put(v.map(f64::to_le_bytes).as_flattened())
     }
 
-    /// Appends a triangle.
+    /// Appends a triangle, or the numbers that it carries.
     #[inline]
-    pub(super) fn triangle(&mut self, t: [u32; 3]) -> Result<(), Stop> {
-        let mut record = [0; 12];
-        for (out, v) in record.as_chunks_mut::<4>().0.iter_mut().zip(t) {
-            *out = v.to_le_bytes();
-        }
-        self.put(record)
+    pub(super) fn numbers<const N: usize>(&mut self, record: [u32; N]) -> Result<(), Stop> {
+        self.put(record.map(u32::to_le_bytes).as_flattened())
     }
 
     fn flush(&mut self) -> io::Result<()> {

@@ -7,7 +7,7 @@ use std::fs::File;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::super::limits::Limits;
+use super::super::Limits;
 use super::super::stop::Stop;
 use super::super::stream::Stream;
 use crate::facts::MeshFault;

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::super::limits::Limits;
+use super::super::Limits;
 use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::xml::{Event, Xml};

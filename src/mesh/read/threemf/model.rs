@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::sync::Arc;
 
-use super::super::limits::Limits;
+use super::super::Limits;
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap, linear};
 use super::super::stop::Stop;
 use super::super::vertices::Spool;
@@ -256,7 +256,7 @@ impl<'a> Reader<'a> {
             return Err(MeshFault::BadIndex { face: self.triangles.count + 1, vertices }.into());
         }
         if !self.limits.colors {
-            return self.triangles.triangle(t);
+            return self.triangles.numbers(t);
         }
         let id = xml.whole(b"pid")?.or(own.group);
         let first = xml.whole(b"p1")?;
@@ -271,13 +271,7 @@ impl<'a> Reader<'a> {
             values = three.map(|at| group.first + at);
             kind = group.kind;
         }
-        let mut record = [0; super::LOOKED];
-        let [a, b, c] = t;
-        let [p, q, r] = values;
-        for (out, n) in record.as_chunks_mut::<4>().0.iter_mut().zip([a, b, c, p, q, r, kind]) {
-            *out = n.to_le_bytes();
-        }
-        self.triangles.put(record)
+        self.triangles.numbers([t[0], t[1], t[2], values[0], values[1], values[2], kind])
     }
 
     /// An object in its place, as a part or an item states it.
