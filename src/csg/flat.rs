@@ -7,6 +7,7 @@
 //! Only unions and intersections are left, which alternate, and every leaf knows where it lies. Done with a list of
 //! what is still to be visited, so that the depth of a tree does not matter.
 
+use super::offset::moved_to;
 use super::tree::{Node, NodeId, Operation, Shape, Tree, push};
 use crate::builder::BuildError;
 use crate::facts::{CsgFault, SourceError};
@@ -36,7 +37,7 @@ pub(super) enum Part {
 }
 
 /// A leaf where it is met; without a shape it is empty.
-pub(super) struct Met<'a, 'f> {
+pub(super) struct PlacedShape<'a, 'f> {
     pub(super) shape: Option<&'a Shape>,
     pub(super) affine: &'f Affine,
     pub(super) line: u64,
@@ -45,7 +46,7 @@ pub(super) struct Met<'a, 'f> {
 }
 
 /// Makes something of a leaf, and says what that holds beside itself.
-pub(super) type Make<'a, 'm, T> = dyn FnMut(Met<'a, '_>) -> Result<(T, u64), Stop> + 'm;
+pub(super) type Make<'a, 'm, T> = dyn FnMut(PlacedShape<'a, '_>) -> Result<(T, u64), Stop> + 'm;
 
 /// Why a tree cannot be made flat.
 pub(super) enum Stop {
@@ -135,7 +136,7 @@ impl<T> Flat<T> {
             affines.truncate(affine as usize + 1);
             let above_it = &affines[affine as usize];
             let mut leaf = |flat: &mut Self, shape, line, negated| {
-                let (made, held) = make(Met { shape, affine: above_it, line, negated })?;
+                let (made, held) = make(PlacedShape { shape, affine: above_it, line, negated })?;
                 flat.held += held;
                 flat.leaf(made, negated, above);
                 Ok::<_, Stop>(())
@@ -148,9 +149,7 @@ impl<T> Flat<T> {
                     push(&mut affines, own);
                 }
                 Node::Moved { at, node } => {
-                    let mut own = Affine::from_spacing([1.0; 3]);
-                    (0..3).for_each(|k| own.rows[k][3] = at.0[k]);
-                    let own = placed(above_it, &own, at.1.into())?;
+                    let own = placed(above_it, &moved_to(at.0), at.1.into())?;
                     open.push(Visit { node: *node, affine: number(affines.len()), negated, above });
                     push(&mut affines, own);
                 }

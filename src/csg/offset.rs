@@ -18,6 +18,7 @@
 //! and cones along theirs. Every part is placed on the lattice by itself, so that a rounded edge is off by a step of
 //! 2^-12 voxel at most.
 
+use super::bounds::corners;
 use super::flat::MAX_LEAVES;
 use super::tree::{Node, NodeId, Operation, Shape, Tree};
 use crate::facts::{CsgFault, OffsetFault};
@@ -54,7 +55,7 @@ impl Piece {
     }
 }
 
-fn moved_to(to: [f64; 3]) -> Affine {
+pub(super) fn moved_to(to: [f64; 3]) -> Affine {
     let mut at = Affine::from_spacing([1.0; 3]);
     (0..3).for_each(|k| at.rows[k][3] = to[k]);
     at
@@ -273,10 +274,7 @@ fn cuboid(low: [f64; 3], high: [f64; 3], by: f64) -> Vec<Piece> {
             pieces.push(Piece { shape, at });
         }
     }
-    for corner in 0..8_u32 {
-        let at = [0, 1, 2].map(|k| if corner >> k & 1 == 1 { high[k] } else { low[k] });
-        pieces.push(Piece::moved(ball(by), at));
-    }
+    pieces.extend(corners(low, high).map(|corner| Piece::moved(ball(by), corner)));
     pieces
 }
 

@@ -177,6 +177,14 @@ pub(crate) fn smallest_first([a, b, c]: [[i32; 3]; 3]) -> Triangle {
     [a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]]
 }
 
+/// The first corner, and the edges from it to the others.
+#[inline]
+pub(super) fn edges(t: &Triangle) -> [[f64; 3]; 3] {
+    let f = t.map(f64::from);
+    let edge = |k: usize| [f[k] - f[0], f[k + 1] - f[1], f[k + 2] - f[2]];
+    [[f[0], f[1], f[2]], edge(3), edge(6)]
+}
+
 /// First slice (row, column) whose centre is at or beyond a coordinate. (Coordinates are below 2^29: nothing is checked
 /// where it would only keep the compiler from working on several at once.)
 #[inline]

@@ -78,8 +78,8 @@ use paint::{COLLECTING_BYTES, Painter};
 use read::{Limits, MeshFile, READER_BYTES};
 pub(crate) use read::{check, format_of, is_named};
 use resident::Resident;
-pub(crate) use solid::MeshSolid;
 use solid::fixed_bytes;
+pub(crate) use solid::{MeshSolid, from_faces, row_words};
 use thin::Thin;
 
 /// How a mesh is made a solid.

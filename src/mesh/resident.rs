@@ -6,8 +6,9 @@
 
 use std::ops::Range;
 
-use super::bins::{BEYOND, Held, Record, held, ways};
+use super::bins::{BEYOND, Bins, BlockBuffers, Held, Record, held, ways};
 use super::lattice::{centres, first_centre, last_centre};
+use crate::facts::SourceError;
 
 /// A triangle of a brick: its record, or, where it takes two, the place of them behind [`ELSEWHERE`]; and [`Place`].
 pub(super) type Item = [i32; 7];
@@ -140,8 +141,28 @@ impl Resident {
         self.bricks
     }
 
+    /// Takes anew the triangles of a bin (of a row and a slice) that are near to `slices` and to the bricks `taken`, counted
+    /// from column `x0`; `false` where there is no room.
+    pub(super) fn load(
+        &mut self,
+        bins: &Bins,
+        (row, slice): (u32, u32),
+        slices: Range<i32>,
+        x0: i32,
+        taken: Range<usize>,
+        buffers: &mut BlockBuffers,
+    ) -> Result<bool, SourceError> {
+        self.clear(slices.start, x0, taken);
+        let mut fits = true;
+        bins.for_each_block(row, slice, buffers, &mut |block| {
+            fits = self.take(block, slices.start, slices.end);
+            fits
+        })?;
+        Ok(fits)
+    }
+
     /// Takes those triangles that bear upon slices `first..end`; `false` where there is no room.
-    pub(super) fn take(&mut self, block: &[Record], first: i32, end: i32) -> bool {
+    fn take(&mut self, block: &[Record], first: i32, end: i32) -> bool {
         let near = |low: i32, high: i32| low < end + BEYOND && high >= first - BEYOND;
         held(block).all(|t| {
             let (low, high) = slices(&t);
@@ -313,30 +334,29 @@ impl Resident {
     }
 }
 
+/// Slices (rows, columns) whose centres lie between the ends of a triangle: empty if the second is less.
+#[inline(always)]
+fn ends(t: &Held<'_>, axis: usize) -> (i32, i32) {
+    match t {
+        Held::Short(record) => {
+            let [a, b] = ways(record, axis);
+            let from = |way: i32| record[axis].wrapping_add(way);
+            (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
+        }
+        Held::Long(t) => centres(t, axis),
+    }
+}
+
 /// Slices between whose centres a triangle lies.
 #[inline(always)]
 pub(super) fn slices(t: &Held<'_>) -> (i32, i32) {
-    match t {
-        Held::Short(record) => {
-            let [a, b] = ways(record, 2);
-            let from = |way: i32| record[2].wrapping_add(way);
-            (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
-        }
-        Held::Long(t) => centres(t, 2),
-    }
+    ends(t, 2)
 }
 
 /// Bricks along x, counted from a column, that a triangle is within two voxels of.
 #[inline(always)]
 pub(super) fn bricks_of(t: &Held<'_>, x0: i32) -> (i32, i32) {
-    let (left, right) = match t {
-        Held::Short(record) => {
-            let [a, b] = ways(record, 0);
-            let from = |way: i32| record[0].wrapping_add(way);
-            (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
-        }
-        Held::Long(t) => centres(t, 0),
-    };
+    let (left, right) = ends(t, 0);
     ((left - 2 - x0) >> 5, (right + 2 - x0) >> 5)
 }
 

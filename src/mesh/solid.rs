@@ -67,7 +67,7 @@ pub(crate) struct MeshSolid {
 }
 
 /// Words of a row of a tile, with one on either side.
-fn row_words(tile: &Tile) -> usize {
+pub(crate) fn row_words(tile: &Tile) -> usize {
     tile.columns.div_ceil(64) as usize + 2
 }
 
@@ -223,13 +223,8 @@ impl MeshWorker<'_> {
         self.gathered = None;
         loop {
             resident.clear(z, x0, all.clone());
-            let mut fits = end > z;
-            if fits {
-                solid.bins.for_each_block(row, z as u32, buffers, &mut |block| {
-                    fits = resident.take(block, z, end);
-                    fits
-                })?;
-            }
+            let bin = (row, z as u32);
+            let fits = end > z && resident.load(&solid.bins, bin, z..end, x0, all.clone(), buffers)?;
             if fits || end <= z + 1 {
                 self.bricks = if fits { all } else { 0..0 };
                 break;
@@ -305,13 +300,7 @@ impl MeshWorker<'_> {
         self.gathered = None;
         self.bricks = 0..0;
         while end > brick {
-            resident.clear(z, x0, brick..end);
-            let mut fits = true;
-            solid.bins.for_each_block(row, z as u32, buffers, &mut |block| {
-                fits = resident.take(block, z, z + 1);
-                fits
-            })?;
-            if fits {
+            if resident.load(&solid.bins, (row, z as u32), z..z + 1, x0, brick..end, buffers)? {
                 resident.settle();
                 self.bricks = brick..end;
                 break;
@@ -598,7 +587,7 @@ fn each_bit(row: u32, mut act: impl FnMut(usize)) {
 }
 
 /// The mean direction of the faces of a voxel that look outside, where no triangle is near.
-fn from_faces(exposed: &Exposed, x: usize) -> [f32; 3] {
+pub(crate) fn from_faces(exposed: &Exposed, x: usize) -> [f32; 3] {
     let at = |face: usize| (exposed.faces[face] >> x & 1) as f32;
     let sum = [at(1) - at(0), at(3) - at(2), at(5) - at(4)];
     if sum == [0.0; 3] { [0.0, 0.0, 1.0] } else { sum }

@@ -55,7 +55,7 @@ impl Leaf {
     pub(in crate::csg) fn extent(&self) -> Extent {
         match self {
             Self::Nothing => Extent::NONE,
-            Self::Half(_) | Self::Walked(_) => Extent::ALL,
+            Self::Half(_) | Self::Sampled(_) => Extent::ALL,
             Self::Ball(ball) => {
                 let middle = ball.middle.map(i64::from);
                 let radius = i64::from(ball.radius);

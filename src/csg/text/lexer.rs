@@ -2,7 +2,7 @@
 
 use std::io::{self, BufRead};
 
-use super::stop::Stop;
+use super::Stop;
 use crate::facts::{CsgFault, CsgToken};
 
 /// Longest name or number.

@@ -2,7 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use super::values::{Arguments, TOLD};
+use super::values::{Arguments, MAX_NAME};
 use crate::csg::facets;
 use crate::csg::tree::{Faces, Operation, Shape};
 use crate::facts::CsgFault;
@@ -172,7 +172,7 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {
             Shape::Volume { path: beside(of.text("file", Some(0))?, folder)?, iso: of.need("iso", Some(1))? }
         }
         _ => {
-            let module = of.module.chars().take(TOLD).collect();
+            let module = of.module.chars().take(MAX_NAME).collect();
             return Err(CsgFault::Unsupported { line: of.line, module });
         }
     })

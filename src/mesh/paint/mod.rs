@@ -30,12 +30,12 @@ mod texture;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
+use super::lattice::{HALF, STEPS, Triangle, edges, first_centre, last_centre, span};
 use super::read::{Look, Material, NO_MATERIAL};
 use crate::builder::SkinSlice;
 use crate::facts::SourceError;
 use crate::format::normal;
-use crate::geom::Dims;
+use crate::geom::{Dims, cross};
 use near::{Near, Numbered, SORTING_BYTES, Sorter};
 use point::{nearest_point, squared_distance, texels_per_voxel};
 use store::{Columns, Record};
@@ -369,7 +369,7 @@ fn offer(record: &Numbered, skin: &SkinSlice<'_>, best: &mut [Best]) {
         while left != 0 {
             let x = left.trailing_zeros();
             left &= left - 1;
-            let f = ready.get_or_insert_with(|| Plane::new(t));
+            let f = ready.get_or_insert_with(|| FacetPlane::new(t));
             let p = [skin.corner()[0] + x, skin.corner()[1] + y as u32, skin.corner()[2]].map(centre);
             let height = f.squared_height(p);
             let best = &mut best[BRICK * y as usize + x as usize];
@@ -388,20 +388,19 @@ fn offer(record: &Numbered, skin: &SkinSlice<'_>, best: &mut [Best]) {
     }
 }
 
-/// A triangle's plane.
-struct Plane {
+/// The plane of a triangle.
+struct FacetPlane {
     normal: [f64; 3],
     at: [f64; 3],
 }
 
-impl Plane {
+impl FacetPlane {
     fn new(t: &Triangle) -> Self {
-        let f = t.map(f64::from);
-        let (b, c) = ([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
-        let n = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let [at, b, c] = edges(t);
+        let n = cross(b, c);
         let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
         let normal = if length > 0.0 { n.map(|c| c / length) } else { [0.0; 3] };
-        Self { normal, at: [f[0], f[1], f[2]] }
+        Self { normal, at }
     }
 
     /// Squared distance of a point, rounded.

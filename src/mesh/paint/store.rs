@@ -87,25 +87,20 @@ impl Columns {
     /// Appends what the next triangle carries.
     pub(super) fn put(&mut self, record: &Record) -> io::Result<()> {
         let Look { colors, places, normals, .. } = &record.look;
-        let kinds = u32::from(colors.is_some())
-            | u32::from(places.is_some()) << 1
-            | u32::from(normals.is_some()) << 2;
-        let bits = |v: &f32| v.to_bits();
+        let values = [
+            colors.as_ref().map(|of| of.as_flattened()),
+            places.as_ref().map(|of| of.as_flattened()),
+            normals.as_ref().map(|of| of.as_flattened()),
+        ];
+        let kinds = (0..3).fold(0, |kinds, k| kinds | u32::from(values[k].is_some()) << k);
         let number = self.count;
         self.count += 1;
-        let [base, of_colors, of_places, of_normals] = &mut self.kinds;
+        let [base, others @ ..] = &mut self.kinds;
         base.put(number, &[record.material, u32::from(record.part) | kinds << 8], &self.folder)?;
-        if let Some(colors) = colors {
-            let values: Vec<u32> = colors.iter().flatten().map(bits).collect();
-            of_colors.put(number, &values, &self.folder)?;
-        }
-        if let Some(places) = places {
-            let values: Vec<u32> = places.iter().flatten().map(bits).collect();
-            of_places.put(number, &values, &self.folder)?;
-        }
-        if let Some(normals) = normals {
-            let values: Vec<u32> = normals.iter().flatten().map(bits).collect();
-            of_normals.put(number, &values, &self.folder)?;
+        for (column, values) in others.iter_mut().zip(values) {
+            if let Some(values) = values {
+                column.put(number, bytemuck::cast_slice(values), &self.folder)?;
+            }
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ mod planes;
 use super::bins::{BlockBuffers, Held, held};
 use super::raster::{Crossings, cross_slice};
 use super::resident::{Resident, slices as slices_of};
-use super::solid::MeshSolid;
+use super::solid::{MeshSolid, row_words};
 use crate::builder::{Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, normal};
@@ -46,10 +46,6 @@ pub(super) enum Thin {
 pub(super) struct ThinSolid {
     pub(super) mesh: MeshSolid,
     pub(super) thin: Thin,
-}
-
-fn row_words(tile: &Tile) -> usize {
-    tile.columns.div_ceil(64) as usize + 2
 }
 
 /// Memory of a worker beside that of its mesh and of its resident triangles.
@@ -151,13 +147,9 @@ impl ThinWorker<'_> {
         let [left, _] = self.corner();
         loop {
             // All that there are, as one brick.
-            self.resident.clear(slice, left + 64, 0..1);
-            let mut fits = true;
             let Self { resident, buffers, solid, column, .. } = self;
-            solid.mesh.bins.for_each_block(column.y.start, bin, buffers, &mut |block| {
-                fits = resident.take(block, slice, end);
-                fits
-            })?;
+            let (bins, at) = (&solid.mesh.bins, (column.y.start, bin));
+            let fits = resident.load(bins, at, slice..end, left + 64, 0..1, buffers)?;
             self.streamed = !fits && end == slice + 1;
             if fits || self.streamed {
                 break;
