@@ -53,8 +53,8 @@ impl Solid for CsgCells<'_> {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        let crossed =
-            self.tree.program.len() * size_of::<Crossed>() + CellEdges::MAX_EDGES * size_of::<CellEdge>();
+        let crossed = self.tree.program.len() * size_of::<LeafCrossing>()
+            + CellEdges::MAX_EDGES * size_of::<CellEdge>();
         self.tree.worker_bytes(tile)
             + (1 + self.tree.sampled.len() as u64) * CellEdges::BYTES
             + crossed as u64
@@ -88,11 +88,11 @@ struct CellWorker<'a> {
     list: Vec<CellEdge>,
     /// Those of sampled leaves.
     of_sampled: Vec<CellEdges>,
-    crossed: Vec<Crossed>,
+    crossed: Vec<LeafCrossing>,
 }
 
 /// A leaf of a program that an edge may cross.
-struct Crossed {
+struct LeafCrossing {
     leaf: u32,
     /// Is its far end inside, and its other end?
     outer: bool,
@@ -111,9 +111,9 @@ impl SolidWorker for CellWorker<'_> {
         let [nx, ny, nz] = self.samples.to_array();
         let exists = region.x.end <= nx && region.y.end <= ny && region.z.end <= nz;
         match self.tree.cover(region) {
-            // What lies beyond the grid is outside.
+            // Beyond the grid all is outside.
             Cover::Inside if !exists => Cover::Mixed,
-            told => told,
+            cover => cover,
         }
     }
 
@@ -168,7 +168,7 @@ fn outermost(
     solid: &CsgSolid<'_>,
     samplers: &[Sampler<'_>],
     of_sampled: &[CellEdges],
-    crossed: &mut Vec<Crossed>,
+    crossed: &mut Vec<LeafCrossing>,
 ) -> Option<EdgeCrossing> {
     let mut high = edge.low;
     high[edge.axis] += 1;
@@ -191,12 +191,12 @@ fn outermost(
         };
         let along = found.map_or(0.5, |found| found.along);
         let away = if edge.low_inside { 1.0 - along } else { along };
-        crossed.push(Crossed { leaf, outer, inner, away, found });
+        crossed.push(LeafCrossing { leaf, outer, inner, away, found });
     }
-    let value = |passed: f64, last: u32, crossed: &[Crossed]| {
+    let value = |passed: f64, last: u32, crossed: &[LeafCrossing]| {
         let mut at = 0;
         let value = program::value(steps, |_| {
-            let Crossed { leaf, outer, inner, away, .. } = crossed[at];
+            let LeafCrossing { leaf, outer, inner, away, .. } = crossed[at];
             at += 1;
             let is_passed = (away, leaf) <= (passed, last);
             if if is_passed { inner } else { outer } { u64::MAX } else { 0 }

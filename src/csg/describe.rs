@@ -1,7 +1,7 @@
 //! Normals of skin voxels: of the leaf whose surface makes the voxel skin.
 //!
 //! A leaf is a candidate if a voxel is inside it and an exposed neighbour is not, or the other way round, and the
-//! tree turns to outside when that leaf alone does; if there is none, the tree beside turns to inside when that leaf
+//! tree turns to outside when that leaf alone does; if there is none, the tree next to it turns to inside when that leaf
 //! alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose
 //! surface is nearest to the voxel's middle, then the first in the tree. Its normal points out of it where the voxel is
 //! inside it, and into it where it was taken away. Voxels that only the wall of the grid makes skin face that wall.
@@ -13,7 +13,7 @@
 use super::leaf::Leaf;
 use super::program::{self, Step};
 use super::sampled::Sampler;
-use super::solid::{CsgSolid, Left};
+use super::solid::{CsgSolid, Remainder};
 use crate::builder::{Cover, Exposed, SkinSlice, VoxelBox};
 use crate::facts::SourceError;
 use crate::format::{Channel, normal};
@@ -27,8 +27,8 @@ const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 
 const HALF_A_VOXEL: f64 = 2048.0;
 /// Leaves that are tried together: one bit each, and one for the tree as it is.
 const AT_ONCE: usize = 63;
-/// With more leaves than this beside the voxels of a brick's slice, these are described by blocks of so many rows and
-/// columns, each with the leaves beside it.
+/// With more leaves than this next to the voxels of a brick's slice, these are described by blocks of so many rows and
+/// columns, each with the leaves next to it.
 const FEW: usize = 2;
 const BLOCK: usize = 8;
 
@@ -37,7 +37,7 @@ pub(super) struct Description {
     codes: Vec<u8>,
     /// The codes by row and column.
     by_place: Vec<u16>,
-    /// What is left of the program around the voxels of a slice, and of one of its blocks.
+    /// The rest of the program around the voxels of a slice, and of one of its blocks.
     near: Vec<Step>,
     nearer: Vec<Step>,
     /// Leaves that are inside at the voxel, and at its neighbour, by their place among those of the program.
@@ -48,7 +48,7 @@ pub(super) struct Description {
     sampled: Vec<u32>,
 }
 
-/// Most faces that meet in a voxel and are told apart.
+/// Most different faces that meet in a voxel.
 const MAX_FACES: usize = 8;
 /// Faces whose normals have at least this cosine with the nearest one's count along with it.
 const WITH_NEAREST: f64 = -0.5;
@@ -155,14 +155,14 @@ impl Description {
         &mut self,
         skin: &SkinSlice<'_>,
         solid: &CsgSolid<'_>,
-        left: Left<'_>,
+        left: Remainder<'_>,
         samplers: &mut [Sampler<'_>],
     ) -> Result<(), SourceError> {
-        // What matters around these voxels alone is often one leaf.
+        // Around these voxels often only one leaf matters.
         let (mut near, mut nearer) = (std::mem::take(&mut self.near), std::mem::take(&mut self.nearer));
         let steps = match left {
-            Left::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut near),
-            Left::Uniform(_) => &[],
+            Remainder::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut near),
+            Remainder::Uniform(_) => &[],
         };
         let mut insides = [0_u32; BRICK];
         let mut any_sampled = false;
@@ -195,16 +195,16 @@ impl Description {
         if any_sampled { self.ask_sampled(skin, solid, samplers, &insides) } else { Ok(()) }
     }
 
-    /// What is left of the program around a brick's slice: often one leaf.
+    /// The rest of the program around a brick's slice: often one leaf.
     pub(super) fn look<'s>(
         &'s mut self,
         skin: &SkinSlice<'_>,
         solid: &CsgSolid<'_>,
-        left: Left<'s>,
+        left: Remainder<'s>,
     ) -> &'s [Step] {
         match left {
-            Left::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut self.near),
-            Left::Uniform(_) => &[],
+            Remainder::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut self.near),
+            Remainder::Uniform(_) => &[],
         }
     }
 
@@ -308,7 +308,7 @@ impl Description {
             }
         }
         // Which leaves turn the tree alone: from what they are at the voxel, or, if none does, from what they are
-        // beside it.
+        // next to it.
         for from_beside in [false, true] {
             let mut any = false;
             for group in self.turned.chunks(AT_ONCE) {
@@ -328,7 +328,7 @@ impl Description {
     }
 
     /// The tree's value, bit by bit, with one leaf of a group turned alone; all others are as at the voxel, or as
-    /// beside it.
+    /// next to it.
     fn turned_alone(&self, steps: &[Step], group: &[u32], from_beside: bool) -> u64 {
         let (mut at, mut next, mut beside) = (0_usize, 0_usize, 0_usize);
         program::value(steps, |_| {
@@ -438,7 +438,7 @@ fn columns(from: usize, count: usize) -> u32 {
     u32::MAX >> (BRICK - count) << from
 }
 
-/// What is left of a program in so many columns and rows of a slice, with one voxel around them.
+/// The rest of a program in so many columns and rows of a slice, with one voxel around them.
 fn left_around<'p>(
     steps: &'p [Step],
     corner: [u32; 3],

@@ -45,7 +45,7 @@ pub(super) struct PlacedShape<'a, 'f> {
     pub(super) negated: bool,
 }
 
-/// Makes something of a leaf, and says what that holds beside itself.
+/// Makes something of a leaf, and returns the memory that it holds outside itself.
 pub(super) type Make<'a, 'm, T> = dyn FnMut(PlacedShape<'a, '_>) -> Result<(T, u64), Stop> + 'm;
 
 /// Why a tree cannot be made flat.
@@ -55,7 +55,7 @@ pub(super) enum Stop {
     Memory {
         bytes: u64,
     },
-    /// What was to be made of a leaf failed.
+    /// A leaf could not be made.
     Build(BuildError),
 }
 
@@ -81,7 +81,7 @@ impl From<SourceError> for Stop {
 #[derive(Debug)]
 pub(super) struct Flat<T> {
     pub(super) leaves: Vec<T>,
-    /// What leaves hold beside themselves.
+    /// Memory that leaves hold outside themselves.
     held: u64,
     pub(super) joins: Vec<Kind>,
     /// Join and part, in the order of the tree.
@@ -109,7 +109,7 @@ fn placed(first: &Affine, own: &Affine, line: u64) -> Result<Affine, CsgFault> {
 
 impl<T> Flat<T> {
     /// The flat tree below a node, in so much memory. The first join is its root. `make` makes something of every
-    /// leaf, and says what that holds beside itself.
+    /// leaf, and returns the memory that it holds outside itself.
     ///
     /// # Errors
     /// Too many leaves, affines that are not numbers, too little memory, or what `make` says.
@@ -120,7 +120,7 @@ impl<T> Flat<T> {
         make: &mut Make<'a, '_, T>,
     ) -> Result<Self, Stop> {
         let mut flat = Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new() };
-        // The deepest first: those behind the one that is at hand are no longer wanted.
+        // Depth first: affines behind the current one are no longer wanted.
         let mut affines = vec![first];
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
         let too_many = CsgFault::TooMany { most: MAX_LEAVES as u64 };

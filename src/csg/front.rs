@@ -28,7 +28,7 @@ fn is_unmoved(affine: &Affine) -> bool {
 
 /// The grid of a tree, whether it is that of a volume, the number of meshes, and the volumes that are moved, by the
 /// number of their leaves.
-pub(super) struct Placed<'a> {
+pub(super) struct PlacedTree<'a> {
     place: LatticeGrid,
     of_volume: bool,
     meshes: usize,
@@ -36,7 +36,7 @@ pub(super) struct Placed<'a> {
 }
 
 /// A volume that is moved: the number of its leaf, the value, and how it lies.
-struct Moved<'a> {
+struct MovedVolume<'a> {
     leaf: usize,
     source: &'a dyn VolumeSource,
     iso: f64,
@@ -68,11 +68,11 @@ impl<'a, 't> Front<'a, 't> {
     }
 
     /// Places the tree, and lays the volumes that it moves.
-    pub(super) fn placed(&self) -> Result<Placed<'a>, BuildError> {
+    pub(super) fn placed(&self) -> Result<PlacedTree<'a>, BuildError> {
         let (own, meshes, moved) = self.files()?;
         let place = self.place(own)?;
         let mut resampled = Vec::new();
-        for Moved { leaf, source, iso, affine, line } in moved {
+        for MovedVolume { leaf, source, iso, affine, line } in moved {
             let laying = resampled::LAYING_BYTES;
             let budget = Budget::of_job(self.options.memory);
             let _laying =
@@ -80,12 +80,12 @@ impl<'a, 't> Front<'a, 't> {
             let laid = ResampledVolume::new(source, &affine, &place, iso, &self.scratch, self.progress)?;
             resampled.push((leaf, laid.ok_or_else(|| self.wrong(CsgFault::Singular { line }))?));
         }
-        Ok(Placed { place, of_volume: own.is_some(), meshes, resampled })
+        Ok(PlacedTree { place, of_volume: own.is_some(), meshes, resampled })
     }
 
     pub(super) fn solid(
         &self,
-        Placed { place, of_volume, meshes, resampled }: &'a Placed<'a>,
+        PlacedTree { place, of_volume, meshes, resampled }: &'a PlacedTree<'a>,
     ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
         let (place, of_volume, meshes) = (*place, *of_volume, *meshes);
         let mut number = 0;
@@ -161,7 +161,7 @@ impl<'a, 't> Front<'a, 't> {
     }
 
     /// The grid of the volumes that lie where their files say, the number of meshes, and the volumes that are moved.
-    fn files(&self) -> Result<(Option<VolumeGrid>, usize, Vec<Moved<'a>>), BuildError> {
+    fn files(&self) -> Result<(Option<VolumeGrid>, usize, Vec<MovedVolume<'a>>), BuildError> {
         let (mut own, mut meshes, mut moved, mut leaf) = (None, 0, Vec::new(), 0);
         if self.tree.files().next().is_none() {
             return Ok((own, meshes, moved));
@@ -177,7 +177,7 @@ impl<'a, 't> Front<'a, 't> {
                 let info = source.info();
                 let grid = (info.dims, info.affine, info.spacing_mm);
                 if !is_unmoved(met.affine) {
-                    moved.push(Moved { leaf, source, iso: *iso, affine: *met.affine, line: met.line });
+                    moved.push(MovedVolume { leaf, source, iso: *iso, affine: *met.affine, line: met.line });
                 } else if own.is_some_and(|own| own != grid) {
                     return Err(CsgFault::Volumes.into());
                 } else {

@@ -1,12 +1,13 @@
-//! Trees of solids (CSG): unions, differences, intersections and complements of primitives, meshes and volumes.
+#![doc = include_str!("CSG.md")]
+//!
+//! ---
 //!
 //! ```text
 //! text --parse--> tree --flatten--> leaves on the lattice, program --boxes--> bits, normals --builder--> .oct
 //! ```
 //!
-//! A voxel is inside a leaf if its middle is, decided in whole numbers for the leaf as it is placed: corners, middles
-//! and axes are rounded once to 2^-12 voxel. So the bytes depend neither on memory or threads nor on boxes. Cost
-//! follows the surface: leaves that are all in or all out in a box take no part in it.
+//! The bytes depend neither on memory or threads nor on boxes. Cost follows the surface: leaves that are all in or all
+//! out in a box take no part in it.
 //!
 //! | part | what it holds |
 //! |---|---|
@@ -20,11 +21,6 @@
 //! | `sampled` | meshes and volumes, sampled slice by slice |
 //! | `resampled` | volumes that are moved: values between samples |
 //! | `solid`, `describe`, `cells` | all of it as a solid of the builder; normals; cells instead of skin |
-//!
-//! A leaf that is a volume has its voxels inside whose sample is at least its value, and the grid of the tree is then
-//! the volume's: voxel i is sample i, nothing is resampled, and other leaves are placed in the volume's millimetres.
-//! A volume that the tree moves has those inside where the trilinear interpolation of its samples is at least that
-//! (`resampled`); where all are moved, the grid is chosen as without volumes.
 //!
 //! Memory: [`BuildOptions::memory`], in which the tree has to fit, some 400 bytes a leaf. Temporary disk: about the size
 //! of the model, and of meshes what [`crate::mesh`] says.
@@ -84,12 +80,12 @@ pub struct CsgOptions {
     pub unit_mm: f64,
 }
 
-/// What was built, and what was found about the tree.
+/// The report of a build from a tree.
 #[derive(Clone, Debug)]
 pub struct CsgReport {
     /// Figures of the build.
     pub build: BuildReport,
-    /// What was found.
+    /// Facts about the tree.
     pub facts: CsgFacts,
 }
 
@@ -112,7 +108,7 @@ pub fn build_csg(
     let placed = front.placed()?;
     let (tree_solid, facts) = front.solid(&placed)?;
     drop(tree);
-    // What reading and placing took is not left beside what the build takes.
+    // Memory of reading and placing goes back before the build takes its own.
     give_back();
     let held_bytes = tree_solid.bytes();
     let solid: Box<dyn Solid + '_> = match options.volume_surface() {

@@ -29,13 +29,13 @@ const SAME: f64 = 1e-10;
 /// Most radii of a ring that its tube may have.
 pub(super) const MAX_TUBE: f64 = 16.0;
 
-/// What is still to be done.
+/// A step of the work that is left.
 enum Task {
     Visit { node: NodeId, affine: Affine, by: f64 },
     Join { operation: Operation, count: usize },
 }
 
-/// What remains of a solid that was shrunk away.
+/// The pieces of a solid that was shrunk away.
 const NOTHING: &[Piece] = &[];
 
 /// A part of what is made of a leaf.
@@ -166,7 +166,7 @@ impl Tree {
     }
 }
 
-/// What a leaf becomes, in coordinates that the affine places without stretching.
+/// The pieces of an offset leaf, in coordinates that the affine places without stretching.
 fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Piece>, Affine), CsgFault> {
     let refused = |fault| Err(CsgFault::Offset { line, fault });
     let sound = |sizes: &[f64]| {

@@ -98,7 +98,7 @@ pub(super) fn prune(
         let is_and = *step == AND;
         let ((b, second), (a, first)) = (stack[top - 1], stack[top - 2]);
         top -= 1;
-        // One side decides, whatever the other is; or it does not matter.
+        // One side decides alone, or does not matter.
         let (decides, matters_not) =
             if is_and { (Cover::Outside, Cover::Inside) } else { (Cover::Inside, Cover::Outside) };
         let joined = if a == decides || b == decides {

@@ -37,7 +37,7 @@ fn begins_with_module(text: &str) -> bool {
 
 /// Reads a tree from a text in OpenSCAD's evaluated form.
 ///
-/// Memory: what the cap leaves beside a build, at most. Files that it names are not opened.
+/// Memory: at most what a build leaves of the cap. Files that it names are not opened.
 ///
 /// # Errors
 /// [`CsgFault`], with the line; the file cannot be read; the tree does not fit.
@@ -50,7 +50,7 @@ pub fn read_tree(path: &Path, memory: MemoryCap) -> Result<(Tree, NodeId), Build
 /// The files that a tree names, its text not among them; of the tree, so many bytes are held meanwhile.
 ///
 /// # Errors
-/// As [`read_tree`]; links lead out of its folder, and are not to be followed.
+/// Those of [`read_tree`]; links lead out of its folder, and are not to be followed.
 pub(crate) fn named_files(
     path: &Path,
     allowed_bytes: u64,
@@ -105,7 +105,7 @@ fn file_of(shape: &Shape) -> Option<&PathBuf> {
 }
 
 /// Refuses files of a tree that do not stay in the folder of its text: a text that came from elsewhere must not make
-/// the program read whatever file a link leads to.
+/// the program read any file that a link leads to.
 pub(crate) fn check_links(tree: &Tree, text: &Path) -> Result<(), SourceError> {
     match tree.files().filter_map(file_of).find(|path| !stays(text, path)) {
         None => Ok(()),

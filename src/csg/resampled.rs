@@ -41,9 +41,9 @@ const LAID: u32 = 32;
 /// Parts of the distance of two samples.
 const PARTS: i64 = 4096;
 
-/// What a thread holds.
+/// Memory of a thread.
 const CACHE_BYTES: u64 = (SLOTS * (BRICK * size_of::<f32>() + size_of::<u64>())) as u64;
-/// What laying bricks takes.
+/// Memory of laying bricks.
 pub(super) const LAYING_BYTES: u64 =
     (SAMPLES * SAMPLES * (CELLS * LAID + 1) as usize * 4 + LAID as usize * BRICK * 4 + (64 << 10)) as u64;
 
@@ -62,7 +62,7 @@ pub(super) struct ResampledVolume<'a> {
     caches: Mutex<Vec<Cache>>,
 }
 
-/// Bricks at hand, each in the slot of its number.
+/// Bricks in memory, each in the slot of its number.
 struct Cache {
     numbers: Vec<u64>,
     samples: Vec<f32>,

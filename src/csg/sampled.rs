@@ -1,13 +1,13 @@
 //! Leaves that are sampled slice by slice: meshes and volumes, each a solid of its own.
 //!
-//! Their bits of four slices are at hand, those around the slice that is described and the next one.
+//! Their bits of four slices are in memory, those around the slice that is described and the next one.
 
 use crate::builder::{OccupancyRows, Solid, SolidWorker, Tile, VoxelBox};
 use crate::facts::SourceError;
 use crate::geom::Dims;
 use crate::mesh::row_words;
 
-/// Slices at hand.
+/// Slices in memory.
 const SLICES: u32 = 4;
 /// Rows of a tile with one more on either side.
 pub(super) const ROWS: usize = 34;
@@ -32,7 +32,7 @@ pub(super) struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    /// Memory of one, beside that of its worker.
+    /// Memory of one, without that of its worker.
     pub(super) fn bytes(tile: &Tile) -> u64 {
         (SLICES as usize * ROWS * row_words(tile) * 8) as u64
     }
@@ -54,12 +54,12 @@ impl<'a> Sampler<'a> {
         self.worker.start(column)
     }
 
-    /// Rows that are at hand: those of the column and one more on either side, as far as they exist.
+    /// Rows in memory: those of the column and one more on either side, as far as they exist.
     fn rows(&self) -> std::ops::Range<u32> {
         self.column.y.start.saturating_sub(1)..(self.column.y.end + 1).min(self.dims[1])
     }
 
-    /// Has the bits of slice `z` and of those before it at hand, as far as they may be wanted.
+    /// Finds the bits of slice `z` and of those before it, as far as they may be wanted.
     pub(super) fn reach(&mut self, z: u32) -> Result<(), SourceError> {
         let z = z.min(self.dims[2] - 1);
         if self.asked.contains(&z) && z + SLICES >= self.asked.end {
@@ -101,7 +101,7 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Is a voxel inside, of a slice that is at hand?
+    /// Is a voxel inside, of a slice in memory?
     pub(super) fn contains(&self, [x, y, z]: [i32; 3]) -> bool {
         let from = i64::from(self.column.x.start);
         let bit = (i64::from(x) - from).rem_euclid(64);

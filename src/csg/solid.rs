@@ -5,8 +5,8 @@
 //!                                                                └─ bits of 34 rows a slice, normals of skin voxels
 //! ```
 //!
-//! What is left of a program in a box decides what the box costs. Programs of boxes have so many steps at most, and
-//! wait in a store of fixed size; where there is no room, that of a larger box is used, which says the same.
+//! The rest of a program in a box decides the cost of the box. Programs of boxes have so many steps at most, and
+//! wait in a store of fixed size; where that is full, the program of a larger box is used, with the same result.
 
 use std::path::PathBuf;
 
@@ -30,7 +30,7 @@ const BOX: u32 = 64;
 /// Most steps of the programs of a slab's boxes that are kept, and of the program of one box.
 const STORE: usize = 1 << 15;
 const MAX_STEPS: usize = 1 << 13;
-/// What the model says of its normals.
+/// The source of its normals, for the model.
 const ESTIMATOR: &str = "analytic";
 
 /// A tree that has been placed on a grid.
@@ -55,7 +55,7 @@ impl CsgSolid<'_> {
         (self.program.len() * tile.columns.div_ceil(BOX) as usize).min(STORE)
     }
 
-    /// Memory that is held beside that of workers.
+    /// Memory that is held in addition to that of workers.
     pub(super) fn bytes(&self) -> u64 {
         let own: u64 = self.leaves.iter().map(Leaf::bytes).sum();
         let lists = self.leaves.capacity() * size_of::<Leaf>()
@@ -78,12 +78,12 @@ impl CsgSolid<'_> {
         self.leaves[leaf as usize].cover(region)
     }
 
-    /// What is left of a program in a box; `None` where it has no room.
+    /// The rest of a program in a box; `None` where it has no room.
     pub(super) fn prune(&self, steps: &[Step], region: &VoxelBox, out: &mut Vec<Step>) -> Option<Cover> {
         program::prune(steps, |leaf| self.cover(leaf, region), out)
     }
 
-    /// Is a voxel inside a leaf that is not walked?
+    /// Is a voxel inside a leaf that is not sampled?
     #[inline]
     pub(super) fn contains(&self, leaf: u32, voxel: [i32; 3]) -> bool {
         self.extents[leaf as usize].holds(voxel) && self.leaves[leaf as usize].contains(voxel)
@@ -158,7 +158,7 @@ impl Solid for CsgSolid<'_> {
     }
 }
 
-/// What is known of a box of 64 columns of a slab.
+/// The program of a box of 64 columns of a slab.
 #[derive(Clone, Copy, Debug)]
 enum BoxProgram {
     /// Nothing: the program of the column is used.
@@ -203,7 +203,7 @@ pub(super) struct CsgWorker<'a> {
 
 /// A program, or what takes its place.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Left<'p> {
+pub(super) enum Remainder<'p> {
     Uniform(bool),
     Steps(&'p [Step]),
 }
@@ -227,16 +227,16 @@ fn box_of(column: &VoxelBox, x: i64) -> usize {
     usize::try_from(at.max(0)).unwrap_or(0).min(last)
 }
 
-/// What is left in a box of a slab.
-fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Left<'p> {
+/// The rest of the program in a box of a slab.
+fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Remainder<'p> {
     let slab = &slabs[(z / SLAB) as usize % 2];
     let kept = slab.kept.get(at).filter(|_| slab.number == z / SLAB).copied();
     match kept {
-        Some(BoxProgram::Uniform(inside)) => Left::Uniform(inside),
+        Some(BoxProgram::Uniform(inside)) => Remainder::Uniform(inside),
         Some(BoxProgram::Steps { first, count }) => {
-            Left::Steps(&slab.steps[first as usize..][..count as usize])
+            Remainder::Steps(&slab.steps[first as usize..][..count as usize])
         }
-        Some(BoxProgram::Unknown) | None => Left::Steps(whole),
+        Some(BoxProgram::Unknown) | None => Remainder::Steps(whole),
     }
 }
 
@@ -270,7 +270,7 @@ impl<'a> CsgWorker<'a> {
         if self.samplers.is_empty() { Ok(()) } else { self.reach(z) }
     }
 
-    /// What is left of the program around a brick's slice.
+    /// The rest of the program around a brick's slice.
     pub(super) fn near(&mut self, skin: &SkinSlice<'_>) -> (&CsgSolid<'a>, &[Step], &mut [Sampler<'a>]) {
         let [x, _, z] = skin.corner();
         let at = self.box_of(x.into());
@@ -281,7 +281,7 @@ impl<'a> CsgWorker<'a> {
 }
 
 impl CsgWorker<'_> {
-    /// The number of the box of 64 columns that a column of voxels lies in; those beside the tile in its outermost.
+    /// The number of the box of 64 columns that a column of voxels lies in; the outermost for those outside the tile.
     fn box_of(&self, x: i64) -> usize {
         box_of(&self.column, x)
     }
@@ -300,12 +300,12 @@ impl CsgWorker<'_> {
     }
 
     /// Notes what is known of the boxes of a region.
-    fn keep(&mut self, region: &VoxelBox, slab: u32, told: Cover, steps: &[Step]) {
+    fn keep(&mut self, region: &VoxelBox, slab: u32, cover: Cover, steps: &[Step]) {
         let first = self.box_of(i64::from(region.x.start) + i64::from(region.x.start > self.column.x.start));
         let first = if region.x.start < self.column.x.start { 0 } else { first };
         let last = self.box_of(i64::from(region.x.end) - 1 - i64::from(region.x.end < self.column.x.end));
         let slab = &mut self.slabs[slab as usize % 2];
-        match told {
+        match cover {
             Cover::Mixed if first == last => {
                 if slab.steps.len() + steps.len() <= slab.steps.capacity() {
                     let at = slab.steps.len();
@@ -315,7 +315,7 @@ impl CsgWorker<'_> {
                 }
             }
             Cover::Mixed => {}
-            told => slab.kept[first..=last].fill(BoxProgram::Uniform(told == Cover::Inside)),
+            cover => slab.kept[first..=last].fill(BoxProgram::Uniform(cover == Cover::Inside)),
         }
     }
 }
@@ -330,9 +330,9 @@ impl SolidWorker for CsgWorker<'_> {
         let [nx, ny, nz] = self.solid.place.dims.to_array();
         let around =
             VoxelBox { x: grown(&column.x, 1, nx), y: grown(&column.y, 1, ny), z: grown(&column.z, 2, nz) };
-        let told = self.solid.prune(&self.solid.program, &around, &mut self.whole);
-        // Where all is in or out no program is left: it is told by boxes, and seldom needed.
-        self.is_whole = told != Some(Cover::Mixed);
+        let cover = self.solid.prune(&self.solid.program, &around, &mut self.whole);
+        // Where all is in or out no program is left: boxes know it, and it is seldom needed.
+        self.is_whole = cover != Some(Cover::Mixed);
         self.samplers.iter_mut().try_for_each(|sampler| sampler.start(column))
     }
 
@@ -345,7 +345,7 @@ impl SolidWorker for CsgWorker<'_> {
             slab.kept.resize(self.column.x.len().div_ceil(BOX as usize), BoxProgram::Unknown);
             slab.steps.clear();
         }
-        // Only what lies within the slab is told by this name.
+        // This number names only boxes within the slab.
         let is_slab = region.z.end <= (number + 1) * SLAB + 1;
         while let Some(level) = self.levels.pop_if(|level| !holds(&level.region, region)) {
             self.unused.push(level.steps);
@@ -354,7 +354,7 @@ impl SolidWorker for CsgWorker<'_> {
         let whole = if self.is_whole { &self.solid.program } else { &self.whole };
         let above = self.levels.last().map_or(whole, |level| &level.steps);
         let Self { solid, samplers, .. } = self;
-        let told = program::prune(
+        let cover = program::prune(
             above,
             |leaf| match &solid.leaves[leaf as usize] {
                 Leaf::Sampled(at) if is_slab => samplers[*at as usize].worker.cover(region),
@@ -362,16 +362,16 @@ impl SolidWorker for CsgWorker<'_> {
             },
             &mut steps,
         );
-        if let (true, Some(told)) = (is_slab, told) {
-            self.keep(region, number, told, &steps);
+        if let (true, Some(cover)) = (is_slab, cover) {
+            self.keep(region, number, cover, &steps);
         }
         let is_narrow = region.x.len() <= BOX as usize + 2;
-        if told == Some(Cover::Mixed) && !is_narrow && self.levels.len() < self.most_levels {
+        if cover == Some(Cover::Mixed) && !is_narrow && self.levels.len() < self.most_levels {
             self.levels.push(Level { region: region.clone(), steps });
         } else {
             self.unused.push(steps);
         }
-        told.unwrap_or(Cover::Mixed)
+        cover.unwrap_or(Cover::Mixed)
     }
 
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
@@ -388,25 +388,25 @@ impl SolidWorker for CsgWorker<'_> {
                 continue;
             }
             let near = match left(slabs, whole, z, box_of(column, first)) {
-                Left::Uniform(inside) => Left::Uniform(inside),
-                Left::Steps(steps) => {
+                Remainder::Uniform(inside) => Remainder::Uniform(inside),
+                Remainder::Steps(steps) => {
                     // Less matters in a slice of the box than in all of it.
                     let columns = i64::from(x.start).max(first)..i64::from(x.end).min(first + 64);
                     let at = |column: i64| u32::try_from(column).unwrap_or(0);
                     let x = at(columns.start)..at(columns.end);
                     match solid.prune(steps, &VoxelBox { x, y: y.clone(), z: z..z + 1 }, slice) {
-                        Some(Cover::Mixed) => Left::Steps(slice),
-                        None => Left::Steps(steps),
-                        Some(cover) => Left::Uniform(cover == Cover::Inside),
+                        Some(Cover::Mixed) => Remainder::Steps(slice),
+                        None => Remainder::Steps(steps),
+                        Some(cover) => Remainder::Uniform(cover == Cover::Inside),
                     }
                 }
             };
             match near {
-                Left::Uniform(inside) => {
+                Remainder::Uniform(inside) => {
                     let bits = if inside { u64::MAX } else { 0 };
                     y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
                 }
-                Left::Steps(near) => {
+                Remainder::Steps(near) => {
                     let place =
                         Rows { x: i32::try_from(first).unwrap_or(0), y: as_i32(y.start), z: as_i32(z) };
                     program::rows_of(near, stack, count, |leaf, out| match &solid.leaves[leaf as usize] {

@@ -160,7 +160,7 @@ pub(super) fn disagree(edges: &[OpenEdge]) -> bool {
     edges.iter().any(|edge| edge.times % 2 == 0)
 }
 
-/// What is wrong with a mesh whose open edges are too many.
+/// The fault of a mesh with too many open edges.
 pub(super) fn too_open() -> MeshFault {
     MeshFault::TooOpen { most_edges: MAX_EDGES as u64 }
 }

@@ -9,7 +9,7 @@ use super::census::{Census, Closed};
 use super::corner::Corner;
 use super::crossed::MeshCells;
 use super::lattice::{Bounds, Grid, GridChoice, Triangle, smallest_first};
-use super::paint::{self, COLLECTING_BYTES, Collector, Painter, Wanted};
+use super::paint::{self, COLLECTING_BYTES, Collector, PaintChannels, Painter};
 use super::raster::Rule;
 use super::read::{Limits, Look, MeshFile, READER_BYTES};
 use super::resident::Resident;
@@ -93,7 +93,7 @@ impl Front<'_> {
             return Err(self.unusable(MeshFault::ThinCells).into());
         }
         let (mesh, facts, notes) = self.solid()?;
-        // A mesh without colours has none to store; whoever wants them of cells is told that these have none.
+        // A mesh without colours has none to store; cells never have colours, and the builder refuses these by name.
         let colored = cells || mesh.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
         let stored = self.options.channels.iter().filter(|channel| *channel != Channel::Color || colored);
         let channels = stored.collect();
@@ -231,7 +231,7 @@ impl Front<'_> {
         Ok(Closing { bins: binner.finish()?, boundary, rule, closed })
     }
 
-    /// What files lack.
+    /// Missing parts of files.
     fn notes(&self, files: &[MeshFile]) -> Vec<MeshNote> {
         let of = |(file, path): (&MeshFile, &PathBuf)| {
             let mesh = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -263,11 +263,11 @@ impl Front<'_> {
         if own { Channels::NONE } else { self.options.channels }
     }
 
-    /// What is asked for and there.
-    fn wanted(&self, files: &[MeshFile]) -> Wanted {
+    /// Channels that are asked for and present.
+    fn wanted(&self, files: &[MeshFile]) -> PaintChannels {
         let has = |k: usize| files.iter().any(|file| file.summary.looks[k]);
         let channels = self.channels();
-        Wanted {
+        PaintChannels {
             colors: channels.contains(Channel::Color) && has(0),
             parts: channels.contains(Channel::Material),
             normals: channels.contains(Channel::Normal) && has(1),
@@ -394,7 +394,7 @@ impl Front<'_> {
         }
     }
 
-    /// How many triangles a worker may have at hand: those of the fullest bin, if the budget has room.
+    /// How many triangles a worker may load: those of the fullest bin, if the budget has room.
     fn resident(&self, bins: &Bins, grid: &Grid, paint: Option<&paint::Paint>) -> usize {
         let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels };
         let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(MIN_WORKER) + WORKER_OVERHEAD;

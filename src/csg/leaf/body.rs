@@ -51,7 +51,7 @@ impl Body {
     /// The triangles of faces whose corners have been placed.
     ///
     /// # Errors
-    /// As [`Body::new`].
+    /// It is open, or reaches beyond the lattice.
     pub(super) fn of_points(points: &[[i64; 3]], faces: &Faces, line: u64) -> Result<Self, CsgFault> {
         let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
         let mut placed = Vec::with_capacity(points.len());
@@ -182,7 +182,7 @@ fn is_met(t: &Triangle, z: i32) -> bool {
 fn may_meet(t: &Triangle, region: &[(i64, i64); 3]) -> bool {
     let beyond = |k: usize| {
         let (low, high) = span(t, k);
-        // Ties are told by a shift that is smaller than a step.
+        // A shift that is smaller than a step breaks ties.
         i64::from(low) > region[k].1 + 1 || i64::from(high) < region[k].0 - 1
     };
     if (0..3).any(beyond) {

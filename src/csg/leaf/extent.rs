@@ -15,7 +15,7 @@ impl Extent {
     const ALL: Self = Self { low: [i16::MIN; 3], high: [i16::MAX; 3] };
     const NONE: Self = Self { low: [i16::MAX; 3], high: [i16::MIN; 3] };
 
-    /// Of a box of the lattice, with a voxel to spare.
+    /// The extent of a box of the lattice, with a voxel to spare.
     fn around(low: [i64; 3], high: [i64; 3]) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "clamped")]
         let voxel = |at: i64| at.clamp(i16::MIN.into(), i16::MAX.into()) as i16;

@@ -51,7 +51,7 @@ pub(super) struct Rows {
     pub(super) z: i32,
 }
 
-/// What is known of a leaf's surface beside a voxel.
+/// The surface of a leaf next to a voxel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
     /// Out of the leaf, in lattice coordinates (as a gradient is), of any length.
@@ -125,12 +125,12 @@ impl Leaf {
         }
     }
 
-    /// Is its surface beside a voxel the same for all neighbours?
+    /// Is its surface next to a voxel the same for all neighbours?
     pub(super) fn has_one_face(&self) -> bool {
         matches!(self, Self::Ball(_) | Self::Half(_) | Self::Sampled(_))
     }
 
-    /// Memory that it holds beside itself.
+    /// Memory that it holds outside itself.
     pub(super) fn bytes(&self) -> u64 {
         let bytes = match self {
             Self::Nothing | Self::Ball(_) | Self::Sampled(_) => 0,

@@ -16,7 +16,7 @@ pub(super) enum Token {
     /// A name: letters, digits, `_` and `$`.
     Name(String),
     Number(f64),
-    /// What stands in quotes.
+    /// A text in quotes.
     Text(String),
     /// Any other byte.
     Sign(u8),

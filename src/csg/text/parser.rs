@@ -32,14 +32,14 @@ struct Parser<'a> {
     open: Vec<OpenBlock>,
     /// Nodes that wait for their block to be closed.
     waiting: Vec<NodeId>,
-    /// What was read too far: the beginning of a module.
+    /// The beginning of a module, read ahead.
     pending: Option<Token>,
 }
 
 /// Reads a text; files that it names lie in `folder`.
 ///
 /// # Errors
-/// What is wrong with it, with the line.
+/// A fault of the text, with the line.
 pub(in crate::csg) fn parse(
     input: &mut dyn BufRead,
     folder: &Path,

@@ -72,9 +72,9 @@ pub(super) struct Arguments {
     placed: Vec<Value>,
 }
 
-/// Letters of a name that are told.
+/// Letters of a name in a message.
 pub(super) const MAX_NAME: usize = 40;
-/// What OpenSCAD gives any module: how fine round things are made, and hints for its preview.
+/// Arguments that OpenSCAD gives any module: the fineness of round shapes, and hints for its preview.
 const SPECIAL: [&str; 5] = ["$fn", "$fa", "$fs", "$fe", "convexity"];
 
 /// Most arguments of a module.

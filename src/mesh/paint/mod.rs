@@ -1,4 +1,4 @@
-//! What a mesh's surface looks like: the colour, the part and the smooth normal at the nearest point of a triangle.
+//! The look of a mesh's surface: the colour, the part and the smooth normal at the nearest point of a triangle.
 //!
 //! ```text
 //! triangles with looks --numbered--> columns (scratch)     images --linear light, halved--> levels (scratch)
@@ -38,19 +38,19 @@ use crate::format::normal;
 use crate::geom::{Dims, cross};
 use near::{Near, Numbered, SORTING_BYTES, Sorter};
 use point::{nearest_point, squared_distance, texels_per_voxel};
-use store::{Columns, Record};
+use store::Columns;
 pub(super) use texture::Fault;
 use texture::{Pages, Texture};
 
-/// What is wanted of a mesh beside its shape.
+/// Which channels of a mesh are painted.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted {
+pub(super) struct PaintChannels {
     pub(super) colors: bool,
     pub(super) parts: bool,
     pub(super) normals: bool,
 }
 
-impl Wanted {
+impl PaintChannels {
     pub(super) fn anything(self) -> bool {
         self.colors || self.parts || self.normals
     }
@@ -58,7 +58,7 @@ impl Wanted {
 
 /// Number of no triangle.
 const UNKNOWN: u32 = u32::MAX;
-/// Memory while triangles are gathered, beside textures.
+/// Memory while triangles are gathered, without textures.
 pub(super) const COLLECTING_BYTES: u64 = SORTING_BYTES + (1 << 20);
 /// Colour of what has none (sRGB): as models without colours are shown.
 const UNCOLORED: [u8; 3] = [236, 226, 208];
@@ -75,7 +75,7 @@ struct Coat {
 /// Triangles with what they carry.
 #[derive(Debug)]
 pub(super) struct Paint {
-    pub(super) wanted: Wanted,
+    pub(super) wanted: PaintChannels,
     near: Near,
     columns: Columns,
     coats: Vec<Coat>,
@@ -83,15 +83,15 @@ pub(super) struct Paint {
 }
 
 impl Paint {
-    /// Memory that is held beside that of workers.
+    /// Memory that is held in addition to that of workers.
     pub(super) fn bytes(&self) -> u64 {
         self.near.bytes() + (self.coats.len() * size_of::<Coat>()) as u64
     }
 }
 
-/// What is at a point of the surface.
+/// The look of a point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Painted {
+pub(super) struct SurfaceLook {
     /// sRGB.
     pub(super) color: [u8; 3],
     pub(super) part: u8,
@@ -99,13 +99,13 @@ pub(super) struct Painted {
     pub(super) normal: Option<[f32; 3]>,
 }
 
-impl Painted {
+impl SurfaceLook {
     pub(super) const NOTHING: Self = Self { color: UNCOLORED, part: 0, normal: None };
 }
 
 /// Gathers what triangles carry, in their order.
 pub(super) struct Collector {
-    wanted: Wanted,
+    wanted: PaintChannels,
     sorter: Sorter,
     columns: Columns,
     coats: Vec<Coat>,
@@ -117,7 +117,7 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    pub(super) fn new(wanted: Wanted, dims: Dims, folder: &Path) -> Result<Self, SourceError> {
+    pub(super) fn new(wanted: PaintChannels, dims: Dims, folder: &Path) -> Result<Self, SourceError> {
         let sorter = Sorter::new(dims, folder).map_err(|cause| scratch(folder, cause))?;
         let columns = Columns::new(folder);
         let folder = folder.to_path_buf();
@@ -147,24 +147,22 @@ impl Collector {
 
     /// Keeps the next triangle and what it carries.
     pub(super) fn add(&mut self, t: &Triangle, look: &Look) -> Result<(), SourceError> {
-        let mut look = *look;
-        let part = self.first_part.saturating_add(look.part.into()).min(LAST_PART);
-        let part = u8::try_from(part).unwrap_or(u8::MAX);
+        let part = self.first_part.saturating_add(look.part.into()).min(LAST_PART) as u32;
+        let mut look = Look { part, ..*look };
         if !self.wanted.normals {
             look.normals = None;
         }
         if !self.wanted.colors {
-            look = Look { normals: look.normals, ..Look::NONE };
+            look = Look { normals: look.normals, part, ..Look::NONE };
         }
         if look.material != NO_MATERIAL {
             look.material = self.first_coat.saturating_add(look.material);
         }
-        let record = Record { material: look.material, part, look };
         let number = self.next;
         // Beyond so many the numbers end; what follows looks like the last.
         self.next = (number + 1).min(UNKNOWN - 1);
         self.columns
-            .put(&record)
+            .put(&look)
             .and_then(|()| self.sorter.add(t, number))
             .map_err(|cause| scratch(&self.folder, cause))
     }
@@ -217,7 +215,7 @@ pub(super) struct Painter<'a> {
     held: Option<usize>,
     records: Vec<Numbered>,
     best: Vec<Best>,
-    last: Option<(u32, Record)>,
+    last: Option<(u32, Look)>,
     colors: Vec<u8>,
     parts: Vec<u8>,
 }
@@ -306,40 +304,41 @@ impl<'a> Painter<'a> {
         Ok(())
     }
 
-    /// What a triangle looks like at its point nearest to `p` (lattice steps).
-    fn at(&mut self, number: u32, t: &Triangle, p: [f64; 3]) -> Result<Painted, SourceError> {
+    /// The look of a triangle at its point nearest to `p` (lattice steps).
+    fn at(&mut self, number: u32, t: &Triangle, p: [f64; 3]) -> Result<SurfaceLook, SourceError> {
         if number == UNKNOWN {
-            return Ok(Painted::NOTHING);
+            return Ok(SurfaceLook::NOTHING);
         }
         let failed = |cause| scratch(&self.paint.folder, cause);
-        let record = match &self.last {
-            Some((at, record)) if *at == number => *record,
+        let look = match &self.last {
+            Some((at, look)) if *at == number => *look,
             _ => self.paint.columns.get(number).map_err(failed)?,
         };
-        self.last = Some((number, record));
+        self.last = Some((number, look));
         let weights = nearest_point(t, p);
-        let normal = record.look.normals.and_then(|normals| {
+        let normal = look.normals.and_then(|normals| {
             let n: [f32; 3] = mixed(&normals, weights);
             let length = n.iter().map(|c| c * c).sum::<f32>().sqrt();
             (length > 1e-6).then(|| n.map(|c| c / length))
         });
-        let coat = self.paint.coats.get(record.material as usize);
-        if coat.is_none() && record.look.colors.is_none() {
-            return Ok(Painted { part: record.part, normal, ..Painted::NOTHING });
+        let coat = self.paint.coats.get(look.material as usize);
+        let part = look.part.to_le_bytes()[0];
+        if coat.is_none() && look.colors.is_none() {
+            return Ok(SurfaceLook { part, normal, ..SurfaceLook::NOTHING });
         }
-        let mut light = record.look.colors.map_or([1.0; 3], |colors| mixed(&colors, weights));
+        let mut light = look.colors.map_or([1.0; 3], |colors| mixed(&colors, weights));
         let times = |light: &mut [f32; 3], more: [f32; 3]| {
             light.iter_mut().zip(more).for_each(|(c, more)| *c *= more);
         };
         if let Some(coat) = coat {
             times(&mut light, coat.color);
-            if let (Some(texture), Some(places)) = (&coat.texture, record.look.places) {
+            if let (Some(texture), Some(places)) = (&coat.texture, look.places) {
                 let places = places.map(|place| texture.texels(place));
                 let (rate, at) = (texels_per_voxel(t, &places), mixed(&places, weights));
                 times(&mut light, texture.color(at, rate, &mut self.pages).map_err(failed)?);
             }
         }
-        Ok(Painted { color: light.map(texture::encoded), part: record.part, normal })
+        Ok(SurfaceLook { color: light.map(texture::encoded), part, normal })
     }
 }
 

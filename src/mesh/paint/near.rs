@@ -1,4 +1,4 @@
-//! Triangles that may be near to the voxels of a box, sorted by boxes in a nameless file.
+//! Triangles that may be near to the voxels of a box, sorted by boxes in a scratch file.
 //!
 //! They wait in their order, are counted by boxes, and are then written again, box by box: within one in their order.
 #![expect(clippy::cast_possible_truncation, reason = "boxes lie within the grid, their number is bounded")]
@@ -23,7 +23,7 @@ pub(super) const BEYOND: i32 = 2;
 const BATCH: usize = 4096;
 pub(super) const BLOCK: usize = 1024;
 
-/// Memory while triangles are gathered, beside the boxes.
+/// Memory while triangles are gathered, without the boxes.
 pub(super) const SORTING_BYTES: u64 = (BATCH * (RECORD + 16) + 4 * BLOCK * RECORD) as u64;
 
 /// The boxes of a grid.

@@ -112,7 +112,7 @@ fn number(word: &[u8]) -> Option<Number> {
     })
 }
 
-/// What a header says, and where it ends.
+/// A header, and where it ends.
 struct Header {
     form: Form,
     elements: Vec<Element>,
@@ -205,7 +205,7 @@ impl Header {
 pub(super) fn check(file: File, bytes: u64) -> Result<(), Stop> {
     let header = Header::read(&file)?;
     match header.form {
-        // Of text the header holds nothing that its length could contradict.
+        // The length of a text contradicts nothing in its header.
         Form::Text => Ok(()),
         form => Binary::open(file, bytes, header, form == Form::Big).map(drop),
     }

@@ -121,7 +121,7 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// What stands in a text.
+/// A token of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Token {
     Word,
@@ -188,7 +188,7 @@ impl<'a> Words<'a> {
         &self.word[..self.length]
     }
 
-    /// What is wrong in this line.
+    /// The fault of this line.
     pub(super) fn wrong(&self) -> Stop {
         MeshFault::BadText { line: self.line }.into()
     }
@@ -199,7 +199,7 @@ impl<'a> Words<'a> {
         Ok(())
     }
 
-    /// What is left of this line, at most so many bytes of it, without blanks around it.
+    /// The rest of this line, at most so many bytes, without blanks around it.
     pub(super) fn rest_of_line(&mut self, most: usize) -> Result<String, Stop> {
         let mut rest = Vec::new();
         while let Some(byte) = self.stream.byte()? {
@@ -265,7 +265,7 @@ impl<'a> Words<'a> {
         self.as_number()
     }
 
-    /// Offset of what is read next.
+    /// Offset of the next byte.
     pub(super) fn offset(&self) -> u64 {
         self.stream.offset()
     }

@@ -1,4 +1,4 @@
-//! OFF, and what it has in common with other text: vertices and triangles wait in nameless files.
+//! OFF, and its common parts with other text formats: vertices and triangles wait in scratch files.
 
 use std::fs::File;
 use std::path::Path;

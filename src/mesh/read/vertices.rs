@@ -12,7 +12,7 @@ use crate::platform::FileExt;
 /// fall upon each other.
 const PAGE: u64 = 128;
 pub(super) const PAGES: u64 = 61;
-/// Pages of what is beside the coordinates.
+/// Pages of colours, normals and places.
 pub(super) const FEW_PAGES: u64 = 17;
 /// Longest record of a vertex.
 pub(super) const MAX_RECORD: u64 = 256;
@@ -73,7 +73,7 @@ pub(super) struct Vertices {
     pub(super) count: u64,
 }
 
-/// Vertices of formats of text on their way into a nameless file.
+/// Vertices of text formats on their way into a scratch file.
 pub(super) struct Spool {
     file: File,
     buffer: Vec<u8>,
@@ -124,7 +124,7 @@ impl Spool {
         Ok((self.file, self.count))
     }
 
-    /// What was written, as vertices.
+    /// The records as vertices.
     pub(super) fn into_vertices(self) -> Result<Vertices, Stop> {
         let (file, count) = self.finish()?;
         let fields = [(0, Number::F64), (8, Number::F64), (16, Number::F64)];
@@ -151,7 +151,7 @@ impl<'a> Pages<'a> {
 }
 
 impl<'a, P: Copy> Pages<'a, P> {
-    /// As [`Pages::new`], of what is made of vertices.
+    /// With so many pages, of values made of vertices.
     pub(super) fn of(vertices: &'a Vertices, pages: u64, make: &'a dyn Fn([f64; 3]) -> P) -> Self {
         let places = usize::try_from(pages).unwrap_or(1);
         let page = usize::try_from(PAGE).unwrap_or(1);

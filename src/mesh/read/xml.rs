@@ -17,7 +17,7 @@ const MAX_TAG: usize = 16 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_DEPTH: u32 = 64;
 
-/// What comes next.
+/// The next part of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// An element begins; `empty` ones end at once, without an event of their own.
@@ -66,7 +66,7 @@ impl<R: Read> Xml<R> {
         }
     }
 
-    /// What is wrong in this line.
+    /// The fault of this line.
     pub(super) fn wrong(&self) -> Stop {
         MeshFault::BadText { line: self.line }.into()
     }

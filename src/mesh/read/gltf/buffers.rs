@@ -1,4 +1,4 @@
-//! Bytes of a glTF file: its own, those of files beside it, and those written into its text.
+//! Bytes of a glTF file: its own, those of files next to it, and those written into its text.
 
 use std::fs::File;
 use std::io::Write;
@@ -33,7 +33,7 @@ pub(super) struct Items {
     pub(super) count: u64,
     pub(super) number: Number,
     pub(super) shape: Shape,
-    /// What a stored number is multiplied with, where whole numbers stand for parts of 1.
+    /// The factor of a stored number, where whole numbers are parts of 1.
     pub(super) scale: f64,
 }
 
@@ -98,7 +98,7 @@ impl Resolver<'_> {
                 b'0'..=b'9' => byte - b'0' + 52,
                 b'+' | b'-' => 62,
                 b'/' | b'_' => 63,
-                // Of a slash that the text escapes, and what fills the last group.
+                // An escape before a slash, and padding.
                 b'\\' | b'=' => continue,
                 _ => return Err(MeshFault::Unsupported(Feature::DataUri).into()),
             };

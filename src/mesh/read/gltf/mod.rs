@@ -1,4 +1,4 @@
-//! glTF 2.0 (Khronos), binary or as text with its buffers beside it or within.
+//! glTF 2.0 (Khronos), binary or as text with its buffers next to it or within.
 //!
 //! The description is held in memory, as much as there is room for; vertices and corners of triangles are read from
 //! the buffers where they lie. Nodes are walked anew in every pass. Metres with the y axis up become millimetres of
@@ -50,7 +50,7 @@ impl std::fmt::Debug for Gltf {
     }
 }
 
-/// Does it begin as a binary file?
+/// Does it begin like a binary file?
 pub(super) fn is_binary(head: &[u8]) -> bool {
     head.starts_with(b"glTF")
 }
@@ -64,7 +64,7 @@ enum Mode {
 }
 
 /// A primitive with what it names.
-struct Prepared {
+struct PrimitiveItems {
     mode: Mode,
     positions: Items,
     indices: Option<Items>,
@@ -74,7 +74,7 @@ struct Prepared {
     material: u32,
 }
 
-impl Prepared {
+impl PrimitiveItems {
     fn corners(&self) -> u64 {
         self.indices.as_ref().map_or(self.positions.count, |i| i.count)
     }
@@ -170,7 +170,7 @@ pub(super) fn open(
 }
 
 impl Gltf {
-    /// Looks at every mesh once, counts triangles, and tells how many nodes have a mesh.
+    /// Checks every mesh once, counts triangles, and returns how many nodes have a mesh.
     fn check(&self, bytes: u64) -> Result<u64, Stop> {
         let most = MAX_TRIANGLES + bytes.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let mut counts = Vec::with_capacity(self.described.root.meshes.len());
@@ -184,7 +184,7 @@ impl Gltf {
         let mut seen = vec![false; self.described.root.nodes.len()];
         let (mut all, mut parts) = (0_u64, 0);
         self.walk(&Affine { rows: UPRIGHT }, &mut |node, at, _| {
-            // A node has one parent at most: so there is no circle.
+            // A node has one parent at most, so that nodes form no circle.
             if std::mem::replace(&mut seen[at], true) {
                 return Err(MeshFault::Recursion.into());
             }
@@ -232,8 +232,8 @@ impl Gltf {
         Ok(())
     }
 
-    /// What a primitive names; `None` if it is not made of triangles.
-    fn prepared(&self, primitive: &Primitive) -> Result<Option<Prepared>, Stop> {
+    /// The items of a primitive; `None` if it is not made of triangles.
+    fn prepared(&self, primitive: &Primitive) -> Result<Option<PrimitiveItems>, Stop> {
         let mode = match primitive.mode {
             None | Some(4) => Mode::Triangles,
             Some(5) => Mode::Strip,
@@ -257,7 +257,7 @@ impl Gltf {
         {
             return Err(out_of_range(Part::Accessor));
         }
-        let mut prepared = Prepared {
+        let mut prepared = PrimitiveItems {
             mode,
             positions,
             indices,
@@ -364,7 +364,7 @@ impl Attribute<'_> {
 }
 
 fn primitive_triangles(
-    prepared: &Prepared,
+    prepared: &PrimitiveItems,
     placed: &Affine,
     faces: &mut u64,
     each: &mut EachLook<'_>,
@@ -381,7 +381,7 @@ fn primitive_triangles(
         Some(i) => Corners::Stored(Stream::new(&i.run.file, i.run.offset), i.number),
         None => Corners::Counted(0),
     };
-    // What is mirrored is turned around, as the standard asks (3.7.4).
+    // Mirrored triangles are turned around, as the standard asks (3.7.4).
     let mirrored = placed.determinant() < 0.0;
     let upright = cofactors(placed, mirrored);
     let mut emit = |mut t: [u32; 3]| -> Result<(), Stop> {
@@ -438,7 +438,7 @@ fn attribute((vertices, scale): &(super::vertices::Vertices, f64)) -> Attribute<
     Attribute { pages: Pages::new(vertices, FEW_PAGES), scale: *scale }
 }
 
-/// What turns normals when points are placed: the cofactors, the other way round where these mirror.
+/// The transform of normals when points are placed: the cofactors, negative for a mirror.
 pub(super) fn cofactors(placed: &Affine, mirrored: bool) -> Affine {
     let m = &placed.rows;
     let sign = if mirrored { -1.0 } else { 1.0 };

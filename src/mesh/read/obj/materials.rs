@@ -1,6 +1,6 @@
 //! MTL: the materials of OBJ. A colour (`Kd`, sRGB) times a texture (`map_Kd`).
 //!
-//! Files that are not there are left out, as every viewer leaves them out: they are often not handed on. It is told.
+//! Missing files are left out and reported, as in every viewer: they are often not passed on.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use super::super::{Limits, Summary};
 use super::NONE;
 use crate::facts::MeshFault;
 
-/// Memory of a material beside its name, about.
+/// Memory of a material without its name, about.
 const EACH_BYTES: u64 = 256;
 
 /// Most names of missing files that are kept.
@@ -50,7 +50,7 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// The number of a material, whether it was told of or not.
+    /// The number of a material; [`NONE`] for an unknown one.
     pub(super) fn number(&mut self, name: &str) -> Result<u32, Stop> {
         Ok(self.numbers.get(name).copied().unwrap_or(NONE))
     }
@@ -61,7 +61,7 @@ impl<'a> Materials<'a> {
         Summary { materials, files, missing, held_bytes, ..Summary::default() }
     }
 
-    /// A file beside the mesh; `None` if it is not there.
+    /// A file that the mesh names; `None` if it is missing.
     fn open(&mut self, name: &str) -> Result<Option<(std::fs::File, u64)>, Stop> {
         match open_linked(self.path, &name.replace('\\', "/"), self.limits.follow_links) {
             Ok((file, path, bytes)) => {

@@ -1,6 +1,6 @@
-//! OBJ: text, read once; vertices, triangles and what these carry wait in nameless files. Materials are those of MTL.
+//! OBJ: text, read once; vertices, triangles and their looks wait in scratch files. Materials are those of MTL.
 //!
-//! Of its many statements `v`, `vt`, `vn`, `f`, `o`, `g`, `mtllib` and `usemtl` count; objects and groups are parts. The
+//! The statements `v`, `vt`, `vn`, `f`, `o`, `g`, `mtllib` and `usemtl` count; objects and groups are parts. The
 //! second coordinate of places runs up.
 
 mod materials;
@@ -32,13 +32,13 @@ pub(super) struct Obj {
     parts: Parts,
 }
 
-/// What triangles carry.
+/// Looks of triangles.
 #[derive(Debug)]
 struct Carried {
     triangles: File,
     places: Vertices,
     normals: Vertices,
-    /// Of every vertex, if one has a colour.
+    /// Colours of all vertices, if one has a colour.
     colors: Option<Vertices>,
 }
 
@@ -158,7 +158,7 @@ impl Obj {
         let Some(carried) = &self.carried else {
             return self.for_each(&mut |t| each(t, &Look { part: part(), ..Look::NONE }));
         };
-        let mut open = Open {
+        let mut open = LookReader {
             stream: Stream::new(&carried.triangles, 0),
             places: Pages::new(&carried.places, FEW_PAGES),
             normals: Pages::new(&carried.normals, FEW_PAGES),
@@ -169,8 +169,8 @@ impl Obj {
     }
 }
 
-/// What triangles carry, one after the other.
-struct Open<'a> {
+/// Reads the looks of triangles, one after the other.
+struct LookReader<'a> {
     stream: Stream<'a>,
     places: Pages<'a>,
     normals: Pages<'a>,
@@ -178,7 +178,7 @@ struct Open<'a> {
     face: u64,
 }
 
-impl Open<'_> {
+impl LookReader<'_> {
     fn next(&mut self) -> Result<Look, Stop> {
         let record: [u8; CARRIED] = self.stream.take()?;
         let [p0, p1, p2, n0, n1, n2, v0, v1, v2, material] = numbers(&record);
@@ -249,8 +249,8 @@ fn face(
     }
 }
 
-/// One part of a corner `7`, `7/1`, `7//3` or `-1`, counted from 0; `None` where nothing stands. It is no number, or
-/// none of those that came before.
+/// One part of a corner `7`, `7/1`, `7//3` or `-1`, counted from 0; `None` for an empty one. Refused: all but numbers,
+/// and numbers of vertices that do not exist yet.
 #[inline]
 fn part(word: Option<&[u8]>, count: u64, face: u64) -> Result<Result<Option<u32>, Stop>, ()> {
     let Some(word) = word.filter(|word| !word.is_empty()) else { return Ok(Ok(None)) };

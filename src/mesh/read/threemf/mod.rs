@@ -1,7 +1,7 @@
 //! 3MF (3MF Consortium, Core 1.3 with the production and materials extensions): an archive with a text of vertices
 //! and triangles.
 //!
-//! The text is read once as a stream; vertices, triangles and colours wait in nameless files, objects with their
+//! The text is read once as a stream; vertices, triangles and colours wait in scratch files, objects with their
 //! parts in memory. Objects are placed anew in every pass. Units of the file become millimetres; the z axis is up.
 //!
 //! | part | what it holds |
@@ -41,29 +41,29 @@ type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
 /// An object by its number, in the text of this number.
 type Key = (u32, u32);
 
-/// What an object is made of.
+/// The content of an object.
 #[derive(Clone, Debug)]
 enum Object {
     /// First vertex, vertices, first triangle, triangles.
     Mesh([u64; 4]),
-    Parts(Vec<Placed>),
+    Parts(Vec<Instance>),
 }
 
 /// An object in its place.
 #[derive(Clone, Copy, Debug)]
-struct Placed {
+struct Instance {
     key: Key,
     at: Affine,
 }
 
-/// What the texts of an archive hold.
+/// The content of the texts of an archive.
 #[derive(Debug)]
 struct Contents {
     vertices: Vertices,
     triangles: File,
     values: Vertices,
     objects: BTreeMap<Key, Object>,
-    items: Vec<Placed>,
+    items: Vec<Instance>,
     materials: Vec<Material>,
 }
 
@@ -89,7 +89,7 @@ pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Three
 }
 
 impl ThreeMf {
-    /// Counts triangles, however often objects hold the same ones, and tells how many meshes are built.
+    /// Counts triangles, however often objects hold the same ones; returns how many meshes are built.
     fn check(&self, inflated: u64) -> Result<u64, Stop> {
         let most = MAX_TRIANGLES + inflated.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let (mut all, mut parts) = (0_u64, 0);
@@ -107,7 +107,7 @@ impl ThreeMf {
         let mut steps = 0_u64;
         for item in &self.contents.items {
             // Parts of an object that are still to come, of each object on the way.
-            let mut way: Vec<(&[Placed], Affine)> = vec![(std::slice::from_ref(item), IDENTITY)];
+            let mut way: Vec<(&[Instance], Affine)> = vec![(std::slice::from_ref(item), IDENTITY)];
             while let Some((left, parent)) = way.last_mut() {
                 let Some((first, rest)) = left.split_first() else {
                     way.pop();
