@@ -1,12 +1,13 @@
-//! Trees of solids (CSG): unions, differences, intersections and complements of primitives, meshes and volumes.
+#![doc = include_str!("CSG.md")]
+//!
+//! ---
 //!
 //! ```text
 //! text --parse--> tree --flatten--> leaves on the lattice, program --boxes--> bits, normals --builder--> .oct
 //! ```
 //!
-//! A voxel is inside a leaf if its middle is, decided in whole numbers for the leaf as it is placed: corners, middles
-//! and axes are rounded once to 2^-12 voxel. So the bytes depend neither on memory or threads nor on boxes. Cost
-//! follows the surface: leaves that are all in or all out in a box take no part in it.
+//! The bytes depend neither on memory or threads nor on boxes. Cost follows the surface: leaves that are all in or all
+//! out in a box take no part in it.
 //!
 //! | part | what it holds |
 //! |---|---|
@@ -17,14 +18,9 @@
 //! | `flat`, `program` | complements pushed down to leaves; steps on a stack, pruned box by box |
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
 //! | `leaf`, `wide`, `facets` | placed leaves: exact membership, surfaces |
-//! | `walked` | meshes and volumes, walked slice by slice |
-//! | `turned` | volumes that are moved: values between samples |
+//! | `sampled` | meshes and volumes, sampled slice by slice |
+//! | `resampled` | volumes that are moved: values between samples |
 //! | `solid`, `describe`, `cells` | all of it as a solid of the builder; normals; cells instead of skin |
-//!
-//! A leaf that is a volume has its voxels inside whose sample is at least its value, and the grid of the tree is then
-//! the volume's: voxel i is sample i, nothing is resampled, and other leaves are placed in the volume's millimetres.
-//! A volume that the tree moves has those inside where the trilinear interpolation of its samples is at least that
-//! (`turned`); where all are moved, the grid is chosen as without volumes.
 //!
 //! Memory: [`BuildOptions::memory`], in which the tree has to fit, some 400 bytes a leaf. Temporary disk: about the size
 //! of the model, and of meshes what [`crate::mesh`] says.
@@ -40,11 +36,11 @@ mod offset;
 mod place;
 mod program;
 mod read;
+mod resampled;
+mod sampled;
 mod solid;
 mod text;
 mod tree;
-mod turned;
-mod walked;
 mod wide;
 
 pub(crate) use read::{check_links, is_tree, named_files};
@@ -84,12 +80,12 @@ pub struct CsgOptions {
     pub unit_mm: f64,
 }
 
-/// What was built, and what was found about the tree.
+/// The report of a build from a tree.
 #[derive(Clone, Debug)]
 pub struct CsgReport {
     /// Figures of the build.
     pub build: BuildReport,
-    /// What was found.
+    /// Facts about the tree.
     pub facts: CsgFacts,
 }
 
@@ -106,11 +102,13 @@ pub fn build_csg(
 ) -> Result<CsgReport, BuildError> {
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
-    let front = Front { name: &name, csg, options, scratch: options.scratch_folder(output), progress };
-    let placed = front.placed((&tree, root), &volumes)?;
-    let (tree_solid, facts) = front.solid((&tree, root), &volumes, &placed)?;
+    let scratch = options.scratch_folder(output);
+    let (name, volumes) = (&name, &volumes);
+    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress };
+    let placed = front.placed()?;
+    let (tree_solid, facts) = front.solid(&placed)?;
     drop(tree);
-    // What reading and placing took is not left beside what the build takes.
+    // Memory of reading and placing goes back before the build takes its own.
     give_back();
     let held_bytes = tree_solid.bytes();
     let solid: Box<dyn Solid + '_> = match options.volume_surface() {

@@ -15,7 +15,7 @@ const LIMIT: f64 = (1 << 29) as f64;
 
 /// The grid of a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct LatticeGrid {
     pub(super) dims: Dims,
     /// Voxel index to mm.
     pub(super) affine: Affine,
@@ -24,7 +24,7 @@ pub(super) struct Place {
     pub(super) to_lattice: Affine,
 }
 
-impl Place {
+impl LatticeGrid {
     /// The grid of a choice around bounds in mm.
     ///
     /// # Errors

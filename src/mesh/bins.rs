@@ -38,7 +38,7 @@ const CHUNKS: usize = 4 << 10;
 const WORTH: u32 = 16;
 const NONE: u32 = u32::MAX;
 
-/// Memory while triangles are binned, beside the bins themselves.
+/// Memory while triangles are binned, without the bins themselves.
 pub(super) const BINNING_BYTES: u64 = (CHUNKS * size_of::<Chunk>() + WRITE + (64 << 10)) as u64;
 
 /// A triangle shorter than eight voxels: its first vertex, and the ways to the others along x, y and z, to the
@@ -85,25 +85,25 @@ pub(super) fn packed(t: &Triangle) -> Vec<Record> {
     short(t).map_or_else(|| pair(t).to_vec(), |record| vec![record])
 }
 
-/// What a block holds.
-pub(super) enum Held<'a> {
+/// A triangle of a block.
+pub(super) enum BinTriangle<'a> {
     Short(&'a Record),
     Long(Triangle),
 }
 
-impl Held<'_> {
+impl BinTriangle<'_> {
     #[inline]
     pub(super) fn triangle(&self) -> Triangle {
         match self {
-            Held::Short(record) => unpacked(record),
-            Held::Long(t) => *t,
+            BinTriangle::Short(record) => unpacked(record),
+            BinTriangle::Long(t) => *t,
         }
     }
 }
 
 /// The triangles of a block, with the number of the first record of each.
 #[inline]
-pub(super) fn numbered(block: &[Record]) -> impl Iterator<Item = (u32, Held<'_>)> {
+pub(super) fn numbered(block: &[Record]) -> impl Iterator<Item = (u32, BinTriangle<'_>)> {
     let mut at = 0;
     std::iter::from_fn(move || {
         let first = at;
@@ -111,17 +111,17 @@ pub(super) fn numbered(block: &[Record]) -> impl Iterator<Item = (u32, Held<'_>)
         at += 1;
         let [x, y, z, p, q, r] = *record;
         if x < LONG / 2 {
-            return Some((first as u32, Held::Short(record)));
+            return Some((first as u32, BinTriangle::Short(record)));
         }
         let [a, b, c, ..] = *block.get(at)?;
         at += 1;
-        Some((first as u32, Held::Long([x - LONG, y, z, p, q, r, a, b, c])))
+        Some((first as u32, BinTriangle::Long([x - LONG, y, z, p, q, r, a, b, c])))
     })
 }
 
 /// The triangles of a block.
 #[inline]
-pub(super) fn held(block: &[Record]) -> impl Iterator<Item = Held<'_>> {
+pub(super) fn held(block: &[Record]) -> impl Iterator<Item = BinTriangle<'_>> {
     numbered(block).map(|(_, t)| t)
 }
 
@@ -255,7 +255,7 @@ impl BlockBuffers {
 }
 
 impl Binner {
-    /// Bins of a grid, in a nameless file in `folder`.
+    /// Bins of a grid, in a scratch file in `folder`.
     pub(super) fn new(dims: Dims, folder: &Path) -> Result<Self, SourceError> {
         let file = crate::scratch::nameless(folder)
             .map_err(|cause| SourceError::Scratch { path: folder.to_path_buf(), cause })?;
@@ -289,7 +289,7 @@ impl Binner {
     pub(super) fn add(&mut self, t: &Triangle) -> Result<(), SourceError> {
         let ((j0, j1), (k0, k1)) = (centres(t, 1), centres(t, 2));
         let (x0, x1) = centres(t, 0);
-        // What lies beyond the last column is met by no row before its end; but the rows may be inside until then.
+        // No row meets a triangle beyond the last column before its end; but rows may be inside until then.
         let beyond = x0 > self.bins.columns + BEYOND;
         let bin = |at: i32| at >> BIN_SHIFT;
         let [ny, nz] = self.bins.grid;

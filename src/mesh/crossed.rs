@@ -21,7 +21,7 @@ use crate::geom::Dims;
 
 /// A crossing so near to a centre is one of both edges that end there.
 const SAME: f64 = 1.0 / 65536.0;
-/// What the model says of its planes.
+/// The source of its planes, for the model.
 const ESTIMATOR: &str = "triangle planes";
 
 /// The cells of a mesh whose triangles have been binned for [`cell_dims`](crate::builder::cell_dims).

@@ -2,7 +2,7 @@
 
 use std::io::{self, BufRead};
 
-use super::stop::Stop;
+use super::Stop;
 use crate::facts::{CsgFault, CsgToken};
 
 /// Longest name or number.
@@ -16,7 +16,7 @@ pub(super) enum Token {
     /// A name: letters, digits, `_` and `$`.
     Name(String),
     Number(f64),
-    /// What stands in quotes.
+    /// A text in quotes.
     Text(String),
     /// Any other byte.
     Sign(u8),

@@ -1,7 +1,7 @@
 //! The arguments of a module: numbers, words, texts and lists.
 
+use super::Stop;
 use super::lexer::{Lexer, Token};
-use super::stop::Stop;
 use crate::facts::{CsgFault, CsgToken, SurplusArgument};
 use crate::geom::Affine;
 
@@ -72,9 +72,9 @@ pub(super) struct Arguments {
     placed: Vec<Value>,
 }
 
-/// Letters of a name that are told.
-pub(super) const TOLD: usize = 40;
-/// What OpenSCAD gives any module: how fine round things are made, and hints for its preview.
+/// Letters of a name in a message.
+pub(super) const MAX_NAME: usize = 40;
+/// Arguments that OpenSCAD gives any module: the fineness of round shapes, and hints for its preview.
 const SPECIAL: [&str; 5] = ["$fn", "$fa", "$fs", "$fe", "convexity"];
 
 /// Most arguments of a module.
@@ -128,7 +128,7 @@ impl Arguments {
             .named
             .iter()
             .find(|(name, _)| !known.contains(&name.as_str()) && !SPECIAL.contains(&name.as_str()));
-        let argument = stranger.map(|(name, _)| name.chars().take(TOLD).collect());
+        let argument = stranger.map(|(name, _)| name.chars().take(MAX_NAME).collect());
         if argument.is_none() && self.placed.len() <= places {
             return Ok(());
         }

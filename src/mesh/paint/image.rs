@@ -19,7 +19,7 @@ const MAX_SIDE: u32 = 32_768;
 const MAX_TEXELS: u64 = 1 << 24;
 const MAX_TEXELS_PER_BYTE: u64 = 64;
 
-/// What stops an image: it is wrong, it cannot be read, or the scratch file cannot be written.
+/// Why an image is refused: it is wrong or unreadable, or the scratch file cannot be written.
 #[derive(Debug)]
 pub(super) enum Stop {
     Wrong(ImageFault),
@@ -34,14 +34,14 @@ pub(super) trait Rows {
 }
 
 /// Bytes of a file from a place on.
-struct Run<'a> {
+struct FileRange<'a> {
     file: &'a File,
     offset: u64,
     bytes: u64,
     at: u64,
 }
 
-impl Read for Run<'_> {
+impl Read for FileRange<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let left = usize::try_from(self.bytes.saturating_sub(self.at)).unwrap_or(usize::MAX);
         let most = out.len().min(left);
@@ -51,7 +51,7 @@ impl Read for Run<'_> {
     }
 }
 
-impl Seek for Run<'_> {
+impl Seek for FileRange<'_> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let at = match to {
             SeekFrom::Start(at) => Some(at),
@@ -76,7 +76,7 @@ fn check_size(width: u32, height: u32, bytes: u64) -> Result<(), ImageFault> {
 
 /// Hands the rows of an image on; what an image says of transparency is left out.
 pub(super) fn read(image: &Image, rows: &mut dyn Rows) -> Result<(), Stop> {
-    let mut run = Run { file: &image.file, offset: image.offset, bytes: image.bytes, at: 0 };
+    let mut run = FileRange { file: &image.file, offset: image.offset, bytes: image.bytes, at: 0 };
     let mut head = [0; 4];
     let _short = run.read(&mut head).map_err(Stop::Read)?;
     run.at = 0;
@@ -87,7 +87,7 @@ pub(super) fn read(image: &Image, rows: &mut dyn Rows) -> Result<(), Stop> {
     }
 }
 
-fn read_png(run: Run<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
+fn read_png(run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
     let bytes = run.bytes;
     let failed = |error: DecodingError| match error {
         DecodingError::IoError(cause) if cause.raw_os_error().is_some() => Stop::Read(cause),
@@ -199,7 +199,7 @@ fn rgb(y: i32, b: i32, r: i32) -> [u8; 3] {
 
 /// Are three components brightness and colours? An Adobe marker says it; else the components' names, which are
 /// R, G and B where they are not.
-fn has_differences(run: &mut Run<'_>) -> io::Result<bool> {
+fn has_differences(run: &mut FileRange<'_>) -> io::Result<bool> {
     run.at = 2;
     let mut four = [0; 4];
     while run.read(&mut four)? == 4 && four[0] == 0xff {
@@ -220,7 +220,7 @@ fn has_differences(run: &mut Run<'_>) -> io::Result<bool> {
     Ok(true)
 }
 
-fn read_jpeg(mut run: Run<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
+fn read_jpeg(mut run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
     let differences = has_differences(&mut run).map_err(Stop::Read)?;
     run.at = 0;
     let bytes = run.bytes;

@@ -1,4 +1,4 @@
-//! Triangles that may be near to the voxels of a box, sorted by boxes in a nameless file.
+//! Triangles that may be near to the voxels of a box, sorted by boxes in a scratch file.
 //!
 //! They wait in their order, are counted by boxes, and are then written again, box by box: within one in their order.
 #![expect(clippy::cast_possible_truncation, reason = "boxes lie within the grid, their number is bounded")]
@@ -7,8 +7,8 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
-use super::super::lattice::{STEPS, Triangle, centres};
-use crate::geom::Dims;
+use super::super::lattice::{STEPS, Triangle, centres, edges};
+use crate::geom::{Dims, cross};
 use crate::platform::FileExt;
 
 /// A triangle and its number.
@@ -23,7 +23,7 @@ pub(super) const BEYOND: i32 = 2;
 const BATCH: usize = 4096;
 pub(super) const BLOCK: usize = 1024;
 
-/// Memory while triangles are gathered, beside the boxes.
+/// Memory while triangles are gathered, without the boxes.
 pub(super) const SORTING_BYTES: u64 = (BATCH * (RECORD + 16) + 4 * BLOCK * RECORD) as u64;
 
 /// The boxes of a grid.
@@ -60,7 +60,7 @@ impl Boxes {
             *out = (first.max(0), ((high + 1 + BEYOND) >> self.shift).min(self.sides[axis] - 1));
         }
         let [(x0, x1), (y0, y1), (z0, z1)] = ranges;
-        let plane = Plane::new(t, self.shift);
+        let plane = NearPlane::new(t, self.shift);
         for z in z0..=z1 {
             for y in y0..=y1 {
                 for x in x0..=x1 {
@@ -73,25 +73,24 @@ impl Boxes {
     }
 }
 
-/// A triangle's plane, to tell boxes that are far from it.
-struct Plane {
+/// The plane of a triangle, with the distance within which a box is near.
+struct NearPlane {
     normal: [f64; 3],
     offset: f64,
     edge: f64,
     reach: f64,
 }
 
-impl Plane {
+impl NearPlane {
     fn new(t: &Triangle, shift: i32) -> Self {
-        let f = t.map(f64::from);
-        let (b, c) = ([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
-        let n = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let [a, b, c] = edges(t);
+        let n = cross(b, c);
         let edge = f64::from(STEPS) * f64::from(1 << shift);
         let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
         // Half a box along each axis, three voxels, and a hundredth for rounding.
         let half = n.iter().map(|c| c.abs()).sum::<f64>() * edge * 0.51;
         let reach = half + length * f64::from((BEYOND + 1) * STEPS);
-        Self { normal: n, offset: n[0] * f[0] + n[1] * f[1] + n[2] * f[2], edge, reach }
+        Self { normal: n, offset: n[0] * a[0] + n[1] * a[1] + n[2] * a[2], edge, reach }
     }
 
     fn is_near(&self, at: [i32; 3]) -> bool {

@@ -1,4 +1,4 @@
-//! Textures: an image in linear light, in sizes of which each is half of the one before, in a nameless file.
+//! Textures: an image in linear light, in sizes of which each is half of the one before, in a scratch file.
 //!
 //! A texel of size l is the mean of up to 2^l x 2^l texels of the image. A colour is that of the two sizes whose
 //! texels are next to a voxel's, each mixed from four texels, so that it is the mean over the voxel about.
@@ -8,7 +8,7 @@ use std::io;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use super::super::read::{Image, Texture as Stated, Wrap, linear};
+use super::super::read::{Image, Texture as FileTexture, Wrap, linear};
 use super::image::{Rows, Stop, read};
 use crate::facts::{MeshFault, SourceError};
 use crate::platform::FileExt;
@@ -21,7 +21,7 @@ const PAGES: usize = 509;
 /// Most sizes of an image: sides are below 2^16.
 const MAX_LEVELS: usize = 17;
 
-/// What stops a texture.
+/// Why a texture is refused.
 #[derive(Debug)]
 pub(in crate::mesh) enum Fault {
     Mesh(MeshFault),
@@ -40,7 +40,7 @@ struct Level {
 #[derive(Debug)]
 pub(super) struct Levels {
     file: File,
-    /// Of every image another, for the pages of workers.
+    /// The number of its image, for the pages of workers.
     number: u32,
     levels: Vec<Level>,
 }
@@ -82,7 +82,7 @@ type Row = Vec<[u16; 3]>;
 struct Halver {
     file: File,
     levels: Vec<Level>,
-    /// Of every size: rows that came, and the last one where it waits for the next.
+    /// For every size: rows that came, and the last one where it waits for the next.
     seen: Vec<(u32, Option<Row>)>,
 }
 
@@ -161,11 +161,11 @@ impl Levels {
 }
 
 /// Images of a file that were read, by where they are.
-pub(super) type Known = Vec<(Arc<Image>, Arc<Levels>)>;
+pub(super) type ReadImages = Vec<(Arc<Image>, Arc<Levels>)>;
 
 impl Texture {
     /// Reads a texture's image, unless another texture had the same.
-    pub(super) fn open(stated: &Stated, folder: &Path, known: &mut Known) -> Result<Self, Fault> {
+    pub(super) fn open(stated: &FileTexture, folder: &Path, known: &mut ReadImages) -> Result<Self, Fault> {
         let levels = match known.iter().find(|(image, _)| Arc::ptr_eq(image, &stated.image)) {
             Some((_, levels)) => levels.clone(),
             None => {

@@ -14,20 +14,34 @@ pub(super) const HEAD: usize = 512;
 /// Longest word that means something; of longer ones the beginning is kept.
 const WORD: usize = 64;
 
+/// Reads, again after a signal.
+pub(super) fn uninterrupted(mut read: impl FnMut() -> io::Result<usize>) -> io::Result<usize> {
+    loop {
+        match read() {
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            done => return done,
+        }
+    }
+}
+
 /// The first bytes of a file.
 pub(super) fn head(file: &File) -> io::Result<Vec<u8>> {
     let mut head = vec![0; HEAD];
     let mut have = 0;
     while have < HEAD {
-        match file.read_at(&mut head[have..], have as u64) {
-            Ok(0) => break,
-            Ok(n) => have += n,
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-            Err(e) => return Err(e),
+        match uninterrupted(|| file.read_at(&mut head[have..], have as u64))? {
+            0 => break,
+            n => have += n,
         }
     }
     head.truncate(have);
     Ok(head)
+}
+
+/// Little-endian numbers of 32 bits.
+#[inline]
+pub(super) fn numbers<const N: usize>(bytes: &[u8]) -> [u32; N] {
+    std::array::from_fn(|k| bytes[4 * k..].first_chunk().map_or(0, |b| u32::from_le_bytes(*b)))
 }
 
 /// Bytes one after the other.
@@ -50,12 +64,7 @@ impl<'a> Stream<'a> {
         self.at = 0;
         let have = self.buffer.len();
         self.buffer.resize(BUFFER, 0);
-        let read = loop {
-            match self.file.read_at(&mut self.buffer[have..], self.next) {
-                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-                read => break read,
-            }
-        };
+        let read = uninterrupted(|| self.file.read_at(&mut self.buffer[have..], self.next));
         let read = read.inspect_err(|_| self.buffer.truncate(have))?;
         self.buffer.truncate(have + read);
         self.next += read as u64;
@@ -112,7 +121,7 @@ impl<'a> Stream<'a> {
     }
 }
 
-/// What stands in a text.
+/// A token of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Token {
     Word,
@@ -179,7 +188,7 @@ impl<'a> Words<'a> {
         &self.word[..self.length]
     }
 
-    /// What is wrong in this line.
+    /// The fault of this line.
     pub(super) fn wrong(&self) -> Stop {
         MeshFault::BadText { line: self.line }.into()
     }
@@ -190,7 +199,7 @@ impl<'a> Words<'a> {
         Ok(())
     }
 
-    /// What is left of this line, at most so many bytes of it, without blanks around it.
+    /// The rest of this line, at most so many bytes, without blanks around it.
     pub(super) fn rest_of_line(&mut self, most: usize) -> Result<String, Stop> {
         let mut rest = Vec::new();
         while let Some(byte) = self.stream.byte()? {
@@ -256,7 +265,7 @@ impl<'a> Words<'a> {
         self.as_number()
     }
 
-    /// Offset of what is read next.
+    /// Offset of the next byte.
     pub(super) fn offset(&self) -> u64 {
         self.stream.offset()
     }

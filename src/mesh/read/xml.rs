@@ -6,6 +6,7 @@
 use std::io::Read;
 
 use super::stop::Stop;
+use super::stream::uninterrupted;
 use super::zip::reading;
 use crate::facts::{Feature, MeshFault};
 
@@ -16,7 +17,7 @@ const MAX_TAG: usize = 16 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_DEPTH: u32 = 64;
 
-/// What comes next.
+/// The next part of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// An element begins; `empty` ones end at once, without an event of their own.
@@ -65,7 +66,7 @@ impl<R: Read> Xml<R> {
         }
     }
 
-    /// What is wrong in this line.
+    /// The fault of this line.
     pub(super) fn wrong(&self) -> Stop {
         MeshFault::BadText { line: self.line }.into()
     }
@@ -85,13 +86,7 @@ impl<R: Read> Xml<R> {
     fn fill(&mut self) -> Result<bool, Stop> {
         self.buffer.resize(BUFFER, 0);
         self.at = 0;
-        let read = loop {
-            match self.input.read(&mut self.buffer) {
-                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-                read => break read,
-            }
-        };
-        let read = read.map_err(reading)?;
+        let read = uninterrupted(|| self.input.read(&mut self.buffer)).map_err(reading)?;
         self.buffer.truncate(read);
         if !std::mem::replace(&mut self.begun, true)
             && [&b"\xff\xfe"[..], b"\xfe\xff", b"<\0", b"\0<"]

@@ -136,7 +136,7 @@ impl Member {
     /// Its content as a stream.
     ///
     /// # Errors
-    /// As [`Member::checked_bytes`].
+    /// Its size is far more than its own bytes, as for [`Member::checked_bytes`].
     pub(super) fn open<'a>(&self, file: &'a File) -> Result<Content<'a>, Stop> {
         self.checked_bytes()?;
         Ok(Content {
@@ -230,7 +230,7 @@ impl Read for Content<'_> {
     }
 }
 
-/// What a failure to read a member means.
+/// The fault of a failure to read a member.
 pub(super) fn reading(cause: io::Error) -> Stop {
     match cause.kind() {
         io::ErrorKind::InvalidData => MeshFault::BadArchive.into(),

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::super::limits::Limits;
+use super::super::Limits;
 use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::xml::{Event, Xml};
@@ -41,7 +41,7 @@ pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member), Stop> {
     Ok((archive, member.ok_or(MeshFault::BadReference { part: Part::Text })?))
 }
 
-/// Reads all texts of an archive; tells the memory that is held, and how much was inflated.
+/// Reads all texts of an archive; returns the memory that is held, too, and how much was inflated.
 pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Contents, u64, u64), Stop> {
     let (archive, first) = root(&file, bytes)?;
     let mut inflated = first.checked_bytes()?;
@@ -73,7 +73,7 @@ pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Conte
     Ok((reader.finish(images)?, held_bytes, inflated))
 }
 
-/// An image in a nameless file.
+/// An image in a scratch file.
 fn unpacked(file: &File, member: &Member, number: usize, limits: &Limits<'_>) -> Result<Image, Stop> {
     let out = crate::scratch::nameless(limits.scratch).map_err(Stop::Scratch)?;
     let mut content = member.open(file)?;

@@ -22,7 +22,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use super::place::Place;
+use super::place::LatticeGrid;
 use crate::builder::Progress;
 use crate::facts::SourceError;
 use crate::geom::Affine;
@@ -41,14 +41,14 @@ const LAID: u32 = 32;
 /// Parts of the distance of two samples.
 const PARTS: i64 = 4096;
 
-/// What a thread holds.
+/// Memory of a thread.
 const CACHE_BYTES: u64 = (SLOTS * (BRICK * size_of::<f32>() + size_of::<u64>())) as u64;
-/// What laying bricks takes.
+/// Memory of laying bricks.
 pub(super) const LAYING_BYTES: u64 =
     (SAMPLES * SAMPLES * (CELLS * LAID + 1) as usize * 4 + LAID as usize * BRICK * 4 + (64 << 10)) as u64;
 
 /// A volume on another grid.
-pub(super) struct Turned<'a> {
+pub(super) struct ResampledVolume<'a> {
     inner: &'a dyn VolumeSource,
     info: VolumeInfo,
     /// Voxels of the grid to samples of the volume.
@@ -62,7 +62,7 @@ pub(super) struct Turned<'a> {
     caches: Mutex<Vec<Cache>>,
 }
 
-/// Bricks at hand, each in the slot of its number.
+/// Bricks in memory, each in the slot of its number.
 struct Cache {
     numbers: Vec<u64>,
     samples: Vec<f32>,
@@ -93,7 +93,7 @@ fn singles(scalar: ScalarType, bytes: &[u8], out: &mut [f32]) {
     }
 }
 
-impl<'a> Turned<'a> {
+impl<'a> ResampledVolume<'a> {
     /// A volume that `placed` brings from its millimetres to those of the grid, of which what is at least `iso` is
     /// wanted; `None` if the affine has no inverse.
     ///
@@ -102,7 +102,7 @@ impl<'a> Turned<'a> {
     pub(super) fn new(
         inner: &'a dyn VolumeSource,
         placed: &Affine,
-        place: &Place,
+        place: &LatticeGrid,
         iso: f64,
         folder: &Path,
         progress: &dyn Progress,
@@ -112,7 +112,7 @@ impl<'a> Turned<'a> {
         let sides = own.dims.to_array();
         let bricks = sides.map(|n| n.div_ceil(CELLS));
         let scratch = |cause| SourceError::Scratch { path: folder.to_path_buf(), cause };
-        let mut turned = Self {
+        let mut resampled = Self {
             inner,
             info: VolumeInfo {
                 dims: place.dims,
@@ -129,7 +129,7 @@ impl<'a> Turned<'a> {
             folder: folder.to_path_buf(),
             caches: Mutex::new(Vec::new()),
         };
-        let (low, high) = turned.lay(progress)?;
+        let (low, high) = resampled.lay(progress)?;
         // Outside, and no steeper than the volume itself where it was cut.
         let rescale = own.rescale;
         let bound = (iso - rescale.intercept) / rescale.slope;
@@ -139,8 +139,8 @@ impl<'a> Turned<'a> {
         } else {
             f64::from(high).max(bound + step)
         };
-        turned.beyond = beyond as f32;
-        Ok(Some(turned))
+        resampled.beyond = beyond as f32;
+        Ok(Some(resampled))
     }
 
     /// Lays the bricks, and finds the lowest and the highest sample that are numbers.
@@ -245,7 +245,7 @@ impl<'a> Turned<'a> {
     }
 }
 
-impl VolumeSource for Turned<'_> {
+impl VolumeSource for ResampledVolume<'_> {
     fn info(&self) -> &VolumeInfo {
         &self.info
     }

@@ -1,25 +1,26 @@
-//! Leaves that are walked slice by slice: meshes and volumes, each a solid of its own.
+//! Leaves that are sampled slice by slice: meshes and volumes, each a solid of its own.
 //!
-//! Their bits of four slices are at hand, those around the slice that is described and the next one.
+//! Their bits of four slices are in memory, those around the slice that is described and the next one.
 
 use crate::builder::{OccupancyRows, Solid, SolidWorker, Tile, VoxelBox};
 use crate::facts::SourceError;
 use crate::geom::Dims;
+use crate::mesh::row_words;
 
-/// Slices at hand.
+/// Slices in memory.
 const SLICES: u32 = 4;
 /// Rows of a tile with one more on either side.
 pub(super) const ROWS: usize = 34;
 
-/// A walked leaf.
-pub(super) struct WalkedLeaf<'a> {
+/// A sampled leaf.
+pub(super) struct SampledLeaf<'a> {
     pub(super) solid: Box<dyn Solid + 'a>,
     /// Does it give normals out of itself, whichever side a voxel is on? A mesh gives those that lead to it.
     pub(super) gives_outwards: bool,
 }
 
 /// One thread's view of it.
-pub(super) struct Walker<'a> {
+pub(super) struct Sampler<'a> {
     pub(super) worker: Box<dyn SolidWorker + 'a>,
     dims: [u32; 3],
     column: VoxelBox,
@@ -30,24 +31,20 @@ pub(super) struct Walker<'a> {
     bits: Vec<u64>,
 }
 
-fn words(tile: &Tile) -> usize {
-    tile.columns.div_ceil(64) as usize + 2
-}
-
-impl<'a> Walker<'a> {
-    /// Memory of one, beside that of its worker.
+impl<'a> Sampler<'a> {
+    /// Memory of one, without that of its worker.
     pub(super) fn bytes(tile: &Tile) -> u64 {
-        (SLICES as usize * ROWS * words(tile) * 8) as u64
+        (SLICES as usize * ROWS * row_words(tile) * 8) as u64
     }
 
-    pub(super) fn new(leaf: &'a WalkedLeaf<'_>, dims: Dims, tile: &Tile) -> Self {
+    pub(super) fn new(leaf: &'a SampledLeaf<'_>, dims: Dims, tile: &Tile) -> Self {
         Self {
             worker: leaf.solid.worker(tile),
             dims: dims.to_array(),
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
             asked: 0..0,
-            width: words(tile),
-            bits: vec![0; SLICES as usize * ROWS * words(tile)],
+            width: row_words(tile),
+            bits: vec![0; SLICES as usize * ROWS * row_words(tile)],
         }
     }
 
@@ -57,12 +54,12 @@ impl<'a> Walker<'a> {
         self.worker.start(column)
     }
 
-    /// Rows that are at hand: those of the column and one more on either side, as far as they exist.
+    /// Rows in memory: those of the column and one more on either side, as far as they exist.
     fn rows(&self) -> std::ops::Range<u32> {
         self.column.y.start.saturating_sub(1)..(self.column.y.end + 1).min(self.dims[1])
     }
 
-    /// Has the bits of slice `z` and of those before it at hand, as far as they may be wanted.
+    /// Finds the bits of slice `z` and of those before it, as far as they may be wanted.
     pub(super) fn reach(&mut self, z: u32) -> Result<(), SourceError> {
         let z = z.min(self.dims[2] - 1);
         if self.asked.contains(&z) && z + SLICES >= self.asked.end {
@@ -104,7 +101,7 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Is a voxel inside, of a slice that is at hand?
+    /// Is a voxel inside, of a slice in memory?
     pub(super) fn contains(&self, [x, y, z]: [i32; 3]) -> bool {
         let from = i64::from(self.column.x.start);
         let bit = (i64::from(x) - from).rem_euclid(64);

@@ -11,7 +11,7 @@ use crate::source::stays;
 ///
 /// # Errors
 /// It lies elsewhere, or links lead elsewhere and may not be followed, or it cannot be read.
-pub(super) fn open_beside(mesh: &Path, name: &str, follow: bool) -> Result<(File, PathBuf, u64), Stop> {
+pub(super) fn open_linked(mesh: &Path, name: &str, follow: bool) -> Result<(File, PathBuf, u64), Stop> {
     let relative = Path::new(name);
     let inside = relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if !inside || name.is_empty() {
