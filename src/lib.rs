@@ -119,7 +119,6 @@ mod codec;
 #[cfg(test)]
 #[path = "../tests/it/common/compress.rs"]
 mod compress;
-pub mod contact;
 mod cpu;
 pub mod csg;
 mod enclosed;
@@ -129,6 +128,7 @@ pub mod export;
 pub mod facts;
 pub mod format;
 pub mod geom;
+pub mod intersect;
 pub mod jobs;
 pub mod load;
 mod mark;

@@ -11,9 +11,6 @@ use super::LoadError;
 /// Bytes that can be read at any position without a shared file pointer: a file, or memory in tests.
 pub trait ReadAt: Sync {
     /// Length in bytes.
-    ///
-    /// # Errors
-    /// The operating system refused.
     fn byte_len(&self) -> io::Result<u64>;
 
     /// Fills `out` from `offset` on.

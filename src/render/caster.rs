@@ -5,8 +5,9 @@ use std::ops::Deref;
 use super::batch::Batch;
 use super::cells::Cells;
 use super::form::Form;
+use super::image::refill;
+use super::normals::shown::cell_coordinates;
 use super::ray::{BadRay, Ray};
-use super::shown::cell_coordinates;
 use super::single;
 use super::surface::Skin;
 use super::traverse::Hit;
@@ -69,7 +70,7 @@ pub struct Hits {
     pub t: Vec<f64>,
     /// As [`SurfacePoint::position_mm`]; NaN for a ray that meets nothing.
     pub position_mm: Vec<[f64; 3]>,
-    /// As [`SurfacePoint::normal`]; NaN where there is none.
+    /// As [`SurfacePoint::normal`]; NaN without one.
     pub normal: Vec<[f64; 3]>,
     /// As [`SurfacePoint::voxel`]; 0 for a ray that meets nothing.
     pub voxel: Vec<[u32; 3]>,
@@ -113,15 +114,11 @@ impl Hits {
 
     /// So many rays that meet nothing.
     fn reset(&mut self, rays: usize) {
-        fn fill<T: Copy>(items: &mut Vec<T>, rays: usize, item: T) {
-            items.clear();
-            items.resize(rays, item);
-        }
-        fill(&mut self.t, rays, f64::INFINITY);
-        fill(&mut self.position_mm, rays, [f64::NAN; 3]);
-        fill(&mut self.normal, rays, [f64::NAN; 3]);
-        fill(&mut self.voxel, rays, [0; 3]);
-        fill(&mut self.number, rays, Self::NOTHING);
+        refill(&mut self.t, rays, f64::INFINITY);
+        refill(&mut self.position_mm, rays, [f64::NAN; 3]);
+        refill(&mut self.normal, rays, [f64::NAN; 3]);
+        refill(&mut self.voxel, rays, [0; 3]);
+        refill(&mut self.number, rays, Self::NOTHING);
     }
 }
 

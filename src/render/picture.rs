@@ -9,13 +9,13 @@ use rayon::prelude::*;
 
 use crate::load::{ModelView, NodeView};
 
-use super::around::Surroundings;
 use super::cells::Cells;
 use super::discrete::DiscreteRays;
 use super::form::Form;
 use super::image::Image;
+use super::normals::around::Surroundings;
+use super::normals::shown::{Normals, PixelHit};
 use super::shade::Shader;
-use super::shown::{Normals, Seen};
 use super::sight::Sight;
 use super::single;
 use super::space::GridSpace;
@@ -68,7 +68,7 @@ pub struct Canvas {
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Traversal {
-    /// The first box that the line pierces.
+    /// The first box that the line intersects.
     #[default]
     Exact,
     /// The first voxel of a 6-connected discrete ray ([`super::discrete`]).
@@ -124,13 +124,8 @@ impl Counts {
     }
 
     pub(super) fn plus(mut self, other: Self) -> Self {
-        self.rays += other.rays;
-        self.hits += other.hits;
-        self.steps += other.steps;
+        add_counts!(self, other: rays, hits, steps, trace, shade, ambient);
         self.max_steps = self.max_steps.max(other.max_steps);
-        self.trace += other.trace;
-        self.shade += other.shade;
-        self.ambient += other.ambient;
         self
     }
 }
@@ -183,7 +178,7 @@ pub(super) struct Painter<'a, S> {
     pub(super) form: Form,
     pub(super) canvas: Canvas,
     pub(super) shader: Shader,
-    pub(super) open: Open,
+    pub(super) open: Openness,
     pub(super) watch: Watch<'a>,
 }
 
@@ -204,13 +199,13 @@ impl Watch<'_> {
 
 /// How open the surroundings of some rows' pixels are, 0 to 255; empty where that does not matter.
 #[derive(Default)]
-pub(super) struct Open {
+pub(super) struct Openness {
     /// The first row.
     pub(super) top: usize,
     pub(super) pixels: Vec<u8>,
 }
 
-impl Open {
+impl Openness {
     /// That of a pixel of a picture of this width.
     #[inline]
     pub(super) fn at(&self, width: usize, [x, y]: [usize; 2]) -> Option<u8> {
@@ -226,7 +221,7 @@ pub(crate) type Taker<'a> = &'a mut (dyn FnMut(&mut Image) -> Result<(), RenderE
 pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     let pixels = u64::from(width) * u64::from(height);
     let band = pixels.next_multiple_of(TILE_PIXELS as u64).min(BAND_PIXELS as u64 + 4096 * u64::from(width));
-    4 * pixels + band * size_of::<Seen>() as u64 + 2 * pixels + ((threads as u64) << 17)
+    4 * pixels + band * size_of::<PixelHit>() as u64 + 2 * pixels + ((threads as u64) << 17)
 }
 
 /// Bytes that [`paint_parts`] takes for such a picture, beside the model and the program: the fewest, in bands of 8 rows.
@@ -239,7 +234,7 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
         + if canvas.normals { 3 } else { 0 }
         + if canvas.ids { 6 } else { 0 }
         + if canvas.ambient_rays > 0 { 1 } else { 0 };
-    rows * row * (2 * layers + size_of::<Seen>() as u64) + ((canvas.threads.max(1) as u64) << 18)
+    rows * row * (2 * layers + size_of::<PixelHit>() as u64) + ((canvas.threads.max(1) as u64) << 18)
 }
 
 /// Paints a model as a camera sees it.
@@ -260,9 +255,6 @@ pub fn paint(
 }
 
 /// As [`paint`], watched. With ambient occlusion all rows are done twice.
-///
-/// # Errors
-/// As [`paint`].
 pub(crate) fn paint_watched(
     view: &ModelView<'_>,
     space: &GridSpace,
@@ -280,9 +272,6 @@ pub(crate) fn paint_watched(
 /// smooth. While `take` has one part the next is painted, where there are threads enough.
 ///
 /// Memory: 4 MiB for hits or 8 rows of them, whichever is more, and two parts of 2^18 pixels or 8 rows, of all layers.
-///
-/// # Errors
-/// As [`paint`]; and what `take` says, which ends it.
 pub(crate) fn paint_parts(
     view: &ModelView<'_>,
     space: &GridSpace,
@@ -374,23 +363,32 @@ fn with_painter<J: Job + Send>(
     if discrete.is_some() && cells.is_some() {
         return Err(RenderError::DiscreteCells);
     }
-    let (form, shader) = (Form::best(), Shader::new());
     let pool = pool(canvas.threads)?;
-    let normals = Normals::new(view, space, canvas.blended, canvas.lod_edge_log2);
-    let open = Open::default();
+    let painter = Painter {
+        view,
+        surface: Skin,
+        normals: Normals::new(view, space, canvas.blended, canvas.lod_edge_log2),
+        sight,
+        discrete,
+        form: Form::best(),
+        canvas,
+        shader: Shader::new(),
+        open: Openness::default(),
+        watch,
+    };
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
-        Some(surface) => {
-            let painter =
-                Painter { view, surface, normals, sight, discrete, form, canvas, shader, open, watch };
-            pool.install(|| job.run(painter))
-        }
-        // Coarse boxes are solid, whatever the finest are.
-        None => {
-            let painter =
-                Painter { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open, watch };
-            pool.install(|| job.run(painter))
-        }
+        Some(cells) => pool.install(|| job.run(painter.on(cells))),
+        // Coarse boxes are solid, also those of cells.
+        None => pool.install(|| job.run(painter)),
     })
+}
+
+impl<'a> Painter<'a, Skin> {
+    /// The same for another surface within the boxes.
+    fn on<S>(self, surface: S) -> Painter<'a, S> {
+        let Self { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open, watch } = self;
+        Painter { view, surface, normals, sight, discrete, form, canvas, shader, open, watch }
+    }
 }
 
 impl<S: Surface> Painter<'_, S> {
@@ -411,7 +409,7 @@ impl<S: Surface> Painter<'_, S> {
         let band_rows = self.band_rows() as usize;
         let mut counts = Counts::default();
         let tiles_across = width.div_ceil(TILE);
-        let mut seen = vec![Seen::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
+        let mut seen = vec![PixelHit::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
         for top in (0..rows).step_by(band_rows) {
             let rows = band_rows.min(rows - top);
             let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
@@ -428,39 +426,37 @@ impl<S: Surface> Painter<'_, S> {
     }
 
     /// Traces the rays of `rows` rows from `top` on; `seen` is filled tile after tile.
-    fn trace_band(&self, seen: &mut [Seen], top: usize, rows: usize) -> Counts {
+    fn trace_band(&self, seen: &mut [PixelHit], top: usize, rows: usize) -> Counts {
         let start = Instant::now();
         let width = self.canvas.width as usize;
         let tiles_across = width.div_ceil(TILE);
+        let begin = || Tracer::new(self.form);
         let mut counts = seen
             .par_chunks_mut(TILE_PIXELS)
             .enumerate()
-            .map_init(
-                || Tracer::new(self.form),
-                |tracer, (tile, seen)| {
-                    let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
-                    let limits = (width.saturating_sub(left), rows.saturating_sub(above));
-                    let lod_edge_log2 = self.canvas.lod_edge_log2;
-                    let tile = Tile { corner: (left, top + above), limits, lod_edge_log2 };
-                    let counts = self.trace_tile(tracer, seen, tile);
-                    self.watch.step();
-                    counts
-                },
-            )
+            .map_init(begin, |tracer, (tile, seen)| {
+                let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
+                let limits = (width.saturating_sub(left), rows.saturating_sub(above));
+                let lod_edge_log2 = self.canvas.lod_edge_log2;
+                let tile = Tile { corner: (left, top + above), limits, lod_edge_log2 };
+                let counts = self.trace_tile(tracer, seen, tile);
+                self.watch.step();
+                counts
+            })
             .reduce(Counts::default, Counts::plus);
         counts.trace = start.elapsed();
         counts
     }
 
     /// Traces the rays of a tile that lie in the picture: here a tile's pixels are decided.
-    fn trace_tile(&self, tracer: &mut Tracer, seen: &mut [Seen], tile: Tile) -> Counts {
+    fn trace_tile(&self, tracer: &mut Tracer, seen: &mut [PixelHit], tile: Tile) -> Counts {
         let rays = tile.live();
         let mut counts = Counts::default();
         if let Some(discrete) = &self.discrete {
             discrete.trace_tile(self.view, tile, rays, |ray, trace| {
                 counts = counts.add(&trace);
                 if let Some(pixel) = seen.get_mut(ray) {
-                    *pixel = Seen::new(&trace);
+                    *pixel = PixelHit::new(&trace);
                 }
             });
             return counts;
@@ -549,7 +545,7 @@ impl<S: Surface> Painter<'_, S> {
 
     /// What was seen through a point of the picture.
     #[inline]
-    pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> Seen {
+    pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> PixelHit {
         self.normals.seen(trace, || self.sight.line(x, y))
     }
 }

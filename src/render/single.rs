@@ -1,9 +1,9 @@
 //! One ray at a time, two levels at a time, and no step through air: for rays that have no neighbours.
 //!
 //! At each node the ray's line is compared with the 4 x 4 x 4 boxes two levels below at once: a box is
-//! pierced if and only if its three projections are (see [`super::tile`]), so three planes of 16 cells give
+//! intersected if and only if its three projections are (see [`super::tile`]), so three planes of 16 cells give
 //! 64 bits. Those that are occupied wait in Morton order, which in mirrored coordinates is front to back.
-//! All that is an over-estimate in singles; at the last level `pierce` decides in integers.
+//! All that is an over-estimate in singles; at the last level `mirrored_ray` decides in integers.
 //!
 //! Cost: some 40 ns a node, most of it waiting for memory: the rank of a node, then its children's
 //! infobytes. Memory: under 1 KiB of stack.
@@ -12,8 +12,8 @@ use crate::load::{ModelView, NodeView};
 
 use super::form::{Form, LanesKernel};
 use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use super::mirrored_ray::MirroredRay;
 use super::occupancy::{Brick, at_least, place};
-use super::pierce::MirroredRay;
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
 use super::surface::Surface;
 use super::traverse::Trace;
@@ -49,7 +49,7 @@ pub(super) fn top_edge(depth: u32) -> u32 {
 
 /// A brick whose boxes are being visited.
 #[derive(Clone, Copy)]
-pub(super) struct Open {
+pub(super) struct OpenBrick {
     pub(super) brick: Brick,
     /// Boxes still to be visited.
     pub(super) pending: u64,
@@ -105,10 +105,10 @@ struct Line<L: Lanes> {
 }
 
 impl<L: Lanes> Line<L> {
-    /// Boxes of edge `2^edge` in the brick at `low` that the line pierces and that are not behind the ray.
+    /// Boxes of edge `2^edge` in the brick at `low` that the line intersects and that are not behind the ray.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
-    fn pierced(&self, l: L, low: [u32; 3], edge: u32) -> u64 {
+    fn intersected(&self, l: L, low: [u32; 3], edge: u32) -> u64 {
         let half_brick = f64::from(2_u32.wrapping_shl(edge));
         let per_edge = 2.0 / half_brick;
         let from = each3!(A => f64::from(low[A]) + half_brick - self.origin[A]);
@@ -176,7 +176,8 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
         Brick::above_root(view, mirror)
     };
     let low = [0; 3];
-    let mut open = Open { brick, pending: brick.boxes & line.pierced(lanes, low, edge), first: 0, low };
+    let mut open =
+        OpenBrick { brick, pending: brick.boxes & line.intersected(lanes, low, edge), first: 0, low };
     open.first = brick.first(view);
     trace.steps = 1;
     let mut waiting = [open; BRICK_LEVELS];
@@ -204,8 +205,8 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
         waiting[edge as usize / 2 % BRICK_LEVELS] = open;
         edge = edge.wrapping_sub(2);
         let brick = Brick::of(lanes, view, number, mirror);
-        let pending = brick.boxes & line.pierced(lanes, low, edge);
-        open = Open { brick, pending, first: if pending == 0 { 0 } else { brick.first(view) }, low };
+        let pending = brick.boxes & line.intersected(lanes, low, edge);
+        open = OpenBrick { brick, pending, first: if pending == 0 { 0 } else { brick.first(view) }, low };
         trace.steps = trace.steps.wrapping_add(1);
     }
 }

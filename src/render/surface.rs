@@ -53,7 +53,7 @@ impl Passage {
     }
 }
 
-/// A ray and a box of the finest level that it may pass through or miss: what [`Surface::foretell`] is told.
+/// A ray and a box of the finest level that it may pass through or miss: what [`Surface::predict`] is told.
 /// Coordinates are mirrored so that the ray runs forwards along every axis; whole numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Approach {
@@ -80,7 +80,7 @@ pub struct Glance {
 
 /// What can be said of a box at a glance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Looked {
+pub enum Estimate {
     /// The ray surely goes on.
     Past,
     /// It surely meets the surface as it enters.
@@ -104,19 +104,19 @@ pub trait Surface: Send + Sync {
     const SOLID: bool;
 
     /// What [`Surface::meet`] would answer for a ray that passes through a box of the finest level, where that is
-    /// certain without knowing when it does; [`Looked::Past`] also where it does not pass through. Never
-    /// [`Looked::Entry`].
+    /// certain without knowing when it does; [`Estimate::Past`] also where it does not pass through. Never
+    /// [`Estimate::Entry`].
     #[inline(always)]
-    fn foretell(&self, view: &ModelView<'_>, approach: &Approach) -> Looked {
+    fn predict(&self, view: &ModelView<'_>, approach: &Approach) -> Estimate {
         let _ = (view, approach);
-        Looked::Unsure
+        Estimate::Unsure
     }
 
     /// What [`Surface::meet`] would answer for a box of the finest level, if that is certain at a glance.
     #[inline(always)]
-    fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Looked {
+    fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Estimate {
         let _ = (view, glance);
-        Looked::Unsure
+        Estimate::Unsure
     }
 
     /// Where the ray, on its way through a box, meets the surface; `None` when it does not, and goes on.

@@ -18,7 +18,7 @@
 //! answers go into table look-ups and box numbers only, never into coordinates.
 //!
 //! Departure from the paper (section 3): its 14-bit table answers for a discrete 6-connected ray and lists
-//! boxes that the line does not pierce; here every box visited is pierced.
+//! boxes that the line does not intersect; here every box visited is intersected.
 
 use crate::geom::NodeIndex;
 use crate::load::NodeView;

@@ -5,12 +5,12 @@ use crate::geom::dot;
 /// A convex part of the world: where `normal . p <= limit` for every plane.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
-    planes: Vec<Plane>,
+    planes: Vec<CutPlane>,
 }
 
 /// A plane that cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
+pub struct CutPlane {
     /// Unit vector towards what is cut away.
     pub normal: [f64; 3],
     /// Distance of the plane from the world's origin along that, in mm.
@@ -36,7 +36,7 @@ impl Span {
 
 impl Clip {
     /// What all of these planes leave.
-    pub fn new(planes: Vec<Plane>) -> Self {
+    pub fn new(planes: Vec<CutPlane>) -> Self {
         Self { planes }
     }
 
@@ -46,7 +46,7 @@ impl Clip {
     }
 
     /// The planes.
-    pub fn planes(&self) -> &[Plane] {
+    pub fn planes(&self) -> &[CutPlane] {
         &self.planes
     }
 
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn lines_are_cut_to_what_is_left() {
-        let plane = |normal, limit| Plane { normal, limit, cap: None };
+        let plane = |normal, limit| CutPlane { normal, limit, cap: None };
         let clip = Clip::new(vec![plane([1.0, 0.0, 0.0], 5.0), plane([-1.0, 0.0, 0.0], 2.0)]);
         let x = [1.0, 0.0, 0.0];
         let all = [0.0, f64::INFINITY];

@@ -3,8 +3,8 @@
 use crate::geom::dot;
 use crate::render::batch::Batch;
 use crate::render::form::Form;
+use crate::render::normals::shown::Line;
 use crate::render::ray::Ray;
-use crate::render::shown::Line;
 use crate::render::traverse::Hit;
 
 use super::body::{Body, Met, Part, Side, Start, Way};

@@ -6,7 +6,7 @@
 use infobyte::format::SurfaceKind;
 use infobyte::load::ModelView;
 use infobyte::render::{Camera, ViewPoint};
-use infobyte::scene::{Ambient, Clip, Light, LightKind, Look, Material, Part, Placement, Plane, paint};
+use infobyte::scene::{Ambient, Clip, CutPlane, Light, LightKind, Look, Material, Part, Placement, paint};
 use infobyte::{Affine, BuildOptions, Dims, Image, Model, Projection, Threshold, Voxels};
 use tempfile::TempDir;
 
@@ -349,7 +349,7 @@ fn cuts_are_closed_where_matter_is() {
     let shell = solid(20.0, 0.5, SurfaceKind::Cells, |p| 4.0 - (dot(p, p).sqrt() - 16.0).abs());
     let view = shell.view();
     let cap = Some([0.0, 1.0, 0.0]);
-    let clip = Clip::new(vec![Plane { normal: [0.0, -1.0, 0.0], limit: 3.0, cap }]);
+    let clip = Clip::new(vec![CutPlane { normal: [0.0, -1.0, 0.0], limit: 3.0, cap }]);
     let red = plain([1.0, 0.0, 0.0]);
     let part = Part::new((&view, 0), shell.dims(), &shell.affine(), &STAY, red, clip).unwrap();
     let look = look([0.0, -100.0, 0.0], [0.0, 0.0, 0.0], Projection::Parallel, 35.0, 128);

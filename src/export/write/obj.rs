@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
 use super::digits::{four_decimals, shortest, whole};
-use super::sink::{Sink, Vertex, unit};
+use super::{Sink, Vertex, unit};
 
 pub(in crate::export) struct Obj {
     out: BufWriter<File>,

@@ -14,7 +14,7 @@
 //! | [`frame`] | rays of a parallel projection by increments |
 //!
 //! The exact mode ([`crate::render::traverse`]) is what pictures use. This one visits every voxel that the line
-//! pierces and some that it only passes by, so a silhouette may gain a voxel; how many pixels differ is told by
+//! intersects and some that it only passes by, so a silhouette may gain a voxel; how many pixels differ is told by
 //! `oct report`.
 //!
 //! What the paper has wrong or leaves open (E1 to E7 in the notes to this project), and what is done here:

@@ -25,7 +25,7 @@ const _: () = assert!((MAX_DEPTH as usize) < LEVELS);
 
 /// A box whose children are being visited.
 #[derive(Clone, Copy)]
-struct Open {
+struct OpenBox {
     node: NodeIndex,
     infobyte: u8,
     /// Children still to be visited.
@@ -106,7 +106,7 @@ fn walk<V: NodeView>(
         }
         let infobyte = view.infobyte(node);
         let pending = visits(path & infobyte_in_frame(infobyte, line.axis), u, v);
-        Open { node, infobyte, pending, low, floor, middle, ceiling }
+        OpenBox { node, infobyte, pending, low, floor, middle, ceiling }
     };
     let mut level = depth - 1;
     let mut path = [open(NodeIndex::ROOT, [0; 3], level, line.floor, line.ceiling); LEVELS];

@@ -1,6 +1,6 @@
 //! A row of candidates decided exactly: rays as integers, eight at a time.
 //!
-//! The conditions are those of `pierce`, the results those of [`Passage::entry_hit`].
+//! The conditions are those of `mirrored_ray`, the results those of [`Passage::entry_hit`].
 //!
 //! [`Passage::entry_hit`]: crate::render::surface::Passage::entry_hit
 

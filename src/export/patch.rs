@@ -26,7 +26,7 @@ pub(super) struct Spot {
 /// Tells where patches lie.
 pub(super) trait Spots {
     /// The point of a patch that stands for it.
-    fn spot(&self, place: Place) -> Spot;
+    fn spot(&self, place: Patch) -> Spot;
 }
 
 /// The same point, kept away from the faces of its cube.
@@ -37,7 +37,7 @@ pub(super) fn held_within(at: [f64; 3]) -> [f64; 3] {
 
 /// A cube: between the samples `x - 1` and `x` along each axis.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct Patch {
     pub(super) x: u32,
     pub(super) row: usize,
     pub(super) case: u8,
@@ -55,7 +55,7 @@ pub(super) struct Layer<'a> {
 }
 
 impl Spots for Layer<'_> {
-    fn spot(&self, place: Place) -> Spot {
+    fn spot(&self, place: Patch) -> Spot {
         let spot = match self.view.cells() {
             Some(items) => self.in_cell(items, place),
             None => {
@@ -69,7 +69,7 @@ impl Spots for Layer<'_> {
 
 impl Layer<'_> {
     /// The sum of the normals of the patch's inside voxels, and the mean of their colours.
-    fn of_voxels(&self, place: Place) -> ([f64; 3], Light) {
+    fn of_voxels(&self, place: Patch) -> ([f64; 3], Light) {
         let mut sum = [0.0; 3];
         let mut mixture = Mixture::default();
         let corners = patch_edges(place).map(|edge| ends(edge).map(|c| (c, is_inside(place.case, c))));
@@ -93,7 +93,7 @@ impl Layer<'_> {
         (sum, mixture.mean(self.lights.map_or([0; 3], Lights::nothing)))
     }
 
-    fn in_cell(&self, items: CellItems<'_>, place: Place) -> Spot {
+    fn in_cell(&self, items: CellItems<'_>, place: Patch) -> Spot {
         let skin = self.boxes[0].skin.row(place.row);
         let cell = skin.binary_search_by_key(&place.x, |(x, _)| *x).ok().map(|at| skin[at].1);
         let light = self.lights.map_or([0; 3], |lights| {
@@ -121,7 +121,7 @@ impl Layer<'_> {
     }
 
     /// The point of the plane that is nearest to where it meets the patch's edges.
-    fn on_plane(&self, plane: Plane, place: Place) -> Spot {
+    fn on_plane(&self, plane: Plane, place: Patch) -> Spot {
         let n = plane.normal.map(f64::from);
         // A plane's own coordinates run from -1 to 1.
         let offset = f64::from(plane.offset) / 2.0;
@@ -150,13 +150,13 @@ pub(super) fn corner_at(corner: usize) -> [f64; 3] {
 }
 
 /// The edges that a patch crosses.
-fn patch_edges(place: Place) -> impl Iterator<Item = usize> {
+fn patch_edges(place: Patch) -> impl Iterator<Item = usize> {
     let case = CASES[usize::from(place.case)];
     (0..EDGES).filter(move |edge| case.patch_of[*edge] == place.patch)
 }
 
 /// The mean of where a patch crosses its edges: `along` gives how far along each, 0 to 1.
-pub(super) fn middle(place: Place, along: impl Fn(usize) -> f64) -> [f64; 3] {
+pub(super) fn middle(place: Patch, along: impl Fn(usize) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
     for edge in patch_edges(place) {

@@ -7,8 +7,8 @@
 use crate::geom::{BoxIndex, NodeIndex, Octant};
 use crate::load::{ModelView, NodeView};
 
-use super::lanes;
-use super::occupancy::place;
+use crate::render::lanes;
+use crate::render::occupancy::place;
 
 /// Reach of a window in boxes, and the boxes along its side.
 pub(super) const REACH: i64 = 2;
@@ -38,7 +38,7 @@ impl Brick {
 }
 
 /// The way down to the brick that was looked up last.
-struct Way {
+struct Descent {
     /// Its coordinates, in bricks.
     to: [u32; 3],
     /// Nodes from the root on, and how many of them there are.
@@ -61,21 +61,20 @@ impl Block {
     const NONE: Self = Self { key: Brick::NOWHERE, layers: [0; 8], boxes: [(0, 0); 8] };
 }
 
-/// Blocks that are kept.
 const KEPT_BLOCKS: usize = 64;
 
 /// Looks up windows of 5 x 5 x 5 boxes.
 pub(crate) struct Surroundings {
     bricks: Vec<Brick>,
     blocks: [Block; KEPT_BLOCKS],
-    way: Way,
+    way: Descent,
     /// Levels of the grid that is kept here.
     levels: u32,
 }
 
 impl Surroundings {
     pub(crate) fn new() -> Self {
-        let way = Way { to: [0; 3], nodes: [NodeIndex::ROOT; MAX_LEVELS + 1], known: 1 };
+        let way = Descent { to: [0; 3], nodes: [NodeIndex::ROOT; MAX_LEVELS + 1], known: 1 };
         Self { bricks: vec![Brick::NONE; KEPT], blocks: [Block::NONE; KEPT_BLOCKS], way, levels: u32::MAX }
     }
 
@@ -223,8 +222,7 @@ mod tests {
             let count = (side * side * side).div_ceil(3);
             let cells: std::collections::BTreeSet<[u32; 3]> =
                 (0..count).map(|_| [0; 3].map(|_: u32| random.below(side))).collect();
-            let mut codes: Vec<u64> = cells.iter().map(|c| morton::encode(c[0], c[1], c[2])).collect();
-            codes.sort_unstable();
+            let codes: Vec<u64> = cells.iter().map(|c| morton::encode(c[0], c[1], c[2])).collect();
             let tree = MemoryTree::new(dims, &codes).unwrap();
             let levels = dims.depth();
             if levels == 0 {
@@ -245,7 +243,7 @@ mod tests {
                 }
                 let [x, y, z] = cell.map(|c| u32::try_from(c).unwrap());
                 let code = morton::encode(x, y, z);
-                let at = codes.binary_search(&code).ok().map(|at| tree.node_count() + at as u64);
+                let at = tree.voxels().binary_search(&code).ok().map(|at| tree.node_count() + at as u64);
                 assert_eq!(number, at, "{side}: {cell:?}");
             }
         }

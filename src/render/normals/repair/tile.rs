@@ -5,11 +5,11 @@
 
 use crate::format::normal;
 
-use super::super::form::LanesKernel;
-use super::super::lanes::Lanes;
-use super::super::ray::Face;
-use super::super::tile::RAYS;
-use super::{Company, MAX_BY_CHANCE, NEAR_FACE, NEAR_FACE_MIXED, nearness, settled};
+use super::{MAX_BY_CHANCE, NEAR_FACE, NEAR_FACE_MIXED, Neighbourhood, nearness, settled};
+use crate::render::form::LanesKernel;
+use crate::render::lanes::Lanes;
+use crate::render::ray::Face;
+use crate::render::tile::RAYS;
 
 /// Places in a row of codes: nine are used, and sixteen are looked at together.
 pub(super) const PLACES: usize = 16;
@@ -39,7 +39,7 @@ impl Stored {
 }
 
 /// The answers.
-pub(in crate::render) struct Judged {
+pub(in crate::render) struct Verdicts {
     /// Normals in the frame of the boxes, of any length, as they are shown where they are not in doubt.
     pub(in crate::render) normals: [[f64; RAYS]; 3],
     /// Pixels whose normals the skin around must be asked about.
@@ -48,14 +48,14 @@ pub(in crate::render) struct Judged {
     noise: [u16; RAYS],
 }
 
-impl Judged {
+impl Verdicts {
     pub(in crate::render) const NOTHING: Self =
         Self { normals: [[1.0; RAYS]; 3], doubts: 0, calm: [0; RAYS], noise: [0; RAYS] };
 
     /// What the boxes around one that was hit say of it.
     #[inline]
-    pub(in crate::render) fn company(&self, pixel: usize) -> Company {
-        Company::of_flags(self.calm[pixel % RAYS], self.noise[pixel % RAYS])
+    pub(in crate::render) fn neighbourhood(&self, pixel: usize) -> Neighbourhood {
+        Neighbourhood::of_flags(self.calm[pixel % RAYS], self.noise[pixel % RAYS])
     }
 }
 
@@ -99,7 +99,7 @@ impl Doubts {
     #[inline]
     pub(in crate::render) fn add(
         &mut self,
-        judged: &Judged,
+        judged: &Verdicts,
         stored: &Stored,
         pixel: usize,
         scatter: [f64; 6],
@@ -110,14 +110,14 @@ impl Doubts {
         for (out, part) in group.scatter.iter_mut().zip(scatter) {
             out[at] = part;
         }
-        let company = judged.company(pixel);
+        let neighbourhood = judged.neighbourhood(pixel);
         for a in 0..3 {
             group.face[a][at] =
                 if usize::from(stored.axes[pixel]) == a { stored.outward[pixel] } else { 0.0 };
             group.own[a][at] = judged.normals[a][pixel];
         }
-        group.near[at] = nearness(company);
-        group.noise[at] = f64::from(u8::from(company == Company::Noise));
+        group.near[at] = nearness(neighbourhood);
+        group.noise[at] = f64::from(u8::from(neighbourhood == Neighbourhood::Noise));
         #[expect(clippy::cast_possible_truncation, reason = "fewer than a tile's pixels")]
         let number = number as u8;
         number
@@ -165,7 +165,7 @@ pub(in crate::render) struct Judge<'a> {
     pub(in crate::render) stored: &'a Stored,
     /// Edge of a box, mm.
     pub(in crate::render) edge_mm: f64,
-    pub(in crate::render) out: &'a mut Judged,
+    pub(in crate::render) out: &'a mut Verdicts,
 }
 
 impl LanesKernel for Judge<'_> {
@@ -176,7 +176,7 @@ impl LanesKernel for Judge<'_> {
     fn run(self, _: impl Lanes) {
         let Self { stored, edge_mm, out } = self;
         for (i, codes) in stored.codes.iter().enumerate() {
-            (out.calm[i], out.noise[i]) = company_of(codes);
+            (out.calm[i], out.noise[i]) = neighbourhood_of(codes);
         }
         let mut doubts = [0_u8; RAYS];
         for (i, doubt) in doubts.iter_mut().enumerate() {
@@ -208,10 +208,10 @@ impl LanesKernel for Judge<'_> {
     }
 }
 
-/// As [`super::company`], of normals of 16 bits in boxes that are cubes: those of the box at [`OWN`], and of the four
+/// As [`super::neighbourhood`], of normals of 16 bits in boxes that are cubes: those of the box at [`OWN`], and of the four
 /// before and behind it, all compared at once. Is it calm, and if not, is it noise? 0 or 1 each.
 #[inline(always)]
-pub(super) fn company_of(codes: &[u16; PLACES]) -> (u16, u16) {
+pub(super) fn neighbourhood_of(codes: &[u16; PLACES]) -> (u16, u16) {
     #[expect(clippy::cast_possible_truncation, reason = "a byte")]
     const SCALE: i16 = normal::SCALE as i16;
     let mut parts = [[0_i16; PLACES]; 3];
@@ -268,7 +268,7 @@ const BIT: [u16; PLACES] = {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Around, Verdict, along, company, judge};
+    use super::super::{Around, Verdict, along, judge, neighbourhood};
     use super::*;
     use crate::random::Random;
     use crate::render::form::Form;
@@ -288,7 +288,7 @@ mod tests {
         let mut changed = 0;
         for round in 0..200 {
             let edge_mm = [1.0, 0.3, 7.25][round % 3];
-            let (mut stored, mut judged) = (Stored::NOTHING, Judged::NOTHING);
+            let (mut stored, mut judged) = (Stored::NOTHING, Verdicts::NOTHING);
             let wanted: Vec<_> = (0..random.below(65_usize))
                 .map(|pixel| {
                     let face = Face::new(random.below(3_u32) as usize, random.below(2_u32) == 1);
@@ -318,10 +318,15 @@ mod tests {
                 for ((pixel, face, own, scatter), number) in wanted.iter().zip(numbers) {
                     let mut out = [0.0; 3];
                     out[usize::from(face.axis)] = if face.high { 1.0 } else { -1.0 };
-                    let company = judged.company(*pixel);
+                    let neighbourhood = judged.neighbourhood(*pixel);
                     let scaled = own.map(|c| c * edge_mm);
-                    let (share, shown) =
-                        settled(*scatter, out, scaled, nearness(company), company == Company::Noise);
+                    let (share, shown) = settled(
+                        *scatter,
+                        out,
+                        scaled,
+                        nearness(neighbourhood),
+                        neighbourhood == Neighbourhood::Noise,
+                    );
                     let want = if share > 0.0 { shown.map(|c| c / edge_mm) } else { *own };
                     assert_eq!(doubts.normal(number), want, "{form:?}");
                     changed += usize::from(share > 0.0);
@@ -348,15 +353,15 @@ mod tests {
                 stored.set(at, row, face);
             }
             for form in Form::available() {
-                let mut out = Judged::NOTHING;
+                let mut out = Verdicts::NOTHING;
                 form.run(Judge { stored: &stored, edge_mm, out: &mut out });
                 for (at, (row, face)) in rows.iter().zip(faces).enumerate() {
                     let whole = row.map(normal::decode_l1);
-                    let want = company(|distance| {
+                    let want = neighbourhood(|distance| {
                         let other = whole[usize::try_from(4 + distance).unwrap()];
                         super::super::alike_whole(whole[4], other, normal::SCALE)
                     });
-                    assert_eq!(out.company(at), want, "{row:?}");
+                    assert_eq!(out.neighbourhood(at), want, "{row:?}");
                     let own = normal::decode_fine(row[4], normal::FINE_NONE).map(f64::from);
                     let scaled = own.map(|c| c * edge_mm);
                     let verdict = judge(along(face, scaled), want);

@@ -15,7 +15,7 @@ const NEAR: f64 = 1e-9;
 
 /// Where one model touches another.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
+pub struct Intersection {
     /// Boxes of the finest level of this model that touch the other.
     pub boxes: u64,
     /// The middle of the first of them in Morton order, in mm.
@@ -37,54 +37,42 @@ pub struct Placed<'a> {
 ///
 /// Both models must be sound (see [`crate::load::verify()`]). Cost: follows the surface where the models are near each
 /// other, and the depth of the trees elsewhere.
-pub fn contact(one: Placed<'_>, other: Placed<'_>) -> Option<Contact> {
-    let inverse = corner_based(one.affine).inverse()?;
-    let onto = inverse.after(&corner_based(other.affine));
+pub fn intersection(one: Placed<'_>, other: Placed<'_>) -> Option<Intersection> {
+    // Of the boxes' low corners.
+    let [one_corners, other_corners] = [one, other].map(|placed| placed.affine.starting_at([-0.5; 3]));
+    let onto = one_corners.inverse()?.after(&other_corners);
     let mut search = Search {
         one: one.view,
         other: other.view,
-        planes: planes(&onto),
-        scale: (0..3).map(|a| length(onto.column(a))).fold(0.0, f64::max),
+        axes: separating_axes(&onto),
+        scale: onto.spacing_mm().into_iter().fold(0.0, f64::max),
         onto,
         to_mm: one.affine,
-        near: Vec::new(),
+        near: vec![Cube::root(other.view)],
         found: None,
     };
-    search.near.push(Cube { number: BoxIndex::ROOT, low: [0; 3], level: other.view.depth() });
-    search.descend(Cube { number: BoxIndex::ROOT, low: [0; 3], level: one.view.depth() }, 0);
+    search.descend(Cube::root(one.view), 0);
     search.found
 }
 
-/// The affine of the boxes' low corners.
-fn corner_based(affine: Affine) -> Affine {
-    let corner = affine.apply([-0.5; 3]);
-    let mut moved = affine;
-    moved.rows.iter_mut().zip(corner).for_each(|(row, at)| row[3] = at);
-    moved
-}
-
-fn length(v: [f64; 3]) -> f64 {
-    v.iter().map(|c| c * c).sum::<f64>().sqrt()
-}
-
-/// A direction across which a plane may stand between two boxes, and how far boxes of edge 1 reach along it from
-/// their middles.
+/// A direction along which two boxes may be apart, and how far boxes of edge 1 reach along it from their middles.
 #[derive(Clone, Copy, Debug)]
-struct Plane {
+struct SeparatingAxis {
     across: [f64; 3],
     one: f64,
     other: f64,
 }
 
 /// The 15 directions, on the grid of the first model.
-fn planes(onto: &Affine) -> Vec<Plane> {
+fn separating_axes(onto: &Affine) -> Vec<SeparatingAxis> {
     let own = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let edges = [0, 1, 2].map(|a| onto.column(a));
     let faces = [0, 1, 2].map(|a| cross(edges[(a + 1) % 3], edges[(a + 2) % 3]));
     let between = own.iter().flat_map(|e| edges.iter().map(|c| cross(*e, *c)));
     let reach = |edges: [[f64; 3]; 3], across| edges.iter().map(|e| dot(*e, across).abs()).sum::<f64>() / 2.0;
     let all = own.into_iter().chain(faces).chain(between);
-    all.map(|across| Plane { across, one: reach(own, across), other: reach(edges, across) }).collect()
+    all.map(|across| SeparatingAxis { across, one: reach(own, across), other: reach(edges, across) })
+        .collect()
 }
 
 /// A box of some level.
@@ -96,6 +84,10 @@ struct Cube {
 }
 
 impl Cube {
+    fn root(view: &ModelView<'_>) -> Self {
+        Self { number: BoxIndex::ROOT, low: [0; 3], level: view.depth() }
+    }
+
     fn edge(self) -> f64 {
         f64::from(1_u32 << self.level)
     }
@@ -121,13 +113,13 @@ struct Search<'a> {
     other: &'a ModelView<'a>,
     /// Grid of the other model onto that of the first.
     onto: Affine,
-    planes: Vec<Plane>,
+    axes: Vec<SeparatingAxis>,
     /// Length of the other model's longest edge, in boxes of the first.
     scale: f64,
     to_mm: Affine,
     /// Boxes of the other model near the box that is looked at, after those near its ancestors.
     near: Vec<Cube>,
-    found: Option<Contact>,
+    found: Option<Intersection>,
 }
 
 impl Search<'_> {
@@ -150,7 +142,7 @@ impl Search<'_> {
             }
         }
         if touched {
-            self.tell(cube);
+            self.add(cube);
         }
         if cube.level > 0 && self.near.len() > own {
             for child in cube.children(self.one) {
@@ -164,12 +156,12 @@ impl Search<'_> {
         let (middle, at) = (cube.middle(), self.onto.apply(other.middle()));
         let apart: [f64; 3] = std::array::from_fn(|a| at[a] - middle[a]);
         let (edge, other) = (cube.edge() + NEAR, other.edge() + NEAR);
-        self.planes.iter().all(|p| dot(apart, p.across).abs() <= p.one * edge + p.other * other)
+        self.axes.iter().all(|p| dot(apart, p.across).abs() <= p.one * edge + p.other * other)
     }
 
-    fn tell(&mut self, cube: Cube) {
+    fn add(&mut self, cube: Cube) {
         let at = self.to_mm.apply(cube.low.map(f64::from));
-        let found = self.found.get_or_insert(Contact { boxes: 0, first_mm: at, range_mm: [at, at] });
+        let found = self.found.get_or_insert(Intersection { boxes: 0, first_mm: at, range_mm: [at, at] });
         found.boxes += 1;
         let [least, most] = &mut found.range_mm;
         for ((least, most), at) in least.iter_mut().zip(most).zip(at) {
@@ -186,20 +178,16 @@ mod tests {
     use crate::random::Random;
 
     fn tree(side: u32, cells: &[[u32; 3]]) -> MemoryTree {
-        let mut codes: Vec<u64> = cells.iter().map(|[x, y, z]| morton::encode(*x, *y, *z)).collect();
-        codes.sort_unstable();
-        codes.dedup();
+        let codes: Vec<u64> = cells.iter().map(|[x, y, z]| morton::encode(*x, *y, *z)).collect();
         MemoryTree::new(Dims::new(side, side, side).unwrap(), &codes).unwrap()
     }
 
     fn moved(by: [f64; 3]) -> Affine {
-        let mut affine = Affine::from_spacing([1.0; 3]);
-        affine.rows.iter_mut().zip(by).for_each(|(row, by)| row[3] = by);
-        affine
+        Affine::from_spacing([1.0; 3]).starting_at(by)
     }
 
-    fn touching(one: &MemoryTree, a: Affine, other: &MemoryTree, b: Affine) -> Option<Contact> {
-        contact(Placed { view: &one.view(), affine: a }, Placed { view: &other.view(), affine: b })
+    fn touching(one: &MemoryTree, a: Affine, other: &MemoryTree, b: Affine) -> Option<Intersection> {
+        intersection(Placed { view: &one.view(), affine: a }, Placed { view: &other.view(), affine: b })
     }
 
     #[test]

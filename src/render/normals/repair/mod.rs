@@ -14,13 +14,13 @@
 //! microseconds.
 
 mod plane;
-pub(super) mod tile;
+pub(in crate::render) mod tile;
 
 use crate::geom::dot;
 use crate::load::ModelView;
 
 use super::around::Surroundings;
-use super::ray::Face;
+use crate::render::ray::Face;
 use plane::{Around, nearest_plane};
 
 /// How far two stored normals are apart that agree, as the sum of the differences of their parts, whose sizes add
@@ -33,7 +33,7 @@ const MAX_BY_CHANCE: u32 = 3;
 
 /// What the normals of the boxes around say of one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Company {
+pub(in crate::render) enum Neighbourhood {
     /// They are as it is.
     Calm,
     /// Some differ: an edge, a narrow bend, or a sheet.
@@ -42,7 +42,7 @@ pub(super) enum Company {
     Noise,
 }
 
-impl Company {
+impl Neighbourhood {
     #[inline]
     fn of_flags(calm: u16, noise: u16) -> Self {
         match (calm, noise) {
@@ -56,22 +56,22 @@ impl Company {
 /// What the boxes before and behind one in the order of the file say of its normal; `agrees` tells whether the one
 /// so far away has a normal [`alike`], or none.
 #[inline]
-pub(super) fn company(agrees: impl Fn(i64) -> bool) -> Company {
+pub(super) fn neighbourhood(agrees: impl Fn(i64) -> bool) -> Neighbourhood {
     if agrees(1) && agrees(-1) && (agrees(2) || agrees(-2)) {
-        return Company::Calm;
+        return Neighbourhood::Calm;
     }
     let agreeing: u32 = [1, -1, 2, -2, 3, -3, 4, -4].into_iter().map(|at| u32::from(agrees(at))).sum();
-    if agreeing <= MAX_BY_CHANCE { Company::Noise } else { Company::Mixed }
+    if agreeing <= MAX_BY_CHANCE { Neighbourhood::Noise } else { Neighbourhood::Mixed }
 }
 
-/// As [`company`], of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before
+/// As [`neighbourhood`], of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before
 /// and behind it.
 #[inline]
-pub(super) fn company_of(codes: &[u16; 9]) -> Company {
+pub(super) fn neighbourhood_of(codes: &[u16; 9]) -> Neighbourhood {
     let mut row = [0; tile::PLACES];
     row[..9].copy_from_slice(codes);
-    let (calm, noise) = tile::company_of(&row);
-    Company::of_flags(calm, noise)
+    let (calm, noise) = tile::neighbourhood_of(&row);
+    Neighbourhood::of_flags(calm, noise)
 }
 
 /// Do two normals of any length agree, or one and what is opposite to the other?
@@ -97,7 +97,7 @@ fn scaled(n: [f64; 3]) -> [f64; 3] {
 }
 
 /// Cosine between a stored normal and the face's from which on it is taken as it is: some axis is that near to
-/// any direction (1 / sqrt 3), so the widest face of a sound surface never asks for more. In mixed company more is
+/// any direction (1 / sqrt 3), so the widest face of a sound surface never asks for more. In mixed neighbourhood more is
 /// asked for.
 const NEAR_FACE: f64 = 0.57;
 const NEAR_FACE_MIXED: f64 = 0.85;
@@ -140,9 +140,9 @@ enum Verdict {
 
 /// `along` is the cosine between the stored normal and the face that was hit.
 #[inline]
-fn judge(along: f64, company: Company) -> Verdict {
-    let near = nearness(company);
-    if company == Company::Noise {
+fn judge(along: f64, neighbourhood: Neighbourhood) -> Verdict {
+    let near = nearness(neighbourhood);
+    if neighbourhood == Neighbourhood::Noise {
         Verdict::Doubt
     } else if along >= near {
         Verdict::Keep
@@ -153,10 +153,10 @@ fn judge(along: f64, company: Company) -> Verdict {
     }
 }
 
-/// How near to a face a normal in this company is taken as it is.
+/// How near to a face a normal in this neighbourhood is taken as it is.
 #[inline]
-fn nearness(company: Company) -> f64 {
-    if company == Company::Calm { NEAR_FACE } else { NEAR_FACE_MIXED }
+fn nearness(neighbourhood: Neighbourhood) -> f64 {
+    if neighbourhood == Neighbourhood::Calm { NEAR_FACE } else { NEAR_FACE_MIXED }
 }
 
 /// The normal that is shown of a stored one, both in the frame of the boxes (any length, each axis in its own
@@ -168,13 +168,13 @@ pub(super) fn shown(
     face: Face,
     struck: impl FnOnce() -> Struck,
     stored: [f64; 3],
-    company: Company,
+    neighbourhood: Neighbourhood,
 ) -> Option<[f64; 3]> {
     let along = along(face, stored);
-    match judge(along, company) {
+    match judge(along, neighbourhood) {
         Verdict::Keep => None,
         Verdict::Turn => Some(stored.map(|c| -c)),
-        Verdict::Doubt => fitted(view, around, &struck(), stored, company),
+        Verdict::Doubt => fitted(view, around, &struck(), stored, neighbourhood),
     }
 }
 
@@ -191,12 +191,13 @@ fn fitted(
     around: &mut Surroundings,
     struck: &Struck,
     stored: [f64; 3],
-    company: Company,
+    neighbourhood: Neighbourhood,
 ) -> Option<[f64; 3]> {
     let scatter = scatter_around(view, around, struck)?;
     let mut face = [0.0; 3];
     face[usize::from(struck.face.axis % 3)] = if struck.face.high { 1.0 } else { -1.0 };
-    let (share, shown) = settled(scatter, face, stored, nearness(company), company == Company::Noise);
+    let (share, shown) =
+        settled(scatter, face, stored, nearness(neighbourhood), neighbourhood == Neighbourhood::Noise);
     (share > 0.0).then_some(shown)
 }
 
@@ -246,9 +247,8 @@ mod tests {
 
     fn sheet(height: impl Fn(u32, u32) -> u32) -> MemoryTree {
         let dims = Dims::new(16, 16, 16).unwrap();
-        let mut codes: Vec<u64> =
+        let codes: Vec<u64> =
             (0..256).map(|i| morton::encode(i % 16, i / 16, height(i % 16, i / 16))).collect();
-        codes.sort_unstable();
         MemoryTree::new(dims, &codes).unwrap()
     }
 
@@ -264,7 +264,7 @@ mod tests {
     }
 
     fn of(tree: &MemoryTree, hit: Struck, stored: [f64; 3]) -> Option<[f64; 3]> {
-        shown(&tree.view(), &mut Surroundings::new(), hit.face, || hit, stored, Company::Calm)
+        shown(&tree.view(), &mut Surroundings::new(), hit.face, || hit, stored, Neighbourhood::Calm)
     }
 
     #[test]
@@ -302,7 +302,7 @@ mod tests {
         let up = [0.0, 0.0, 1.0];
         let side = [1.0, 0.0, 0.0];
         let of = |others: [[f64; 3]; 8]| {
-            company(|at| {
+            neighbourhood(|at| {
                 let other = others[usize::try_from(at + if at < 0 { 4 } else { 3 }).unwrap()];
                 #[expect(clippy::cast_possible_truncation, reason = "whole numbers")]
                 let whole = |n: [f64; 3]| n.map(|c| c as i32 * 127);
@@ -310,12 +310,12 @@ mod tests {
                 alike(up, other)
             })
         };
-        assert_eq!(of([up; 8]), Company::Calm);
+        assert_eq!(of([up; 8]), Neighbourhood::Calm);
         // The far side of a thin sheet is no other direction.
-        assert_eq!(of([up.map(|c| -c); 8]), Company::Calm);
-        assert_eq!(of([side; 8]), Company::Noise);
-        assert_eq!(of([up, up, up, up, side, side, side, side]), Company::Mixed);
-        assert_eq!(company(|_| true), Company::Calm);
+        assert_eq!(of([up.map(|c| -c); 8]), Neighbourhood::Calm);
+        assert_eq!(of([side; 8]), Neighbourhood::Noise);
+        assert_eq!(of([up, up, up, up, side, side, side, side]), Neighbourhood::Mixed);
+        assert_eq!(neighbourhood(|_| true), Neighbourhood::Calm);
     }
 
     #[test]
@@ -328,8 +328,7 @@ mod tests {
         assert_eq!(of(&flat, hit, [1.0, 0.0, 0.0]), None);
         // Boxes of a line and a single one: the face decides.
         let dims = Dims::new(16, 16, 16).unwrap();
-        let mut line: Vec<u64> = (0..16).map(|y| morton::encode(7, y, 5)).collect();
-        line.sort_unstable();
+        let line: Vec<u64> = (0..16).map(|y| morton::encode(7, y, 5)).collect();
         let line = MemoryTree::new(dims, &line).unwrap();
         let n = of(&line, struck(&line, [7, 8, 5]), [1.0, 0.0, 0.0]).unwrap();
         assert!(n[2] > 0.99, "{n:?}");
