@@ -1,9 +1,9 @@
-//! What memory costs beside the buffers that code asks for: one place for every figure that was measured.
+//! Memory costs other than the buffers that code asks for: one place for every measured figure.
 //!
 //! A buffer's size is chosen where the buffer is, and is exact. What stands here is caused by others (the
 //! system that maps code, the C library's allocator, stacks, the insides of decoders) or bounds what cannot
 //! be known beforehand, and holds for the machines that it was measured on: x86-64 Linux, pages of 4 KiB,
-//! glibc 2.36. `scripts/costs.py` measures them again with a release build and prints each beside the figure
+//! glibc 2.36. `scripts/costs.py` measures them again with a release build and prints each next to the figure
 //! that stands here; run it after the compiler, a large dependency or the allocator's settings have changed.
 //!
 //! | figures of | measured by |
@@ -54,7 +54,7 @@ pub const WORKER_STACK: usize = 512 << 10;
 /// with two threads, less that with one, less the buffers of one worker.
 pub const WORKER_OVERHEAD: u64 = 192 << 10;
 
-/// What a job holds beside its workers, and what the allocator wastes, in a process that does other things too:
+/// Memory that a job holds outside its workers, and that the allocator wastes, in a process that does other things too:
 /// the census, the output's buffer, the walk over the bricks, and the rounding of some twenty buffers.
 pub const SHARE_OVERHEAD: u64 = 256 << 10;
 
@@ -69,7 +69,7 @@ pub const MERGE_LISTS: u64 = 64 << 10;
 
 // ---- Cleaning.
 
-/// What cleaning leaves resident in a process of its own, because the allocator keeps it: anonymous memory after
+/// Memory that cleaning leaves resident in a process of its own, because the allocator keeps it: anonymous memory after
 /// [`crate::clean::CleanOptions::clean`], less that before.
 pub const CLEANING_LEFT_OVER: u64 = 640 << 10;
 
@@ -78,14 +78,14 @@ pub const CLEANING_LEFT_OVER: u64 = 640 << 10;
 /// Putting the images of a series in order may always take this: some 2,600 images.
 pub const MIN_OPENING: u64 = 1 << 20;
 
-/// What is held of a frame of a DICOM image while the images of its series are put in order: heap of opening a
+/// Memory of a frame of a DICOM image while the images of its series are put in order: heap of opening a
 /// series of 10,000 images, by image (`tests/it/catalogue_memory.rs` counts it).
 pub const OPENING_FRAME: u64 = 400;
 
 /// The same of a tiled (mosaic) image, whose tables hold every tile.
 pub const OPENING_MOSAIC: u64 = 2600;
 
-// ---- Readers: what their decoders hold beside the rows that are counted exactly.
+// ---- Readers: memory of their decoders without the rows, which are counted exactly.
 
 /// Read buffers, tables of decoders and small change of any DICOM codec but JPEG 2000, which counts its own.
 pub const DICOM_DECODER: u64 = 256 << 10;
@@ -96,10 +96,10 @@ pub const DICOM_PALETTE: u64 = 384 << 10;
 /// The table of a modality look-up, 2^16 entries of 16 bits.
 pub const DICOM_LOOKUP: u64 = 128 << 10;
 
-/// The state of an inflater beside its input and output buffers: its window, twice, and tables.
+/// The state of an inflater without its input and output buffers: its window, twice, and tables.
 pub const INFLATER: u64 = 64 << 10;
 
-/// The state of a bzip2 decoder beside its block, which is 2.5 times as long as its level says.
+/// The state of a bzip2 decoder without its block, which is 2.5 times as long as its level says.
 pub const BZIP2: u64 = 128 << 10;
 
 /// The decoder of a compressed TIFF page: an inflater's window or a table of LZW codes, and the directory.
@@ -110,10 +110,10 @@ pub const PNG_DECODER: u64 = 512 << 10;
 
 // ---- A batch.
 
-/// Code that is resident beside that of one stage of one job: other jobs are at other stages.
+/// Code that is resident on top of that of one stage of one job: other jobs are at other stages.
 pub const BATCH_CODE: u64 = 1 << 20;
 
-/// What opening a small input and watching a job take, for each job.
+/// Memory for opening a small input and watching a job, for each job.
 pub const JOB_OVERHEAD: u64 = 704 << 10;
 
 /// Least memory that a job is of use with: a build of small slices.

@@ -6,14 +6,13 @@
 
 use crate::cpu::Avx2;
 
-/// Number of lanes.
 pub(super) const LANES: usize = 8;
 
 /// Eight sums side by side.
 pub(super) trait Lanes: Copy {
     /// One sum, as it is kept between the passes.
     type Sum: bytemuck::Pod;
-    /// What must be shown to make lanes: nothing, or that the machine has the instructions.
+    /// The proof needed to make lanes: nothing, or that the machine has the instructions.
     type Proof: Copy;
     fn zero(proof: Self::Proof) -> Self;
     fn load(proof: Self::Proof, sums: &[Self::Sum; LANES]) -> Self;

@@ -28,7 +28,6 @@ const SUMMARIES: usize = 512;
 /// Levels above the bricks in the largest volume.
 const UPPER_LEVELS: u64 = (16 - BRICK_LEVELS) as u64;
 
-/// Memory of so many runs.
 fn runs(count: u64) -> u64 {
     count * RUN_BYTES as u64
 }
@@ -120,7 +119,7 @@ impl Run {
     }
 }
 
-/// What the next group begins with; advanced under a lock.
+/// The state before the next group; advanced under a lock.
 struct Cursors {
     walk: BrickWalk,
     /// Next node with an edge of 2^e, by e.
@@ -149,7 +148,6 @@ struct Group {
     brick: u64,
 }
 
-/// The channels that are averaged.
 fn averaged(channels: &StoredChannels) -> impl Iterator<Item = (Channel, usize, MeanRule)> {
     channels.with_means().filter_map(|(c, rule)| Some((c.channel, c.form.stored_bytes(), rule?)))
 }
@@ -238,13 +236,11 @@ impl<'a> Merge<'a> {
     }
 }
 
-/// Runs of one channel.
 struct ChannelRuns {
     items: Run,
     means: [Run; BRICK_LEVELS as usize],
 }
 
-/// Buffers of one worker.
 struct MergeWorker {
     reader: BrickReader,
     infobytes: [Vec<u8>; BRICK_LEVELS as usize],

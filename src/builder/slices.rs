@@ -29,7 +29,6 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// Slices in the ring.
     pub(super) const fn ring(self) -> usize {
         (self.low + 1 + self.high) as usize
     }
@@ -76,7 +75,6 @@ impl RingShape {
         }
     }
 
-    /// Bytes of one worker.
     pub(super) fn bytes(&self, tile: &Tile) -> u64 {
         let values = if tile.channels.contains(Channel::Value) { self.value_bytes } else { 0 };
         let bytes = (self.reach.ring() * self.plane_samples(tile) + OVERREAD) * self.ring_bytes
@@ -111,7 +109,7 @@ impl RingShape {
         self.stride(tile) * self.block(tile).1
     }
 
-    /// Slices of file samples held beside the ring: enough that slice z is still there when its values
+    /// Slices of file samples held in addition to the ring: enough that slice z is still there when its values
     /// are gathered.
     pub(super) fn staging_slices(&self, tile: &Tile) -> usize {
         match (self.in_place, tile.channels.contains(Channel::Value)) {
@@ -122,7 +120,7 @@ impl RingShape {
     }
 }
 
-/// The column at hand: its place in the volume and the layout of its buffers.
+/// The current column: its place in the volume and the layout of its buffers.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub(super) column: VoxelBox,

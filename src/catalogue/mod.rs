@@ -35,8 +35,8 @@ pub use open::{open, open_unprepared, open_unprepared_in};
 use std::path::{Path, PathBuf};
 
 use crate::facts::{NotVolume, Note, StatedBy};
+use crate::identity::file_identity;
 use crate::source::{Finding, InputFiles, OpenOptions, STACKS, StableHash};
-use crate::stamp::stamp;
 use crate::volume::{Noted, SourceError, VolumeSource, Watched, place};
 use content::{hash_of, is_copy};
 use item::{Item, Name, What, changed_meanwhile, finding};
@@ -242,7 +242,7 @@ impl Catalogue {
     fn stamp(&self, item: &Item) -> u64 {
         // A log that cannot be read is told of where the item is opened.
         let records = self.log.chain(item.last).filter_map(Result::ok);
-        let stamps = records.map(|record| stamp(&full_path(&self.inputs, &record)));
+        let stamps = records.map(|record| file_identity(&full_path(&self.inputs, &record)));
         stamps.fold(StableHash::new(), StableHash::number).finish()
     }
 

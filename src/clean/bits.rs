@@ -26,7 +26,6 @@ impl<'a> RowWindow<'a> {
         WINDOW_BYTES.max(row_words * 8) as u64
     }
 
-    /// The words of a row.
     pub(super) fn get(&mut self, row: u64) -> Result<&mut [u64], BuildError> {
         let width = self.bits.row_words;
         if row < self.first || row >= self.first + self.rows {

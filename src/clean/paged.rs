@@ -1,4 +1,4 @@
-//! Tables that are longer than memory: fixed pages in a nameless scratch file, the latest used ones held.
+//! Tables that are longer than memory: fixed pages in a unnamed scratch file, the latest used ones held.
 
 use std::fs::File;
 use std::io;
@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::budget::costs::MAPPED_FROM;
 use crate::platform::FileExt;
-use crate::scratch::nameless;
+use crate::scratch::unnamed;
 
 /// Words of a page are at most this.
 const PAGE_WORDS: usize = 512;
@@ -41,7 +41,7 @@ pub(super) struct PagedTable<T> {
     items: PhantomData<T>,
 }
 
-/// What a place of the cache holds.
+/// The content of a slot of the cache.
 #[derive(Clone, Copy)]
 struct Place {
     page: u64,
@@ -65,7 +65,7 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         let pages = cache_bytes.max(Self::MIN_BYTES) / page_bytes;
         let sets = usize::try_from(pages.min(MAX_PAGES)).unwrap_or(usize::MAX) / WAYS;
         Ok(Self {
-            file: nameless(folder)?,
+            file: unnamed(folder)?,
             cache: vec![Vec::new(); (sets * WAYS).div_ceil(CHUNK_PAGES)],
             places: vec![EMPTY; sets * WAYS],
             page_words,
@@ -109,7 +109,6 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         Ok(&mut bytemuck::cast_slice_mut::<u64, T>(self.words(place))[at])
     }
 
-    /// Appends an item.
     pub(super) fn push(&mut self, item: T) -> io::Result<()> {
         let index = self.len;
         self.len += 1;

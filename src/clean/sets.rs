@@ -31,7 +31,7 @@ impl Component {
         [self.voxels, self.first]
     }
 
-    /// What [`Component::words`] gave.
+    /// The result of [`Component::words`].
     pub(super) fn of_words([voxels, first]: [u64; 2]) -> Self {
         Self { voxels, first }
     }
@@ -95,7 +95,6 @@ pub(super) struct Sets {
 }
 
 impl Sets {
-    /// Bytes of a node in the table.
     pub(super) const NODE_BYTES: usize = size_of::<Node>();
 
     /// Smallest cache of the table.
@@ -161,7 +160,6 @@ impl Sets {
         Ok(())
     }
 
-    /// Adds voxels to the component of a root.
     pub(super) fn add(&mut self, root: u32, component: Component) -> io::Result<()> {
         let node = self.nodes.get_mut(u64::from(root))?;
         let sum = component_of(*node).join(component);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace};
 use crate::facts::Fault;
-use crate::stamp::stamp;
+use crate::identity::file_identity;
 
 /// A volume that knows what its files were, and says so when one of them is not any more.
 ///
@@ -22,14 +22,18 @@ impl Watched {
     /// Watches the files of samples, and one that speaks of them.
     pub(crate) fn files(source: Box<dyn VolumeSource>, beside: Option<&Path>) -> Box<dyn VolumeSource> {
         let mut stamps = Vec::new();
-        source.for_each_file(&mut |path| stamps.push(stamp(path)));
-        let beside = beside.map(|path| (path.to_path_buf(), stamp(path)));
+        source.for_each_file(&mut |path| stamps.push(file_identity(path)));
+        let beside = beside.map(|path| (path.to_path_buf(), file_identity(path)));
         Box::new(Self { source, stamps: stamps.into(), beside })
     }
 
     /// Watches a file that speaks of a volume, besides what the volume watches.
     pub(crate) fn beside(source: Box<dyn VolumeSource>, path: &Path) -> Box<dyn VolumeSource> {
-        Box::new(Self { source, stamps: Box::default(), beside: Some((path.to_path_buf(), stamp(path))) })
+        Box::new(Self {
+            source,
+            stamps: Box::default(),
+            beside: Some((path.to_path_buf(), file_identity(path))),
+        })
     }
 }
 
@@ -51,7 +55,7 @@ impl VolumeSource for Watched {
         self.source.check_unchanged()?;
         let mut changed = None;
         let mut look = |path: &Path, then: u64| {
-            if changed.is_none() && stamp(path) != then {
+            if changed.is_none() && file_identity(path) != then {
                 changed = Some(path.to_path_buf());
             }
         };

@@ -1,4 +1,4 @@
-//! What can be seen from somewhere: boxes of the surface that no ray from there ever reaches are not kept.
+//! Visibility from a viewpoint: boxes of the surface that no ray from there ever reaches are not kept.
 //!
 //! ```text
 //!   solid --bits--> occupancy (scratch file) --sweeps--> boxes that can be seen (scratch file) --AND--> skin, cells
@@ -10,7 +10,7 @@
 //! straight ray meets first is among what is kept, and so are some that only a bent one would meet. Voxels that share
 //! an edge or a corner do not stop a ray.
 //!
-//! Memory: [`sweep::Pass::bytes`] for each way, whatever the size of the volume. Scratch: two bits a voxel, with two
+//! Memory: [`sweep::Pass::bytes`] for each way, for volumes of any size. Scratch: two bits a voxel, with two
 //! workers three. Cost: the volume is read once more; a sweep goes through some 10^9 voxels a second.
 
 mod row;

@@ -67,7 +67,7 @@ impl Way {
     }
 }
 
-/// What one pass works with. Memory: [`Pass::bytes`].
+/// State of one pass. Memory: [`Pass::bytes`].
 pub(super) struct Pass<'a> {
     way: Way,
     /// Samples that are inside.

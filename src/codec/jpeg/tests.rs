@@ -20,7 +20,7 @@ fn samples(stream: &[u8]) -> Vec<i32> {
     kept.rows.concat()
 }
 
-/// What is said of an image that must not decode.
+/// The error for an image that must not decode.
 fn refusal(stream: &[u8]) -> String {
     let mut input = stream;
     decode(&mut input, PLENTY, &mut Kept::default()).unwrap_err().to_string()

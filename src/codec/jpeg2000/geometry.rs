@@ -78,7 +78,6 @@ pub(super) struct Band {
     pub(super) step: f32,
 }
 
-/// One resolution of a component.
 pub(super) struct Resolution {
     pub(super) rect: Rect,
     /// Precincts across and down.
@@ -126,19 +125,17 @@ impl Grid {
     }
 }
 
-/// One component of a tile.
 pub(super) struct ComponentLayout {
     pub(super) resolutions: Vec<Resolution>,
     block_width_log2: u32,
     block_height_log2: u32,
 }
 
-/// All of a tile.
 pub(super) struct TileLayout {
     pub(super) rect: Rect,
     pub(super) components: Vec<ComponentLayout>,
     pub(super) precincts: usize,
-    /// What the lists here take.
+    /// Memory of the lists here.
     bytes: u64,
 }
 

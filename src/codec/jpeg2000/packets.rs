@@ -37,7 +37,6 @@ struct Piece {
     passes: u8,
 }
 
-/// A code-block.
 #[derive(Clone)]
 pub(super) struct Block {
     /// Place in the tile's area.
@@ -72,12 +71,11 @@ pub(super) struct BlockGroup {
     first_node: u32,
 }
 
-/// What is known of a tile while its packets are read.
+/// State of a tile while its packets are read.
 pub(super) struct Tile {
     pub(super) layout: TileLayout,
     /// Layers read, by precinct.
     layers: Vec<u16>,
-    /// First group of each precinct.
     first_group: Vec<u32>,
     groups: Vec<BlockGroup>,
     blocks: Vec<Block>,
@@ -315,7 +313,6 @@ pub(super) struct Reader<'a> {
     end: usize,
     parameters: &'a Parameters,
     pub(super) allowance: &'a mut Allowance,
-    /// Packets read.
     read: u64,
 }
 

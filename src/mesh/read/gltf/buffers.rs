@@ -83,7 +83,7 @@ impl<'a> Decoded<'a> {
         }
         let (file, offset) = match self.file.take() {
             Some(known) => known,
-            None => (Arc::new(crate::scratch::nameless(self.scratch).map_err(Stop::Scratch)?), 0),
+            None => (Arc::new(crate::scratch::unnamed(self.scratch).map_err(Stop::Scratch)?), 0),
         };
         let mut out = std::io::BufWriter::with_capacity(32 << 10, &*file);
         let (mut bits, mut held, mut written) = (0_u32, 0, 0_u64);
