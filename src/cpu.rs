@@ -29,7 +29,6 @@ pub(crate) trait Isa: Copy {
     fn avx2(self) -> Option<Avx2>;
 }
 
-/// Any machine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 

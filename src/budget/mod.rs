@@ -15,7 +15,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `costs` | every measured figure: code, stacks, allocator, spreads, decoders |
+//! | `costs` | measured figures of every job: code, stacks, allocator, spreads |
 //! | `size` | sizes as people write them |
 
 pub mod costs;
@@ -81,7 +81,6 @@ impl MemoryCap {
 #[derive(Clone, Debug)]
 pub struct Budget(Arc<Account>);
 
-/// The books of a budget.
 #[derive(Debug)]
 struct Account {
     limit_bytes: u64,

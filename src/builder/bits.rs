@@ -19,7 +19,6 @@ pub(crate) struct BitVolume {
 }
 
 impl BitVolume {
-    /// An empty volume.
     pub(crate) fn create(folder: &Path, dims: Dims) -> Result<Self, BuildError> {
         let row_words = dims.nx().div_ceil(64) as usize;
         let bytes = row_words as u64 * 8 * u64::from(dims.ny()) * u64::from(dims.nz());

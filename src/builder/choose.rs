@@ -35,7 +35,6 @@ pub fn choose_selection(
     })
 }
 
-/// The context of a choice.
 #[derive(Clone, Copy)]
 pub(super) struct Chooser<'a> {
     pub(super) source: &'a dyn VolumeSource,

@@ -120,7 +120,6 @@ const SMOOTH_COARSE: [i8; 3] = [20, 15, 1];
 const COARSE_FROM: f64 = 1.6;
 
 impl Taps {
-    /// The usual ones.
     pub(super) const ISOTROPIC: Self = Self::alike(SMOOTH, DERIVE);
 
     const fn alike(smooth: [i8; 3], derive: [i8; 2]) -> Self {

@@ -8,7 +8,6 @@ use crate::budget::MemoryCap;
 /// A solid that was made of files, and what that took.
 pub(crate) struct FileSolid<'a> {
     pub(crate) solid: Box<dyn Solid + 'a>,
-    /// Memory that it holds.
     pub(crate) held_bytes: u64,
     pub(crate) scratch_bytes: u64,
     /// Seconds of reading files, and of all that came before the build, that included.

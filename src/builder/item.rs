@@ -64,7 +64,6 @@ impl ItemForm {
     }
 }
 
-/// A channel to be stored, and the form of its items.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ChannelForm {
     pub(super) channel: Channel,

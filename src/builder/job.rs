@@ -62,7 +62,6 @@ pub(super) fn channel_forms(
     options.channels.iter().map(with_form).collect()
 }
 
-/// Oddities of the results.
 fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote> {
     let count =
         |less: u32| dims.to_array().map(|side| u64::from(side.saturating_sub(less))).iter().product::<u64>();
@@ -81,7 +80,6 @@ pub(super) struct Job<'a> {
     pub(super) progress: &'a dyn Progress,
 }
 
-/// The files that a build writes.
 pub(super) struct Files {
     atomic: AtomicFile,
     scratch: Scratch,

@@ -135,7 +135,6 @@ impl Layout {
         Self { entries }
     }
 
-    /// Offset of a section, if it is written.
     pub(super) fn offset(&self, kind: SectionKind) -> Option<u64> {
         self.entries.iter().find(|e| e.kind == Some(kind)).map(|e| e.offset)
     }

@@ -16,7 +16,7 @@ use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
 use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, WalkedBrick};
-use crate::budget::costs::{MERGE_LISTS, MIN_WORKER};
+use crate::budget::costs::MIN_WORKER;
 use crate::format::{Channel, MeanRule, SectionKind, Sum};
 use crate::platform::FileExt;
 use crate::progress::Progress;
@@ -27,6 +27,10 @@ pub(super) const RUN_BYTES: usize = 32 << 10;
 const SUMMARIES: usize = 512;
 /// Levels above the bricks in the largest volume.
 const UPPER_LEVELS: u64 = (16 - BRICK_LEVELS) as u64;
+
+/// Small lists of a merging worker (chains of fragments, groups of bricks, summaries) at their longest: a column
+/// of bricks that are all skin, `noise` in `scripts/memory.py`.
+const MERGE_LISTS: u64 = 64 << 10;
 
 fn runs(count: u64) -> u64 {
     count * RUN_BYTES as u64
@@ -69,7 +73,6 @@ impl Target<'_> {
         BuildError::Output { path: self.path.to_path_buf(), cause }
     }
 
-    /// Offset of an item of a section, if that is written.
     fn offset(&self, kind: SectionKind, item: u64, item_bytes: usize) -> Option<u64> {
         self.layout.offset(kind).map(|offset| offset + item * item_bytes as u64)
     }
@@ -129,7 +132,6 @@ struct Cursors {
     brick: u64,
 }
 
-/// The merge, shared by its workers.
 pub(super) struct Merge<'a> {
     scratch: &'a Scratch,
     target: &'a Target<'a>,
@@ -247,7 +249,6 @@ struct MergeWorker {
     nodes: [Run; BRICK_LEVELS as usize],
     /// By channel, as the reader's.
     channels: Vec<ChannelRuns>,
-    /// Means of one level of a brick.
     means: Vec<u8>,
     summaries: Vec<u8>,
 }
@@ -390,7 +391,6 @@ impl<'a> MergeQueue<'a> {
         Self { target, levels: levels.collect() }
     }
 
-    /// A finished brick.
     fn push(&mut self, code: u64, sums: &[Sum]) -> Result<(), BuildError> {
         self.push_from(0, code, sums.to_vec())
     }

@@ -31,7 +31,6 @@ pub(super) struct ColumnPlan {
     /// The channels that are scanned, and the bytes of all their items of one voxel.
     channels: Channels,
     pub(super) swapped_bytes: usize,
-    /// Size of the chunk pool.
     pub(super) pool_bytes: usize,
     /// The bound that the plan promises to keep, everything included.
     pub(super) total_bytes: u64,

@@ -105,7 +105,6 @@ impl<T: Ordered> RingForm for Depths<T> {
     }
 }
 
-/// Converts a row of file samples.
 pub(super) fn convert<F: RingForm>(form: &F, from: &[F::File], to: &mut [F::Ring]) {
     dispatch(ConvertKernel { form, from, to });
 }

@@ -37,7 +37,6 @@ impl Reach {
 /// Sizes of the buffers through which a volume is read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RingShape {
-    /// Size of the volume.
     pub(super) dims: Dims,
     pub(super) reach: Reach,
     /// Bytes of a sample in the file and in the ring.
@@ -45,7 +44,6 @@ pub(super) struct RingShape {
     pub(super) ring_bytes: usize,
     /// Are slices read straight into the ring?
     pub(super) in_place: bool,
-    /// Bytes of a value while it is scanned.
     pub(super) value_bytes: usize,
 }
 
@@ -137,7 +135,6 @@ pub(super) struct Frame {
 pub(super) struct Slices<'a, F: RingForm> {
     source: &'a dyn VolumeSource,
     pub(super) form: F,
-    /// Size of the volume.
     pub(super) dims: [u32; 3],
     reach: Reach,
     stride: usize,

@@ -83,7 +83,6 @@ pub(super) struct Task<'a> {
     pub(super) connectivity: ComponentConnectivity,
     pub(super) largest: usize,
     pub(super) folder: &'a Path,
-    /// The memory that may be held.
     pub(super) memory: &'a TaskMemory,
     pub(super) progress: &'a dyn Progress,
 }
@@ -369,7 +368,6 @@ impl<'l, 'a> Forward<'l, 'a> {
 /// Results of the backward pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outcome {
-    /// Components that stay.
     pub(super) kept: u64,
     /// Voxels of the others, whose bits were changed.
     pub(super) changed: u64,

@@ -39,7 +39,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use crate::budget::{Budget, MemoryCap, Reservation, TooSmall, costs};
+use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::{
     self, BuildError, BuildOptions, Progress, choose_selection, for_each_block, range_test,
 };
@@ -50,9 +50,13 @@ use bits::BitVolume;
 use components::{Component, Task, TaskMemory};
 use masked::Masked;
 
+/// Memory that cleaning leaves resident in a process of its own, because the allocator keeps it: anonymous memory after
+/// [`crate::clean::CleanOptions::clean`], less that before.
+const CLEANING_LEFT_OVER: u64 = 640 << 10;
+
 /// Memory that cleaning leaves resident in a process of its own, because the allocator keeps it.
 fn reserve_left_over(budget: &Budget) -> Result<Reservation, TooSmall> {
-    budget.reserve(if budget.is_process() { costs::CLEANING_LEFT_OVER } else { 0 })
+    budget.reserve(if budget.is_process() { CLEANING_LEFT_OVER } else { 0 })
 }
 
 /// Which components are too small.
@@ -315,7 +319,6 @@ impl Cleaned<'_> {
     }
 }
 
-/// Which components stay.
 struct Rule {
     least_voxels: f64,
     last: Option<Component>,
@@ -390,7 +393,7 @@ impl<'a> CleanJob<'_, 'a> {
     }
 
     /// Memory that one operation may hold, from what is resident now. Never less than what was found to fit when cleaning
-    /// began: what has been left since is counted once, in [`costs::CLEANING_LEFT_OVER`].
+    /// began: what has been left since is counted once, in [`CLEANING_LEFT_OVER`].
     fn budget(&self) -> Budget {
         let now = Budget::of_job(self.options.memory);
         let _left_over = reserve_left_over(&now);

@@ -52,7 +52,6 @@ struct Place {
 const EMPTY: Place = Place { page: NO_PAGE, used: 0, dirty: false };
 
 impl<T: bytemuck::Pod> PagedTable<T> {
-    /// Smallest cache.
     pub(super) const MIN_BYTES: u64 = (4 * WAYS * PAGE_WORDS * 8) as u64;
 
     /// An empty table whose cache takes at most `cache_bytes`.
@@ -78,12 +77,10 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         })
     }
 
-    /// Number of items.
     pub(super) fn len(&self) -> u64 {
         self.len
     }
 
-    /// Forgets all items.
     pub(super) fn clear(&mut self) {
         self.places.fill(EMPTY);
         self.latest = (NO_PAGE, 0);
@@ -100,7 +97,6 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         Ok(bytemuck::cast_slice::<u64, T>(words)[self.within(index)])
     }
 
-    /// The item to be changed.
     #[inline]
     pub(super) fn get_mut(&mut self, index: u64) -> io::Result<&mut T> {
         let place = self.locate(index / self.page_items)?;

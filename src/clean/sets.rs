@@ -31,7 +31,6 @@ impl Component {
         [self.voxels, self.first]
     }
 
-    /// The result of [`Component::words`].
     pub(super) fn of_words([voxels, first]: [u64; 2]) -> Self {
         Self { voxels, first }
     }
@@ -97,7 +96,6 @@ pub(super) struct Sets {
 impl Sets {
     pub(super) const NODE_BYTES: usize = size_of::<Node>();
 
-    /// Smallest cache of the table.
     pub(super) const MIN_BYTES: u64 = PagedTable::<Node>::MIN_BYTES;
 
     /// No sets; `bytes` of their table are held in memory, what is more lies in `folder`.
@@ -105,12 +103,10 @@ impl Sets {
         Ok(Self { nodes: PagedTable::new(folder, bytes)? })
     }
 
-    /// Number of nodes.
     pub(super) fn len(&self) -> u64 {
         self.nodes.len()
     }
 
-    /// Forgets all nodes.
     pub(super) fn clear(&mut self) {
         self.nodes.clear();
     }
@@ -167,7 +163,6 @@ impl Sets {
         Ok(())
     }
 
-    /// A new set.
     pub(super) fn push(&mut self, component: Component) -> io::Result<u32> {
         let number = u32::try_from(self.nodes.len()).ok().filter(|n| *n < NO_SLOT).ok_or(TooManyRuns)?;
         self.nodes.push(node(component, number))?;

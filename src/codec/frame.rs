@@ -7,9 +7,7 @@ use super::error::CodecError;
 /// The format that a codestream states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FrameFormat {
-    /// Width in pixels.
     pub(crate) columns: u32,
-    /// Height in pixels.
     pub(crate) rows: u32,
     /// Samples per pixel.
     pub(crate) components: u8,

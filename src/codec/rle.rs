@@ -21,9 +21,7 @@ const CHUNK_BYTES: usize = 1 << 10;
 /// The required content of an RLE frame; only the header of the file states it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RleFormat {
-    /// Width in pixels.
     pub(crate) columns: u32,
-    /// Height in pixels.
     pub(crate) rows: u32,
     /// Samples per pixel.
     pub(crate) components: u8,

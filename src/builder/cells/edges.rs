@@ -44,7 +44,6 @@ const NOT_CROSSED: Crossing = Crossing { away: u32::MAX, normal: [0; 3] };
 pub(crate) struct CellEdge {
     /// The sample at its low end; -1 before the first one.
     pub(crate) low: [i32; 3],
-    /// The axis along which it runs.
     pub(crate) axis: usize,
     pub(crate) low_inside: bool,
 }

@@ -33,7 +33,6 @@ impl Field {
         self.inside[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)]
     }
 
-    /// Depths at the corners of the cell.
     pub(super) fn corners(&self) -> [f32; CORNERS] {
         std::array::from_fn(|c| self.depth[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)])
     }

@@ -40,10 +40,8 @@ pub(super) struct Batch {
     sharp: Sharp,
 }
 
-/// The result for a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// It has the plane that was fitted.
     Plane,
     /// No plane describes it.
     Corners,

@@ -12,7 +12,6 @@ pub(super) struct CellItems {
 }
 
 impl CellItems {
-    /// The items of one brick in one slice.
     pub(super) const BYTES: usize = SLICE_VOXELS * (3 + CORNERS);
 
     pub(super) fn new() -> Self {

@@ -69,7 +69,6 @@ pub(crate) fn cell_dims(volume: Dims) -> Option<Dims> {
     Dims::new(volume.nx() + grown, volume.ny() + grown, volume.nz() + grown)
 }
 
-/// The form of a channel's items, of those that cells have.
 pub(super) fn cell_form(channel: Channel) -> Option<ItemForm> {
     match channel {
         Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),

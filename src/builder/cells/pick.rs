@@ -324,7 +324,6 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     (length > 0.0).then(|| v.map(|c| c / length))
 }
 
-/// A plane that was tried.
 #[derive(Clone, Copy)]
 struct PlaneFit {
     code: u16,

@@ -41,7 +41,6 @@ pub(super) struct SharpCell {
     pub(super) crossing: [f32; 12],
     pub(super) mean: [f32; 3],
     pub(super) near: f32,
-    /// The smooth plane.
     pub(super) code: u16,
     pub(super) fitted: Fitted,
 }

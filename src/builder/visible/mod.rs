@@ -36,7 +36,6 @@ pub enum ViewedFrom {
 }
 
 impl fmt::Display for ViewedFrom {
-    /// As on the command line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Outside => f.write_str("outside"),
@@ -89,9 +88,7 @@ fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<Way> 
     all
 }
 
-/// The search for what can be seen.
 pub(super) struct Search<'a> {
-    /// Samples that are inside.
     pub(super) occupancy: &'a BitVolume,
     pub(super) is_cells: bool,
     ways: Vec<Way>,
@@ -178,7 +175,6 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Adds the bits of `more` to those of `all`.
 pub(super) fn join(all: &BitVolume, more: &BitVolume) -> Result<(), BuildError> {
     let width = all.row_words;
     let at_once = (JOIN_BYTES / 8 / width).max(1);

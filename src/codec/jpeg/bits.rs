@@ -36,7 +36,6 @@ impl<'b, 'r> Bits<'b, 'r> {
         Ok(u16::from_be_bytes([high, low]))
     }
 
-    /// The symbol of the next Huffman code.
     #[inline]
     pub(super) fn symbol(&mut self, table: &Huffman) -> Result<u8, CodecError> {
         let (length, symbol) = table.find(self.peek()?);

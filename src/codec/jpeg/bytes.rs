@@ -50,7 +50,6 @@ impl Segment<'_, '_> {
         self.left
     }
 
-    /// The next byte of the segment.
     pub(super) fn byte(&mut self) -> Result<u8, CodecError> {
         self.left = self.left.checked_sub(1).ok_or(Damage::ShortSegment)?;
         self.bytes.byte()

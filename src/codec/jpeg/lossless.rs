@@ -216,7 +216,6 @@ fn predict<const N: usize>(
 /// Codes that fit into this many bits together with the difference behind them are found at once.
 const FUSED_BITS: u32 = 10;
 
-/// Decodes the differences of one component.
 struct Differences<'t> {
     table: &'t Huffman,
     /// By the next bits: how many of them hold a code and its difference, and the difference; (0, 0) where

@@ -9,7 +9,6 @@ use super::huffman::Huffman;
 /// T.81 B.2.3: an interleaved scan has at most this many data units in one MCU.
 const MAX_UNITS_IN_MCU: u32 = 10;
 
-/// How the samples are coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Process {
     /// Baseline and extended sequential DCT (SOF0, SOF1).
@@ -31,7 +30,6 @@ pub(super) struct Component {
     pub(super) steps: usize,
 }
 
-/// The content of a frame header.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub(super) process: Process,
@@ -52,7 +50,6 @@ pub(super) struct ScanComponent {
     pub(super) ac: usize,
 }
 
-/// The content of a scan header.
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
     /// 1 to 4, all different.

@@ -15,7 +15,6 @@ use super::strip::{Layout, Strip};
 /// Marks a coefficient that no scan has touched.
 const UNSEEN: u8 = u8::MAX;
 
-/// One component's coefficients.
 struct Coefficients {
     h: usize,
     v: usize,

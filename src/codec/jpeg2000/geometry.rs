@@ -65,7 +65,6 @@ pub(super) enum Orientation {
     Hh,
 }
 
-/// One sub-band of a component.
 pub(super) struct Band {
     rect: Rect,
     /// Where it lies in the tile's area.
@@ -89,6 +88,12 @@ pub(super) struct Resolution {
     pub(super) first_precinct: u32,
     /// Its sub-bands: one at the lowest resolution, three at the others.
     bands: Vec<Band>,
+}
+
+impl Resolution {
+    pub(super) fn precincts(&self) -> u32 {
+        self.across * self.down
+    }
 }
 
 /// The code-blocks of one sub-band in one precinct.
@@ -158,6 +163,17 @@ impl TileLayout {
             component += 1;
         }
         Ok(layout)
+    }
+
+    /// A resolution, by its number and its component's.
+    pub(super) fn resolution(&self, (resolution, component): (u8, u8)) -> &Resolution {
+        &self.components[usize::from(component)].resolutions[usize::from(resolution)]
+    }
+
+    /// Resolutions of the same component above one.
+    pub(super) fn depth(&self, (resolution, component): (u8, u8)) -> u32 {
+        let resolutions = self.components[usize::from(component)].resolutions.len();
+        u32::try_from(resolutions - 1 - usize::from(resolution)).unwrap_or(0)
     }
 
     pub(super) fn release(&self, allowance: &mut Allowance) {

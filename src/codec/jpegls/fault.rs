@@ -84,7 +84,6 @@ pub enum Feature {
     ColourTransform { number: u8 },
 }
 
-/// A kind of marker segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SegmentKind {
     #[error("the frame")]
@@ -103,7 +102,6 @@ pub enum SegmentKind {
     ApplicationData,
 }
 
-/// A coding parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Parameter {
     #[error("the largest sample")]

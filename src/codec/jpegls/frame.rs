@@ -34,7 +34,6 @@ pub(super) enum Interleave {
     Sample,
 }
 
-/// The content of a frame header.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub(super) precision: u8,
@@ -43,7 +42,6 @@ pub(super) struct Frame {
     pub(super) components: Vec<u8>,
 }
 
-/// The content of a scan header.
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
     /// Places in [`Frame::components`], in the order of coding.

@@ -58,7 +58,6 @@ impl Lines {
         }
     }
 
-    /// The samples decoded last.
     pub(super) fn samples(&self) -> &[u16] {
         &self.current[1..self.current.len() - 1]
     }
@@ -71,7 +70,6 @@ impl Lines {
     }
 }
 
-/// The state of a scan.
 pub(super) struct Coder {
     parameters: Parameters,
     contexts: Box<[Context; REGULAR_CONTEXTS]>,

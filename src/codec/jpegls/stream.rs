@@ -26,7 +26,6 @@ impl<'a> Stream<'a> {
         Stream { bytes: Bytes::new(input), window: 0, bits: 0, marker: None }
     }
 
-    /// One byte of a marker segment.
     pub(super) fn byte(&mut self) -> Result<u8, CodecError> {
         self.bytes.next()?.ok_or_else(ends_early)
     }

@@ -23,7 +23,6 @@ const BIASES: usize = 2048;
 /// A running mean of errors in one context, in 1/256.
 type Bias = [i32; BIASES];
 
-/// Tables of one coordinate.
 #[derive(Debug)]
 struct Component {
     off: Tables<256, 5, 7>,
@@ -163,7 +162,6 @@ impl Around {
     }
 }
 
-/// The context of a coordinate before it is coded.
 struct CoordinateContext {
     due: i32,
     coarse: bool,
@@ -175,7 +173,6 @@ struct CoordinateContext {
     first: usize,
 }
 
-/// A coordinate once it is coded.
 struct Coded {
     value: i32,
     residual: i32,
@@ -290,7 +287,6 @@ fn nearest_coarse(expected: i32) -> i32 {
     if expected < 0 { -1 - at } else { at }
 }
 
-/// The sum of what is known of some neighbours.
 #[inline(always)]
 fn sum_of(window: &Window, neighbours: &[Neighbour]) -> Octet {
     neighbours.iter().fold(Octet::default(), |sum, near| sum.plus(window[near.at]))

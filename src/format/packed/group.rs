@@ -99,7 +99,6 @@ impl Walk {
     }
 }
 
-/// So many infobytes of a depth.
 fn part(level: &[u8], from: usize, count: usize) -> Result<&[u8], CodingError> {
     let left = level.get(from..).unwrap_or_default();
     left.get(..count).ok_or_else(|| wrong_count(left.len(), count))

@@ -164,7 +164,6 @@ pub(crate) trait SymbolCoder {
     fn check(&self) -> Result<(), CodingError>;
 }
 
-/// Writes symbols.
 #[derive(Debug, Default)]
 pub(crate) struct Encoder {
     /// Begin and width of the symbols of a block.

@@ -22,7 +22,6 @@ pub(crate) fn has_ended(process: &str) -> bool {
     Path::new("/proc/self").exists() && !Path::new("/proc").join(process).exists()
 }
 
-/// The value of a key in a file of the system.
 fn value(path: &str, key: &str) -> Option<String> {
     let text = read(path);
     let line = text.lines().find_map(|line| line.strip_prefix(key))?;

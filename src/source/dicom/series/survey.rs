@@ -19,6 +19,9 @@ use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
 
+/// [`costs::OPENING_FRAME`] of a tiled (mosaic) image, whose tables hold every tile.
+const OPENING_MOSAIC: u64 = 2600;
+
 /// What a file is, as far as DICOM is concerned.
 #[derive(Debug)]
 pub(crate) enum Recognised {
@@ -48,7 +51,7 @@ pub(crate) fn recognise(file: &File) -> Recognised {
         Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
             // No more than lie in the file.
             let frames = Image::of(&header).map_or(1, |image| image.frames);
-            let each = if is_one(&header) { costs::OPENING_MOSAIC } else { costs::OPENING_FRAME };
+            let each = if is_one(&header) { OPENING_MOSAIC } else { costs::OPENING_FRAME };
             Recognised::Image { series: header.series_uid, frames, opening_bytes: u64::from(frames) * each }
         }
         Ok(header) => Recognised::NoImage(Obstacle::NoPixels { object: header.kind() }),
