@@ -14,7 +14,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::platform::{FileExt, OsStrExt};
-use crate::scratch::nameless;
+use crate::scratch::unnamed;
 use crate::volume::{Result, SourceError};
 
 /// No record: the end of a chain.
@@ -89,7 +89,7 @@ impl Log {
     fn spill(&mut self) -> io::Result<()> {
         let file = match &self.file {
             Some(file) => file,
-            None => self.file.insert(nameless(&self.folder)?),
+            None => self.file.insert(unnamed(&self.folder)?),
         };
         file.write_all_at(&self.tail, self.written)?;
         self.written += self.tail.len() as u64;

@@ -35,8 +35,8 @@ pub use open::{open, open_unprepared, open_unprepared_in};
 use std::path::{Path, PathBuf};
 
 use crate::facts::{NotVolume, Note, StatedBy};
+use crate::identity::file_identity;
 use crate::source::{Finding, InputFiles, OpenOptions, STACKS, StableHash};
-use crate::stamp::stamp;
 use crate::volume::{FileWatch, InfoOverride, Result, SourceError, VolumeSource, place};
 use content::{hash_of, is_copy};
 use item::{Item, ItemKind, Name, changed_meanwhile, finding};
@@ -238,7 +238,7 @@ impl Catalogue {
     fn stamp(&self, item: &Item) -> u64 {
         // A log that cannot be read is reported where the item is opened.
         let records = self.log.chain(item.last).filter_map(Result::ok);
-        let stamps = records.map(|record| stamp(&full_path(&self.inputs, &record)));
+        let stamps = records.map(|record| file_identity(&full_path(&self.inputs, &record)));
         stamps.fold(StableHash::new(), StableHash::number).finish()
     }
 

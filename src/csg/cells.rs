@@ -10,8 +10,8 @@ use super::sampled::Sampler;
 use super::solid::{CsgSolid, CsgWorker};
 use crate::builder::BuildError;
 use crate::builder::{
-    CellEdge, CellEdges, Cover, EdgeCrossing, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker,
-    Tile, VoxelBox,
+    CellEdge, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
+    SolidWorker, Tile, VoxelBox,
 };
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, SurfaceKind};
@@ -36,7 +36,7 @@ impl Solid for CsgCells<'_> {
         self.tree.sampled.iter().map(|leaf| leaf.solid.lookbehind()).fold(self.tree.lookbehind(), u32::max)
     }
 
-    fn metadata(&self, found: &Found) -> Metadata {
+    fn metadata(&self, found: &ScanSummary) -> Metadata {
         self.tree.metadata(found)
     }
 
@@ -48,7 +48,7 @@ impl Solid for CsgCells<'_> {
         self.tree.check_unchanged()
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         CellEdges::form(channel)
     }
 

@@ -17,8 +17,8 @@ use crate::budget::Budget;
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
 use crate::geom::{Affine, Dims};
+use crate::identity::file_identity;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
-use crate::stamp::stamp;
 use crate::volume::VolumeSource;
 
 /// Does a leaf lie where its file says?
@@ -127,7 +127,7 @@ impl<'a, 't> Front<'a, 't> {
         let program = program::compile(&flat);
         let leaves = flat.leaves;
         let extents = leaves.iter().map(Leaf::extent).collect();
-        let text = Some((self.name.to_path_buf(), stamp(self.name)));
+        let text = Some((self.name.to_path_buf(), file_identity(self.name)));
         let name = self.name.display().to_string();
         Ok((CsgSolid { name, place, leaves, extents, program, sampled, text }, facts))
     }

@@ -50,7 +50,7 @@ pub use tree::{Faces, NodeId, Operation, Shape, Tree};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::builder::{BuildError, BuildOptions, BuildReport, Made, Progress, Solid, cell_dims};
+use crate::builder::{BuildError, BuildOptions, BuildReport, FileSolid, Progress, Solid, cell_dims};
 use crate::facts::CsgFacts;
 use crate::format::SurfaceKind;
 use crate::mesh::GridChoice;
@@ -120,6 +120,6 @@ pub fn build_csg(
         }
     };
     let making_s = started.elapsed().as_secs_f64();
-    let made = Made { solid, held_bytes, scratch_bytes: 0, reading_s: 0.0, making_s };
+    let made = FileSolid { solid, held_bytes, scratch_bytes: 0, reading_s: 0.0, making_s };
     Ok(CsgReport { build: made.build(options, output, progress)?, facts })
 }

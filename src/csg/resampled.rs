@@ -27,7 +27,7 @@ use crate::builder::Progress;
 use crate::facts::SourceError;
 use crate::geom::Affine;
 use crate::platform::FileExt;
-use crate::scratch::nameless;
+use crate::scratch::unnamed;
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 
 /// Cells of a brick along each axis, and its samples: those at both ends.
@@ -125,7 +125,7 @@ impl<'a> ResampledVolume<'a> {
             sides,
             bricks,
             beyond: 0.0,
-            file: nameless(folder).map_err(scratch)?,
+            file: unnamed(folder).map_err(scratch)?,
             folder: folder.to_path_buf(),
             caches: Mutex::new(Vec::new()),
         };

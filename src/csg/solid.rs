@@ -16,13 +16,13 @@ use super::place::LatticeGrid;
 use super::program::{self, STACK, Step};
 use super::sampled::{ROWS, SampledLeaf, Sampler};
 use crate::builder::{
-    BuildError, Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    BuildError, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use crate::facts::{Fault, SourceError};
 use crate::format::{Channel, Metadata, SourceMeta};
 use crate::geom::Dims;
+use crate::identity::file_identity;
 use crate::mesh::Crossings;
-use crate::stamp::stamp;
 
 /// Slices of a slab, and columns of a box.
 const SLAB: u32 = 32;
@@ -105,7 +105,7 @@ impl Solid for CsgSolid<'_> {
     }
 
     /// The same for every text of the same tree.
-    fn metadata(&self, _: &Found) -> Metadata {
+    fn metadata(&self, _: &ScanSummary) -> Metadata {
         let LatticeGrid { dims, affine, spacing_mm, .. } = self.place;
         Metadata {
             source: SourceMeta { format: "csg".into(), kind: "tree of solids".into(), files: 0, bytes: 0 },
@@ -122,14 +122,14 @@ impl Solid for CsgSolid<'_> {
 
     fn check_unchanged(&self) -> Result<(), SourceError> {
         if let Some((path, then)) = &self.text
-            && stamp(path) != *then
+            && file_identity(path) != *then
         {
             return Err(SourceError::Unusable { path: path.clone(), fault: Fault::ChangedInUse });
         }
         self.sampled.iter().try_for_each(|leaf| leaf.solid.check_unchanged())
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         (channel == Channel::Normal).then_some(ItemForm::AsIs { bytes: 2 })
     }
 

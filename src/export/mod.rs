@@ -209,7 +209,7 @@ impl Exporter<'_> {
     ) -> Result<Exported, ExportStop> {
         let normals = self.view.voxel_normal(VoxelIndex::new(0)).is_some();
         let colors = self.lights().is_some();
-        let waiting = || scratch::nameless(scratch);
+        let waiting = || scratch::unnamed(scratch);
         let normals_wait = || normals.then(waiting).transpose();
         let sink: Box<dyn Sink> = match form {
             ExportForm::Stl => Box::new(Stl::new(out)?),

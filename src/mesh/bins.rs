@@ -257,7 +257,7 @@ impl BlockBuffers {
 impl Binner {
     /// Bins of a grid, in a scratch file in `folder`.
     pub(super) fn new(dims: Dims, folder: &Path) -> Result<Self, SourceError> {
-        let file = crate::scratch::nameless(folder)
+        let file = crate::scratch::unnamed(folder)
             .map_err(|cause| SourceError::Scratch { path: folder.to_path_buf(), cause })?;
         let grid = [dims.ny().div_ceil(32) as i32, dims.nz().div_ceil(32) as i32];
         let count = (grid[0] * grid[1]) as usize;

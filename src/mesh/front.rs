@@ -18,11 +18,11 @@ use super::thin::{self, Thin, ThinSolid};
 use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions, too_small};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, Reservation};
-use crate::builder::{BuildError, BuildOptions, CellEdges, Made, Progress, Solid, Tile, cell_dims};
+use crate::builder::{BuildError, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims};
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
-use crate::stamp::stamp;
+use crate::identity::file_identity;
 
 /// From files to a solid.
 pub(super) struct Front<'a> {
@@ -86,7 +86,9 @@ impl Front<'_> {
     ///
     /// # Errors
     /// It cannot be read, or not be built in this way.
-    pub(super) fn made(&self) -> Result<(Made<'static>, Channels, MeshFacts, Vec<MeshNote>), BuildError> {
+    pub(super) fn made(
+        &self,
+    ) -> Result<(FileSolid<'static>, Channels, MeshFacts, Vec<MeshNote>), BuildError> {
         let started = Instant::now();
         let (cells, thin) = (self.is_of_cells(), self.mesh.thin());
         if cells && thin.is_some() {
@@ -106,7 +108,7 @@ impl Front<'_> {
             Some(thin) => Box::new(ThinSolid { mesh, thin }),
         };
         let making_s = started.elapsed().as_secs_f64();
-        let made = Made { solid, held_bytes, scratch_bytes, reading_s: making_s, making_s };
+        let made = FileSolid { solid, held_bytes, scratch_bytes, reading_s: making_s, making_s };
         Ok((made, channels, facts, notes))
     }
 
@@ -116,7 +118,8 @@ impl Front<'_> {
         let files = self.open(budget.left_bytes() / 2)?;
         let described = self.reserve(&budget, files.iter().map(|file| file.summary.held_bytes).sum())?;
         let others = files.iter().flat_map(|file| &file.summary.files);
-        let inputs: Vec<_> = self.inputs.iter().chain(others).map(|p| (p.clone(), stamp(p))).collect();
+        let inputs: Vec<_> =
+            self.inputs.iter().chain(others).map(|p| (p.clone(), file_identity(p))).collect();
         let grid = self.grid(&files)?;
         let held = self.reserve(&budget, Bins::memory_bytes(self.boxes(&grid)))?;
         let binning = self.reserve(&budget, BINNING_BYTES)?;

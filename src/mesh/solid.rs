@@ -29,14 +29,14 @@ use super::prism::Prism;
 use super::raster::{Crossings, Rule, cross_slice};
 use super::resident::{Resident, bricks_of, slices};
 use crate::builder::{
-    CellEdges, Cover, EdgeCrossing, Exposed, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker,
-    Tile, VoxelBox,
+    CellEdges, Cover, EdgeCrossing, Exposed, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
+    SolidWorker, Tile, VoxelBox,
 };
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::facts::{Fault, SourceError};
 use crate::format::{Channel, Metadata, SourceMeta, normal};
 use crate::geom::Dims;
-use crate::stamp::stamp;
+use crate::identity::file_identity;
 
 /// Rows and columns of a brick.
 const BRICK: usize = 32;
@@ -85,7 +85,7 @@ impl Solid for MeshSolid {
     }
 
     /// The same for every file of the same solid: neither format, size nor number of triangles.
-    fn metadata(&self, _: &Found) -> Metadata {
+    fn metadata(&self, _: &ScanSummary) -> Metadata {
         let Grid { dims, voxel_mm, origin_mm, .. } = self.grid;
         let mut affine = [[0.0; 4]; 3];
         for (axis, row) in affine.iter_mut().enumerate() {
@@ -107,13 +107,13 @@ impl Solid for MeshSolid {
 
     /// Files are gone through several times, and what one pass found is taken for true in the next.
     fn check_unchanged(&self) -> Result<(), SourceError> {
-        match self.inputs.iter().find(|(path, then)| stamp(path) != *then) {
+        match self.inputs.iter().find(|(path, then)| file_identity(path) != *then) {
             Some((path, _)) => Err(SourceError::Unusable { path: path.clone(), fault: Fault::ChangedInUse }),
             None => Ok(()),
         }
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         let wanted = self.paint.as_ref().map(|paint| paint.wanted);
         let bytes = match channel {
             Channel::Normal => Some(2),

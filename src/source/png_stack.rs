@@ -18,7 +18,6 @@ use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
-use crate::budget::costs;
 use crate::facts::png::{PngFault, PngHead};
 use crate::facts::{Carrier, Fault, Note};
 use crate::geom::{Affine, Dims};
@@ -31,6 +30,9 @@ const HEAD_BYTES: usize = 29;
 
 /// Bytes that the decoder may allocate for chunks other than the picture.
 const CHUNK_BYTES: usize = 64 << 10;
+
+/// The decoder of a PNG file: the inflater, its window, and two rows.
+const PNG_DECODER: u64 = 512 << 10;
 
 /// The most bytes that deflate makes of one.
 const MAX_EXPANSION: u64 = 1032;
@@ -161,7 +163,7 @@ struct Pictures {
 impl Unroll for Pictures {
     fn memory_bytes(&self) -> u64 {
         // Two rows of the decoder, one as it is written.
-        costs::PNG_DECODER + CHUNK_BYTES as u64 + 4 * self.row_bytes
+        PNG_DECODER + CHUNK_BYTES as u64 + 4 * self.row_bytes
     }
 
     fn files(&self) -> &FileList {

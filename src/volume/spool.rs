@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::{Result, ScalarType, SourceError};
 use crate::geom::Dims;
 use crate::platform::FileExt;
-use crate::scratch::nameless_for;
+use crate::scratch::unnamed_for;
 use crate::volume::read_block;
 
 /// Samples of a volume in a scratch file: x fastest, then y, then z, native byte order.
@@ -31,7 +31,7 @@ impl Spool {
     pub(crate) fn create(folder: &Path, dims: Dims, scalar: ScalarType) -> Result<Self> {
         let bytes = dims.voxels() * scalar.bytes() as u64;
         let failed = |cause| SourceError::Scratch { path: folder.to_path_buf(), cause };
-        let file = nameless_for(folder, bytes).map_err(failed)?;
+        let file = unnamed_for(folder, bytes).map_err(failed)?;
         file.set_len(bytes).map_err(failed)?;
         Ok(Self { file, folder: folder.to_path_buf(), dims, scalar })
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::wrapper::pass_on;
 use super::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace};
 use crate::facts::Fault;
-use crate::stamp::stamp;
+use crate::identity::file_identity;
 
 /// A volume that reports when one of its files differs from when it was opened.
 ///
@@ -23,8 +23,8 @@ impl FileWatch {
     /// Watches the files of samples, and one that describes them.
     pub(crate) fn files(source: Box<dyn VolumeSource>, description: Option<&Path>) -> Box<dyn VolumeSource> {
         let mut stamps = Vec::new();
-        source.for_each_file(&mut |path| stamps.push(stamp(path)));
-        let description = description.map(|path| (path.to_path_buf(), stamp(path)));
+        source.for_each_file(&mut |path| stamps.push(file_identity(path)));
+        let description = description.map(|path| (path.to_path_buf(), file_identity(path)));
         Box::new(Self { source, stamps: stamps.into(), description })
     }
 
@@ -33,7 +33,7 @@ impl FileWatch {
         Box::new(Self {
             source,
             stamps: Box::default(),
-            description: Some((path.to_path_buf(), stamp(path))),
+            description: Some((path.to_path_buf(), file_identity(path))),
         })
     }
 }
@@ -47,7 +47,7 @@ impl VolumeSource for FileWatch {
         self.source.check_unchanged()?;
         let mut changed = None;
         let mut look = |path: &Path, then: u64| {
-            if changed.is_none() && stamp(path) != then {
+            if changed.is_none() && file_identity(path) != then {
                 changed = Some(path.to_path_buf());
             }
         };

@@ -208,7 +208,7 @@ mod tests {
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
-    use crate::volume::{Endian, ScalarType};
+    use crate::volume::{Endian, ScalarType, SourceError};
 
     const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6 };
 

@@ -9,7 +9,7 @@ use crate::common::models::{finest, share};
 
 use infobyte::budget::MemoryCap;
 use infobyte::builder::{
-    BuildError, BuildOptions, BuildReport, Connectivity, Cover, Found, ItemForm, OccupancyRows, Silent,
+    BuildError, BuildOptions, BuildReport, Connectivity, Cover, ItemForm, OccupancyRows, ScanSummary, Silent,
     SkinSlice, Solid, SolidWorker, Tile, VoxelBox, build_solid,
 };
 use infobyte::format::{Channel, Channels, Metadata, normal};
@@ -40,11 +40,11 @@ impl Solid for Ball {
         self.dims
     }
 
-    fn metadata(&self, _: &Found) -> Metadata {
+    fn metadata(&self, _: &ScanSummary) -> Metadata {
         Metadata { gradient: "analytic".into(), ..Metadata::of_grid(self.dims, "ball") }
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         match channel {
             Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
             Channel::Offset => Some(ItemForm::AsIs { bytes: 1 }),

@@ -121,7 +121,7 @@ pub(super) struct Near {
 impl Sorter {
     pub(super) fn new(dims: Dims, folder: &Path) -> io::Result<Self> {
         let boxes = Boxes::new(dims);
-        let file = crate::scratch::nameless(folder)?;
+        let file = crate::scratch::unnamed(folder)?;
         let buffer = Vec::with_capacity(BLOCK);
         Ok(Self { boxes, counts: vec![0; boxes.count()], file, buffer, written: 0 })
     }
@@ -152,7 +152,7 @@ impl Sorter {
         }
         starts.push(all);
         drop(std::mem::take(&mut self.counts));
-        let out = crate::scratch::nameless(folder)?;
+        let out = crate::scratch::unnamed(folder)?;
         let mut next = starts.clone();
         // Box and place in the block.
         let mut order: Vec<(u32, u16)> = Vec::with_capacity(BATCH);

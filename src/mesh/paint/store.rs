@@ -34,7 +34,7 @@ impl Column {
     fn put(&mut self, number: u64, values: &[u32], folder: &Path) -> io::Result<()> {
         let record = 4 * values.len();
         if self.file.is_none() {
-            self.file = Some(crate::scratch::nameless(folder)?);
+            self.file = Some(crate::scratch::unnamed(folder)?);
         }
         let next = self.first + (self.buffer.len() / record) as u64;
         if next != number || self.buffer.len() + record > BUFFER {

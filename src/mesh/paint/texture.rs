@@ -147,7 +147,7 @@ impl Rows for Halver {
 impl Levels {
     fn read(image: &Image, number: u32, folder: &Path) -> Result<Self, Fault> {
         let scratch = |cause| Fault::Source(SourceError::Scratch { path: folder.to_path_buf(), cause });
-        let file = crate::scratch::nameless(folder).map_err(scratch)?;
+        let file = crate::scratch::unnamed(folder).map_err(scratch)?;
         let mut halver = Halver { file, levels: Vec::new(), seen: Vec::new() };
         match read(image, &mut halver) {
             Ok(()) => Ok(Self { file: halver.file, number, levels: halver.levels }),

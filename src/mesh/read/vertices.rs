@@ -85,7 +85,7 @@ impl Spool {
     const BUFFER: usize = 32 << 10;
 
     pub(super) fn new(folder: &Path) -> Result<Self, Stop> {
-        let file = crate::scratch::nameless(folder).map_err(Stop::Scratch)?;
+        let file = crate::scratch::unnamed(folder).map_err(Stop::Scratch)?;
         Ok(Self { file, buffer: Vec::with_capacity(Self::BUFFER), count: 0 })
     }
 

@@ -20,7 +20,9 @@ use super::bins::{BinTriangle, BlockBuffers, held};
 use super::raster::{Crossings, cross_slice};
 use super::resident::{Resident, slices as slices_of};
 use super::solid::{MeshSolid, row_words};
-use crate::builder::{Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+use crate::builder::{
+    Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+};
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, normal};
 use crate::geom::Dims;
@@ -62,7 +64,7 @@ impl Solid for ThinSolid {
         self.mesh.dims()
     }
 
-    fn metadata(&self, found: &Found) -> Metadata {
+    fn metadata(&self, found: &ScanSummary) -> Metadata {
         self.mesh.metadata(found)
     }
 
@@ -74,7 +76,7 @@ impl Solid for ThinSolid {
         self.mesh.check_unchanged()
     }
 
-    fn form(&self, channel: Channel, found: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
         self.mesh.form(channel, found)
     }
 

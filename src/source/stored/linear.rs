@@ -7,7 +7,6 @@ use std::sync::Arc;
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section};
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
-use crate::budget::costs;
 use crate::facts::samples::{Damage, StoredFault};
 use crate::facts::{Note, Packing};
 use crate::platform::FileExt;
@@ -18,9 +17,12 @@ use crate::volume::{Endian, Result, SourceError, VolumeInfo};
 /// Stored bytes that are turned into samples at once; a multiple of every sample's width.
 const PIECE_BYTES: usize = 32 << 10;
 
+/// The state of an inflater without its input and output buffers: its window, twice, and tables.
+const INFLATER: u64 = 64 << 10;
+
 /// Bytes of the buffers and of the inflater's window: input, stored samples, delivered samples (twice as
 /// long where halves grow), and the inflater's window with its tables.
-const MEMORY_BYTES: u64 = (INPUT_BYTES + 2 * PIECE_BYTES) as u64 + costs::INFLATER;
+const MEMORY_BYTES: u64 = (INPUT_BYTES + 2 * PIECE_BYTES) as u64 + INFLATER;
 
 /// How samples are packed in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -86,7 +86,7 @@ impl Resolver<'_> {
         }
         let (file, offset) = match self.decoded.take() {
             Some(known) => known,
-            None => (Arc::new(crate::scratch::nameless(self.limits.scratch).map_err(Stop::Scratch)?), 0),
+            None => (Arc::new(crate::scratch::unnamed(self.limits.scratch).map_err(Stop::Scratch)?), 0),
         };
         let mut out = std::io::BufWriter::with_capacity(32 << 10, &*file);
         let (mut bits, mut held, mut written) = (0_u32, 0, 0_u64);

@@ -75,7 +75,7 @@ pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Conte
 
 /// An image in a scratch file.
 fn unpacked(file: &File, member: &Member, number: usize, limits: &Limits<'_>) -> Result<Image, Stop> {
-    let out = crate::scratch::nameless(limits.scratch).map_err(Stop::Scratch)?;
+    let out = crate::scratch::unnamed(limits.scratch).map_err(Stop::Scratch)?;
     let mut content = member.open(file)?;
     let mut buffer = vec![0; 32 << 10];
     let mut bytes = 0;

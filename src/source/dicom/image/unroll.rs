@@ -10,7 +10,7 @@ use super::convert::Converter;
 use super::describe::{Image, Mapping, Storage};
 use super::encapsulated::{FrameReader, Frames, ListedFrame, Span, read_full};
 use super::pixels::Padding;
-use crate::budget::{Budget, Reservation, TooSmall, costs};
+use crate::budget::{Budget, Reservation, TooSmall};
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, Mismatch, RowSink, jpeg, jpeg2000, jpegls, rle};
 use crate::facts::dicom::{DeflateFault, DicomFault, ScanError, TransferSyntax};
@@ -19,6 +19,15 @@ use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::{Result, SourceError};
+
+/// Read buffers, tables of decoders and small change of any DICOM codec but JPEG 2000, which counts its own.
+const DICOM_DECODER: u64 = 256 << 10;
+
+/// The tables of a palette, read as it is turned into grey.
+const DICOM_PALETTE: u64 = 384 << 10;
+
+/// The table of a modality look-up, 2^16 entries of 16 bits.
+const DICOM_LOOKUP: u64 = 128 << 10;
 
 /// Receives decoded frames.
 pub trait FrameSink {
@@ -79,7 +88,7 @@ impl Image {
             Storage::Coded(Codec::JpegPasses) => frame.saturating_mul(2) + samples * 4 * 20,
             Storage::Coded(Codec::Rle | Codec::None) | Storage::Plain | Storage::Bits => 0,
         };
-        codec + self.rows_bytes() + costs::DICOM_DECODER + self.table_bytes()
+        codec + self.rows_bytes() + DICOM_DECODER + self.table_bytes()
     }
 
     /// Rows held here, in addition to the decoder.
@@ -89,8 +98,8 @@ impl Image {
 
     fn table_bytes(&self) -> u64 {
         match self.mapping {
-            Mapping::Palette => costs::DICOM_PALETTE,
-            Mapping::ModalityLut => costs::DICOM_LOOKUP,
+            Mapping::Palette => DICOM_PALETTE,
+            Mapping::ModalityLut => DICOM_LOOKUP,
             _ => 0,
         }
     }

@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
-use super::mosaic::{Found, is_one, look};
+use super::mosaic::{MosaicLayout, is_one, look};
 use crate::budget::costs;
 use crate::facts::dicom::{DicomNote, ImageFault, Obstacle, ScanError};
 use crate::source::dicom::image::describe::{Access, Image, Storage};
@@ -18,6 +18,9 @@ use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
+
+/// [`costs::OPENING_FRAME`] of a tiled (mosaic) image, whose tables hold every tile.
+const OPENING_MOSAIC: u64 = 2600;
 
 /// Kind of a file in terms of DICOM.
 #[derive(Debug)]
@@ -48,7 +51,7 @@ pub(crate) fn recognise(file: &File) -> Recognition {
         Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
             // No more than lie in the file.
             let frames = Image::of(&header).map_or(1, |image| image.frames);
-            let each = if is_one(&header) { costs::OPENING_MOSAIC } else { costs::OPENING_FRAME };
+            let each = if is_one(&header) { OPENING_MOSAIC } else { costs::OPENING_FRAME };
             Recognition::Image { series: header.series_uid, frames, opening_bytes: u64::from(frames) * each }
         }
         Ok(header) => Recognition::NoImage(Obstacle::NoPixels { object: header.kind() }),
@@ -156,7 +159,7 @@ fn add_frame<'s>(
     file: usize,
     header: &DicomHeader,
     image: Option<&Image>,
-    mosaic: Option<&Found>,
+    mosaic: Option<&MosaicLayout>,
     frame: &FrameGeometry,
     obstacle: Option<&ImageFault>,
 ) -> &'s mut Shared {

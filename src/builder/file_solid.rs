@@ -6,18 +6,16 @@ use super::{BuildError, BuildOptions, BuildReport, Progress, Solid, build_solid}
 use crate::budget::MemoryCap;
 
 /// A solid that was made of files, and what that took.
-pub(crate) struct Made<'a> {
+pub(crate) struct FileSolid<'a> {
     pub(crate) solid: Box<dyn Solid + 'a>,
-    /// Memory that it holds.
     pub(crate) held_bytes: u64,
-    /// Bytes of its scratch files.
     pub(crate) scratch_bytes: u64,
     /// Seconds of reading files, and of all that came before the build, that included.
     pub(crate) reading_s: f64,
     pub(crate) making_s: f64,
 }
 
-impl Made<'_> {
+impl FileSolid<'_> {
     /// Builds its model.
     ///
     /// # Errors
@@ -28,7 +26,7 @@ impl Made<'_> {
         output: &Path,
         progress: &dyn Progress,
     ) -> Result<BuildReport, BuildError> {
-        // In a share nobody else counts what the solid holds.
+        // In a share the memory of the solid is counted here only.
         let (memory, held) = match options.memory {
             MemoryCap::Share(bytes) => {
                 (MemoryCap::Share(bytes.saturating_sub(self.held_bytes)), self.held_bytes)
