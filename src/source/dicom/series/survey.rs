@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
-use super::mosaic::{Found, is_one, look};
+use super::mosaic::{MosaicLayout, is_one, look};
 use crate::budget::costs;
 use crate::facts::dicom::{DicomNote, ImageFault, Obstacle, ScanError};
 use crate::source::dicom::image::describe::{Access, Image, Storage};
@@ -156,7 +156,7 @@ fn add_frame<'s>(
     file: usize,
     header: &DicomHeader,
     image: Option<&Image>,
-    mosaic: Option<&Found>,
+    mosaic: Option<&MosaicLayout>,
     frame: &FrameGeometry,
     obstacle: Option<&ImageFault>,
 ) -> &'s mut Shared {
