@@ -12,7 +12,7 @@ pub struct OpenOptions {
     pub raw: Option<RawOptions>,
     /// Treatment of missing slices of a series.
     pub gaps: GapPolicy,
-    /// Which of several volumes [`fn@crate::catalogue::open`] takes, counted from 1 over all volumes of a [`Catalogue`](crate::catalogue::Catalogue)
+    /// Which of several volumes [`fn@crate::discovery::open`] takes, counted from 1 over all volumes of a [`Catalogue`](crate::discovery::Catalogue)
     /// in its order, refused ones included; the largest if none is chosen.
     pub volume: Option<usize>,
     /// A folder (canonical) that is not searched: that of the results.

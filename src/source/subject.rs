@@ -6,7 +6,7 @@ use crate::volume::VolumeSource;
 
 /// Everything that a model can be built of.
 ///
-/// Opened by [`Subject::open`], or found by a [`Catalogue`](crate::catalogue::Catalogue).
+/// Opened by [`Subject::open`], or found by a [`Catalogue`](crate::discovery::Catalogue).
 #[derive(Debug)]
 pub enum Subject {
     /// A volume, not prepared yet.

@@ -229,7 +229,7 @@ pub trait VolumeSource: Send + Sync {
     ///
     /// # Errors
     /// [`Fault::ChangedInUse`](crate::facts::Fault::ChangedInUse) with the first file that is not. What comes from
-    /// [`catalogue::open`](fn@crate::catalogue::open) notices; a volume opened otherwise does not.
+    /// [`discovery::open`](fn@crate::discovery::open) notices; a volume opened otherwise does not.
     fn check_unchanged(&self) -> Result {
         Ok(())
     }

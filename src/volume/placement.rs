@@ -63,7 +63,7 @@ pub(crate) fn place(
             misuse: Misuse::Spacing { by },
         });
     }
-    Ok(InfoOverride::new(source, info))
+    Ok(InfoOverride::boxed(source, info))
 }
 
 fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {

@@ -172,7 +172,7 @@ pub(crate) struct InfoOverride {
 
 impl InfoOverride {
     /// The same samples, with the facts in `info`.
-    pub(crate) fn new(source: Box<dyn VolumeSource>, info: VolumeInfo) -> Box<dyn VolumeSource> {
+    pub(crate) fn boxed(source: Box<dyn VolumeSource>, info: VolumeInfo) -> Box<dyn VolumeSource> {
         Box::new(Self { source, info })
     }
 
@@ -180,7 +180,7 @@ impl InfoOverride {
     pub(crate) fn with_note(source: Box<dyn VolumeSource>, note: Note) -> Box<dyn VolumeSource> {
         let mut info = source.info().clone();
         info.notes.push(note);
-        Self::new(source, info)
+        Self::boxed(source, info)
     }
 }
 
@@ -267,7 +267,7 @@ mod tests {
         let between = vec![(0, 0.0), (0, 0.5), (1, 0.0)];
         let all: [(Box<dyn VolumeSource>, u64); 4] = [
             (GapFill::between(scan(), between, Note::WhiteIsZero), 64 << 10),
-            (InfoOverride::new(scan(), info.clone()), 0),
+            (InfoOverride::boxed(scan(), info.clone()), 0),
             (Box::new(Crop::new(scan(), whole).unwrap()), 0),
             (Box::new(Downsample::new(scan(), 2).unwrap()), 64 << 10),
         ];

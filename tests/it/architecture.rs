@@ -30,7 +30,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
     ("source", &["budget", "codec", "cpu", "exit", "facts", "geom", "mark", "progress", "scratch", "volume"]),
     ("synthetic", &["facts", "geom", "volume"]),
     (
-        "catalogue",
+        "discovery",
         &[
             "budget",
             "csg",
@@ -74,7 +74,7 @@ const MAY_SEE: &[(&str, &[&str])] = &[
             "atomic",
             "budget",
             "builder",
-            "catalogue",
+            "discovery",
             "clean",
             "codec",
             "intersect",

@@ -10,8 +10,8 @@ use infobyte::builder::{
     BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build_volume as build,
     smallest_share,
 };
-use infobyte::catalogue;
 use infobyte::clean::{CleanError, CleanOptions, SizeLimit};
+use infobyte::discovery;
 use infobyte::format::{Channel, Channels};
 use infobyte::source::OpenOptions;
 use infobyte::volume::{ScalarType, SourceError, VolumeSource, Workspace};
@@ -165,7 +165,7 @@ fn unrolling_allocates_no_more_than_is_stated_and_one_byte_less_is_refused() {
     }
     formats::pngs(&object, &at("png"));
     for name in ["v.nii.gz", "v.nrrd", "5.tif", "8.tif", "png"] {
-        let mut source = catalogue::open_unprepared(&[at(name)], &OpenOptions::default()).unwrap();
+        let mut source = discovery::open_unprepared(&[at(name)], &OpenOptions::default()).unwrap();
         let needed = source.preparation().memory_bytes;
         assert!(needed > 0, "{name} is read in place");
         let workspace =

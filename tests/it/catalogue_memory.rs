@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use infobyte::catalogue::Catalogue;
+use infobyte::discovery::Catalogue;
 use infobyte::source::OpenOptions;
 
 use crate::common::{counting, dicom};

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use infobyte::budget::{Budget, current_rss_bytes, peak_rss_bytes};
-use infobyte::catalogue::Catalogue;
+use infobyte::discovery::Catalogue;
 use infobyte::progress::Silent;
 use infobyte::source::{OpenOptions, Subject};
 use infobyte::volume::Workspace;

@@ -113,7 +113,7 @@ fn a_filled_slice_lies_half_way_between_its_neighbours() {
     let read = |gaps, z| {
         let options = infobyte::source::OpenOptions { gaps, ..Default::default() };
         let inputs = [folder.path().to_path_buf()];
-        let volume = infobyte::catalogue::open(&inputs, &options).unwrap();
+        let volume = infobyte::discovery::open(&inputs, &options).unwrap();
         let dims = volume.info().dims;
         assert_eq!(dims.to_array(), [24, 20, 9]);
         let mut out = vec![0; 24 * 20];

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use infobyte::catalogue::open_unprepared;
+use infobyte::discovery::open_unprepared;
 use infobyte::facts::sentences;
 use infobyte::source::OpenOptions;
 

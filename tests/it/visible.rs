@@ -192,7 +192,7 @@ fn heads_lose_inner_walls_and_no_first_hit() {
     let mut subjects: Vec<(Box<dyn VolumeSource>, f64)> =
         vec![(synthetic::open(Path::new("synthetic:head@96")).unwrap(), -300.0)];
     if let Some(path) = data::real_data("ct-philips-28") {
-        let source = infobyte::catalogue::open(&[path], &infobyte::source::OpenOptions::default()).unwrap();
+        let source = infobyte::discovery::open(&[path], &infobyte::source::OpenOptions::default()).unwrap();
         subjects.push((source, -300.0));
     }
     for (source, iso) in &subjects {

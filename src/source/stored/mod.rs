@@ -80,14 +80,14 @@ pub(super) struct StoredVolume {
 
 /// The two ways to the samples.
 enum Data {
-    DirectSamples(DirectSamples),
+    Direct(DirectSamples),
     Sequential { recipe: Box<dyn Unroll>, spool: Option<Spool> },
 }
 
 impl StoredVolume {
     /// A volume that is read by position.
-    pub(super) fn direct(info: VolumeInfo, placed: DirectSamples) -> Self {
-        Self { info, data: Data::Direct(placed) }
+    pub(super) fn direct(info: VolumeInfo, samples: DirectSamples) -> Self {
+        Self { info, data: Data::Direct(samples) }
     }
 
     /// A volume that is unrolled first.
@@ -113,7 +113,7 @@ impl VolumeSource for StoredVolume {
 
     fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
         match &self.data {
-            Data::Direct(placed) => placed.files.list().for_each(each),
+            Data::Direct(samples) => samples.files.list().for_each(each),
             Data::Sequential { recipe, .. } => recipe.files().for_each(each),
         }
     }
@@ -146,7 +146,7 @@ impl VolumeSource for StoredVolume {
 
     fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         match &self.data {
-            Data::Direct(placed) => placed.read_rows(&self.info, z, rows, cols, out),
+            Data::Direct(samples) => samples.read_rows(&self.info, z, rows, cols, out),
             Data::Sequential { recipe, spool } => check_request(&self.info, z, &rows, &cols, out.len())
                 .and_then(|()| match spool {
                     Some(spool) => spool.read_rows(z, &rows, &cols, out),
@@ -165,7 +165,7 @@ impl VolumeSource for StoredVolume {
         out: &mut [u8],
     ) -> Result {
         match &self.data {
-            Data::Direct(placed) => placed.read_pitched(&self.info, z, rows, cols, pitch, out),
+            Data::Direct(samples) => samples.read_pitched(&self.info, z, rows, cols, pitch, out),
             Data::Sequential { .. } => row_by_row(self, z, rows, cols, pitch, out),
         }
     }

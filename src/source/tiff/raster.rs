@@ -167,7 +167,7 @@ impl Raster {
     }
 
     /// Offset of the pixels where they lie as they are, row after row.
-    pub(super) fn direct(&self, tiff: &Tiff<'_>) -> io::Result<Option<u64>> {
+    pub(super) fn placed(&self, tiff: &Tiff<'_>) -> io::Result<Option<u64>> {
         let strips = self.height.div_ceil(self.chunk[1]);
         if self.packed() || (self.tiled && self.chunk[0] != self.width) {
             return Ok(None);

@@ -6,7 +6,7 @@ use crate::common::dicom;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use infobyte::catalogue::{Catalogue, open_unprepared as open};
+use infobyte::discovery::{Catalogue, open_unprepared as open};
 use infobyte::facts::sentences;
 use infobyte::source::{Finding, GapPolicy, OpenOptions};
 use infobyte::volume::{ScalarType, SourceError, VolumeSource};

@@ -2,7 +2,7 @@
 //! strings: damaged, truncated and lying files yield a sentence. And a sound series of a thousand
 //! slices is held in a few hundred KiB.
 
-use infobyte::catalogue::open_unprepared as open;
+use infobyte::discovery::open_unprepared as open;
 use infobyte::source::OpenOptions;
 use infobyte::source::dicom::{Access, DicomHeader, Image as Judged, ScanError, scan};
 

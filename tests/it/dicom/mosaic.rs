@@ -7,7 +7,7 @@ use std::ops::Deref;
 use std::path::Path;
 
 use infobyte::budget::Budget;
-use infobyte::catalogue::{Catalogue, open_unprepared as open};
+use infobyte::discovery::{Catalogue, open_unprepared as open};
 use infobyte::facts::sentences;
 use infobyte::progress::Silent;
 use infobyte::source::{Finding, OpenOptions};

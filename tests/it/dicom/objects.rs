@@ -4,7 +4,7 @@
 
 use std::fs;
 
-use infobyte::catalogue::Catalogue;
+use infobyte::discovery::Catalogue;
 use infobyte::facts::sentences;
 use infobyte::source::{Finding, OpenOptions};
 use infobyte::volume::VolumeSource;

@@ -8,7 +8,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use infobyte::budget::Budget;
-use infobyte::catalogue::{Catalogue, open_unprepared as open};
+use infobyte::discovery::{Catalogue, open_unprepared as open};
 use infobyte::facts::sentences;
 use infobyte::progress::Silent;
 use infobyte::source::dicom::{Access, Image, ScanError, scan};

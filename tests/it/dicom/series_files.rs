@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use infobyte::catalogue::open_unprepared as open;
+use infobyte::discovery::open_unprepared as open;
 use infobyte::facts::sentences;
 use infobyte::geom::{Dims, Orientation};
 use infobyte::source::{OpenOptions, RawOptions, RawVolume};

@@ -4,7 +4,7 @@
 
 use std::fs;
 
-use infobyte::catalogue::open_unprepared as open;
+use infobyte::discovery::open_unprepared as open;
 use infobyte::facts::sentences;
 use infobyte::source::{GapPolicy, OpenOptions};
 use infobyte::volume::{SourceError, VolumeSource};

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use infobyte::budget::{Budget, current_rss_bytes, peak_rss_bytes};
-use infobyte::catalogue::open_unprepared as open;
+use infobyte::discovery::open_unprepared as open;
 use infobyte::progress::Silent;
 use infobyte::source::OpenOptions;
 use infobyte::volume::{ScalarType, Workspace};

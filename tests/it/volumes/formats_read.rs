@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use infobyte::budget::Budget;
-use infobyte::catalogue::{Catalogue, open_unprepared as open};
+use infobyte::discovery::{Catalogue, open_unprepared as open};
 use infobyte::facts::sentences;
 use infobyte::format::{Channel, SectionKind};
 use infobyte::load::Model;

@@ -4,7 +4,7 @@
 use std::fs;
 
 use infobyte::ExitKind;
-use infobyte::catalogue::open_unprepared as open;
+use infobyte::discovery::open_unprepared as open;
 use infobyte::geom::{Dims, Orientation};
 use infobyte::source::{OpenOptions, RawOptions, RawVolume};
 use infobyte::volume::{Endian, ScalarType, SourceError, VolumeSource};

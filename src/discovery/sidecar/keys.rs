@@ -17,7 +17,7 @@ const NAMED: (usize, usize) = (4, 40);
 /// The contents of a side-car, key by key; values are judged when they are asked for.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::catalogue) struct Keys {
+pub(in crate::discovery) struct Keys {
     dims: Entry<Numbers>,
     dtype: Entry<String>,
     spacing: Entry<Numbers>,
@@ -95,12 +95,12 @@ impl Keys {
     }
 
     /// Do they describe raw data?
-    pub(in crate::catalogue) fn describe_raw(&self) -> bool {
+    pub(in crate::discovery) fn describe_raw(&self) -> bool {
         self.dims.is_stated() && self.dtype.is_stated()
     }
 
     /// Which key they lack to describe raw data, if they have the other one.
-    pub(in crate::catalogue) fn lacks(&self) -> Option<&'static str> {
+    pub(in crate::discovery) fn lacks(&self) -> Option<&'static str> {
         match (self.dims.is_stated(), self.dtype.is_stated()) {
             (true, false) => Some("dtype"),
             (false, true) => Some("dims"),
@@ -109,7 +109,7 @@ impl Keys {
     }
 
     /// Do they say where data lies?
-    pub(in crate::catalogue) fn place(&self) -> bool {
+    pub(in crate::discovery) fn place(&self) -> bool {
         self.spacing.is_stated() || self.spacing_mm.is_stated() || self.orientation.is_stated()
     }
 
@@ -139,12 +139,12 @@ impl Keys {
     }
 
     /// Name of the data, where it is stated: one that cannot lead out of the folder.
-    pub(in crate::catalogue) fn file(&self) -> Result<Option<String>, SideCarFault> {
+    pub(in crate::discovery) fn file(&self) -> Result<Option<String>, SideCarFault> {
         self.file.meaning(|name| is_plain(name).then(|| name.clone()), SideCarFault::File)
     }
 
     /// Spacing and orientation, as far as they are stated.
-    pub(in crate::catalogue) fn placement(&self) -> Result<Placement, SideCarFault> {
+    pub(in crate::discovery) fn placement(&self) -> Result<Placement, SideCarFault> {
         let positive = |numbers: &Numbers| numbers.three().filter(|s| s.iter().all(|v| *v > 0.0));
         let spacing_mm = match (&self.spacing, &self.spacing_mm) {
             (Entry::Missing, one) => one.meaning(positive, SideCarFault::Spacing)?,
@@ -163,7 +163,7 @@ impl Keys {
     }
 
     /// The first keys that are not known.
-    pub(in crate::catalogue) fn unknown(&self, known: &[&str]) -> Vec<String> {
+    pub(in crate::discovery) fn unknown(&self, known: &[&str]) -> Vec<String> {
         let raw = [
             ("dims", self.dims.is_stated()),
             ("dtype", self.dtype.is_stated()),

@@ -279,7 +279,7 @@ pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalogue::Catalogue;
+    use crate::discovery::Catalogue;
     use crate::facts::NotVolume;
     use crate::source::{Finding, OpenOptions};
     use crate::volume::{Endian, ScalarType};

@@ -129,11 +129,11 @@ pub fn open_unprepared_in(
 
 impl Subject {
     /// Opens what lies at some paths, by its content: a mesh where all are files of meshes, the tree of a single text,
-    /// and a volume otherwise, as [`catalogue::open_unprepared`](super::open_unprepared) does. Meshes and trees are not
+    /// and a volume otherwise, as [`discovery::open_unprepared`](super::open_unprepared) does. Meshes and trees are not
     /// read yet.
     ///
     /// # Errors
-    /// As [`catalogue::open_unprepared`](super::open_unprepared); [`Misuse::SeveralTrees`].
+    /// As [`discovery::open_unprepared`](super::open_unprepared); [`Misuse::SeveralTrees`].
     pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self> {
         // A stated layout is believed.
         let kind = if options.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(inputs) };
@@ -300,7 +300,7 @@ impl Chooser {
         let mut info = source.info().clone();
         notes.append(&mut info.notes);
         info.notes = notes;
-        Ok(InfoOverride::new(source, info))
+        Ok(InfoOverride::boxed(source, info))
     }
 }
 
