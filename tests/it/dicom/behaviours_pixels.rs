@@ -6,7 +6,7 @@ use crate::common::frames;
 use std::path::Path;
 
 use infobyte::budget::Budget;
-use infobyte::source::dicom::{Access, Image, Obstacle, Origin, StatedPadding, unroll};
+use infobyte::source::dicom::{Access, Image, Obstacle, Origin, PaddingAttributes, unroll};
 use infobyte::volume::{ScalarType, SourceError};
 
 use crate::common::dicom::{Syntax, Writer};
@@ -244,7 +244,7 @@ fn behaviour_13_padding_becomes_background_before_rescale() {
     let unrolled = |file: &[u8]| {
         let header = header_of(file);
         let image = Image::of(&header).unwrap();
-        let padding = image.layout.padding(StatedPadding::Integer(0xf830, None), -1000.0, 1.0, -24.0);
+        let padding = image.layout.padding(PaddingAttributes::Integer(0xf830, None), -1000.0, 1.0, -24.0);
         let mut collected = Collected { padding, ..Collected::default() };
         unroll(file, Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut collected).unwrap();
         words(&collected.frames[0])
@@ -255,7 +255,7 @@ fn behaviour_13_padding_becomes_background_before_rescale() {
     let plain = native(Syntax::ExplicitLe, spec, &bytes16(&values));
     assert_eq!(unrolled(&deflated(&plain, false)), expected);
     let image = Image::of(&header_of(&plain)).unwrap();
-    let padding = image.layout.padding(StatedPadding::Integer(0xf830, None), -1000.0, 1.0, -24.0);
+    let padding = image.layout.padding(PaddingAttributes::Integer(0xf830, None), -1000.0, 1.0, -24.0);
     let mut cells = bytes16(&values);
     image.layout.decode_padded(&mut cells, padding);
     assert_eq!(words(&cells), expected);
