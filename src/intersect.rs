@@ -173,13 +173,12 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::{Dims, morton};
+    use crate::geom::Dims;
     use crate::load::MemoryTree;
     use crate::random::Random;
 
     fn tree(side: u32, cells: &[[u32; 3]]) -> MemoryTree {
-        let codes: Vec<u64> = cells.iter().map(|[x, y, z]| morton::encode(*x, *y, *z)).collect();
-        MemoryTree::new(Dims::new(side, side, side).unwrap(), &codes).unwrap()
+        MemoryTree::of_cells(Dims::new(side, side, side).unwrap(), cells.iter().copied())
     }
 
     fn moved(by: [f64; 3]) -> Affine {

@@ -78,7 +78,7 @@ impl Blocks {
 /// Gathers fine slices into blocks, and hands on the layers between these.
 #[derive(Debug)]
 pub(super) struct Coarse {
-    /// What blocks are before anything is counted.
+    /// Blocks before anything is counted.
     empty: Blocks,
     now: Blocks,
     /// Fine slices counted in `now`.

@@ -4,7 +4,7 @@
 //! The dual of marching cubes (Nielson 2004): every polygon joins the patches of the four cubes around an edge. It
 //! closes, since these exist wherever the edge changes sides. Two cubes that meet in a face with inside corners on a
 //! diagonal may be joined by the same two vertices twice; then a knot in the face keeps the two joints apart, so that
-//! every edge has two triangles, whatever the samples are (Wenger 2013, section 3.3, names the case).
+//! every edge has two triangles for any samples (Wenger 2013, section 3.3, names the case).
 //!
 //! A sample's side is kept exactly: a polygon stays between the two ends of its edge, and its corners lie
 //! around that edge, so that a line through samples crosses the surface just where they change sides.

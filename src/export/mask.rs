@@ -12,7 +12,7 @@ use crate::geom::{Affine, Dims};
 /// The longest side that a header of NIfTI-1 can state.
 pub(super) const NIFTI_MOST: u32 = 32767;
 
-/// What a mask is written as.
+/// The form of a mask's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum MaskForm {
     /// Samples gzipped behind a header of text.

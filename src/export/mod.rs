@@ -57,7 +57,7 @@ use signs::{Boxes, Signs, signs_of_cells};
 use tint::Lights;
 use write::{Glb, Obj, Ply, Sink, Stl, Vertex};
 
-/// What a model is exported as.
+/// The form of an exported file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -87,7 +87,7 @@ impl ExportForm {
     pub const ALL: [Self; 8] =
         [Self::Stl, Self::Ply, Self::Obj, Self::Glb, Self::Points, Self::Nrrd, Self::Nifti, Self::NiftiGz];
 
-    /// The form that a name's suffix stands for.
+    /// The form by a name's suffix.
     pub fn of(path: &Path) -> Option<Self> {
         let name = path.file_name()?.as_encoded_bytes().to_ascii_lowercase();
         let by_suffix =
@@ -133,7 +133,7 @@ impl ExportForm {
     }
 }
 
-/// What was exported.
+/// Counts of an export.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Exported {
     /// Corners of triangles, or points.
@@ -190,10 +190,10 @@ pub(crate) struct Exporter<'a> {
     pub(crate) give_back: &'a dyn Fn(),
 }
 
-/// What is made of the samples.
+/// The product of the samples.
 #[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum Product<'a> {
-    /// Of the samples, or of blocks of them.
+    /// Made of the samples, or of blocks of them.
     Mesh(Mesher<'a>, Option<Coarse>),
     Mask(Mask),
 }
@@ -242,7 +242,7 @@ impl Exporter<'_> {
         self.view.cells().is_some()
     }
 
-    /// What turns colours into light, if the model has colours.
+    /// The table from colours to light, if the model has colours.
     fn lights(&self) -> Option<Lights> {
         self.view.voxel_color(VoxelIndex::new(0)).map(|_| Lights::new())
     }
@@ -426,7 +426,7 @@ impl Exporter<'_> {
     }
 }
 
-/// What the next slice needs of those before.
+/// The state between two slices.
 #[derive(Default)]
 struct Samples {
     /// If the model has colours.

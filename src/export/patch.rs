@@ -23,9 +23,9 @@ pub(super) struct Spot {
     pub(super) light: Light,
 }
 
-/// Tells where patches lie.
+/// Finds where patches lie.
 pub(super) trait Spots {
-    /// The point of a patch that stands for it.
+    /// The point where a patch has its vertex.
     fn spot(&self, place: Patch) -> Spot;
 }
 
@@ -44,11 +44,11 @@ pub(super) struct Patch {
     pub(super) patch: u8,
 }
 
-/// What a model says of the surface in a layer of cubes.
+/// The surface of a model in a layer of cubes.
 pub(super) struct Layer<'a> {
     pub(super) view: &'a ModelView<'a>,
     pub(super) space: &'a GridSpace,
-    /// Of voxels, those of the slices below and above; of cells, the slice itself.
+    /// For voxels the slices below and above; for cells the slice itself.
     pub(super) boxes: [&'a Boxes; 2],
     /// If the model has colours.
     pub(super) lights: Option<&'a Lights>,

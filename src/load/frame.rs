@@ -78,7 +78,7 @@ impl Frame {
         })
     }
 
-    /// What the boxes of the finest level are.
+    /// The kind of the boxes of the finest level.
     pub fn surface(&self) -> SurfaceKind {
         self.header.surface
     }

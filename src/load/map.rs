@@ -15,7 +15,7 @@ pub struct Mapping {
     then: FileIdentity,
 }
 
-/// What tells that a file was written to: its size and its time of change.
+/// Changes when a file is written to: its size and its time of change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FileIdentity {
     bytes: u64,
@@ -47,7 +47,7 @@ impl Mapping {
         // never writing to a finished `.oct`: every output is a new file that replaces the old name by
         // rename, so a mapped file keeps its own unchanged bytes. Other programs are asked by the
         // specification (SPEC 7) to do the same; if one does not, no reference with an invariant
-        // beyond "any byte" is ever made from the mapping, [`Mapping::is_unchanged`] tells of it, and a
+        // beyond "any byte" is ever made from the mapping, [`Mapping::is_unchanged`] reports it, and a
         // file cut short raises a bus error, as every mapping of a file does: the command ends with a
         // sentence then.
         let map = unsafe { memmap2::Mmap::map(&file)? };

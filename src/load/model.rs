@@ -49,7 +49,7 @@ impl Model<Mapping> {
         let open = || -> Result<Self, Fault> {
             let file = open_regular(path)?;
             let then = FileIdentity::of(&file)?;
-            // Through ordinary reads, so that a file that is no model is never mapped.
+            // By ordinary reads, so that only models are mapped.
             let frame = Frame::read(&file)?;
             frame.refuse_packed()?;
             Self::assemble(Mapping::since(file, then)?, frame).map_err(Fault::from)
@@ -96,7 +96,7 @@ impl Model<Vec<u8>> {
         let read = || -> Result<Option<Self>, Fault> {
             let file = open_regular(path)?;
             let then = FileIdentity::of(&file)?;
-            // So that a file that is no model is not read.
+            // So that only models are read whole.
             let frame = Frame::read(&file)?;
             frame.refuse_packed()?;
             let mut bytes = Vec::new();

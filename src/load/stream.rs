@@ -45,7 +45,7 @@ impl ReadAt for [u8] {
     }
 }
 
-/// What stops a reader that does not know the file's name.
+/// The error of a reader that does not know the file's name.
 #[derive(Debug)]
 pub enum Fault {
     /// The system refused.
@@ -113,7 +113,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(&self.buffer[from..])
     }
 
-    /// As [`Cursor::next_part`], but at most `most` bytes.
+    /// [`Cursor::next_part`] of at most `most` bytes.
     ///
     /// # Errors
     /// Reading failed, or nothing is left.

@@ -48,7 +48,7 @@ pub(crate) struct Sky {
     turned: Vec<Vec<[f64; 3]>>,
 }
 
-/// What a worker keeps from pixel to pixel.
+/// The memory of a worker, from pixel to pixel.
 pub(super) struct Lot {
     batch: Batch,
     rays: Vec<Ray>,
@@ -214,7 +214,7 @@ pub(crate) fn tangents(normal: [f64; 3]) -> [[f64; 3]; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::{Affine, Dims, morton};
+    use crate::geom::{Affine, Dims};
     use crate::load::MemoryTree;
     use crate::render::leave::REACH;
     use crate::render::picture::{Canvas, Traversal, paint};
@@ -249,12 +249,9 @@ mod tests {
         let picture = |wall: u32, ambient_rays, threads| {
             let around = |c: u32| (10..22).contains(&c);
             let edge = |x: u32, y: u32| around(x) && around(y) && [x, y].iter().any(|c| *c == 10 || *c == 21);
-            let codes: Vec<u64> = (0..32_u32 * 32 * 32)
-                .map(|i| [i % 32, i / 32 % 32, i / 1024])
-                .filter(|[x, y, z]| *z == 4 || (edge(*x, *y) && (5..5 + wall).contains(z)))
-                .map(|[x, y, z]| morton::encode(x, y, z))
-                .collect();
-            let tree = MemoryTree::new(dims, &codes).unwrap();
+            let all = (0..32_u32 * 32 * 32).map(|i| [i % 32, i / 32 % 32, i / 1024]);
+            let is_skin = |[x, y, z]: &[u32; 3]| *z == 4 || (edge(*x, *y) && (5..5 + wall).contains(z));
+            let tree = MemoryTree::of_cells(dims, all.filter(is_skin));
             let space = space(32);
             let support = |direction| space.support(&tree.view(), direction);
             let top = ViewPoint::Named(NamedView::Top);
@@ -284,8 +281,8 @@ mod tests {
         assert!(plain.iter().zip(&dark).all(|(plain, dark)| dark <= plain));
     }
 
-    /// Of a million rays out of a ball none meets the box that it comes from, nor those next to it, nor any that it
-    /// rises from steeply.
+    /// A million rays out of a ball: none meets the box that it comes from, nor those next to it, nor any that it rises
+    /// from steeply.
     #[test]
     fn no_ray_of_a_ball_meets_where_it_comes_from() {
         let side = 64_u32;
@@ -294,19 +291,12 @@ mod tests {
             let d = c.map(|c| f64::from(c) + 0.5 - middle);
             dot(d, d) <= 24.0 * 24.0
         };
-        let mut codes = vec![];
-        for i in 0..side * side * side {
-            let c = [i % side, i / side % side, i / side / side];
-            let open = (0..27_u32).any(|n| {
-                let next: [u32; 3] =
-                    [c[0] + n % 3, c[1] + n / 3 % 3, c[2] + n / 9].map(|c| c.wrapping_sub(1));
-                !inside(next)
-            });
-            if inside(c) && open {
-                codes.push(morton::encode(c[0], c[1], c[2]));
-            }
-        }
-        let tree = MemoryTree::new(Dims::new(side, side, side).unwrap(), &codes).unwrap();
+        let all = (0..side * side * side).map(|i| [i % side, i / side % side, i / side / side]);
+        let is_skin = |c: &[u32; 3]| {
+            let next = |n: u32| [c[0] + n % 3, c[1] + n / 3 % 3, c[2] + n / 9].map(|c| c.wrapping_sub(1));
+            inside(*c) && (0..27).any(|n| !inside(next(n)))
+        };
+        let tree = MemoryTree::of_cells(Dims::new(side, side, side).unwrap(), all.filter(is_skin));
         let (space, sky) = (space(side), Sky::new(256));
         let (mut rays, mut met) = (0_u32, 0_u32);
         for at in 0..4096_usize {

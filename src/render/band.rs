@@ -56,7 +56,7 @@ enum Normal {
     Awaited(u8),
 }
 
-/// What a worker keeps from one pixel to the next.
+/// The memory of a worker, from one pixel to the next.
 struct WorkerState {
     around: Surroundings,
     stored: Stored,
@@ -208,7 +208,7 @@ impl<S: Surface> Painter<'_, S> {
         });
     }
 
-    /// What the hits of a tile are lit by; and the pixels whose normals look towards the eye, since no normal in the
+    /// The normals and openness of a tile's hits; and the pixels whose normals look towards the eye, since no normal in the
     /// frame of the boxes does that.
     fn lit(&self, kept: &mut WorkerState, corner: [usize; 2], seen: &[PixelHit]) -> (Lit, u64) {
         let width = self.canvas.width as usize;

@@ -13,7 +13,7 @@
 //! choose: box -> node (fetch) --> find: first child (fetch) --> look: intersected & occupied --> choose
 //! ```
 //!
-//! What was tried, in M rays/s of one thread on the 1024^3 phantom of `docs/MEASURED.md` (skin, AMD EPYC with AVX2; the
+//! Alternatives, in M rays/s of one thread on the 1024^3 phantom of `docs/MEASURED.md` (skin, AMD EPYC with AVX2; the
 //! best of several runs, which differ by a third; random rays come from outside):
 //!
 //! | form | random, first hit | random, any | ambient occlusion, first hit | any |
@@ -72,7 +72,7 @@ impl Batch {
     /// First hits of rays: those of [`super::traverse::first_hit_sealed`], for every form.
     ///
     /// The rays must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells count as
-    /// surface. Any view is safe, whatever it answers.
+    /// surface. Any view is safe, right or wrong.
     pub fn nearest<S: Surface>(
         &mut self,
         view: &ModelView<'_>,
@@ -190,7 +190,7 @@ const KNOWN: usize = 256;
 /// Bricks that rays looked at before, by their nodes.
 #[derive(Clone, Debug)]
 struct Bricks {
-    /// Of this call: nodes of another one may be of another view.
+    /// The present call: another one may be for another view.
     call: u64,
     known: Box<[Brick; KNOWN]>,
 }

@@ -67,33 +67,25 @@ impl NamedView {
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Front => "front",
-            Self::Back => "back",
-            Self::Left => "left",
-            Self::Right => "right",
-            Self::Top => "top",
-            Self::Bottom => "bottom",
-            Self::Iso => "iso",
-        }
+        self.row().0
     }
 
     /// The world direction that it looks along.
     pub fn looks_along(self) -> [f64; 3] {
-        self.forward_and_up().0
+        self.row().1
     }
 
-    /// World directions that it looks along and has at the top (not yet at right angles for iso).
-    fn forward_and_up(self) -> ([f64; 3], [f64; 3]) {
+    /// Its name, and the world directions that it looks along and has at the top (not yet at right angles for iso).
+    fn row(self) -> (&'static str, [f64; 3], [f64; 3]) {
         let head = [0.0, 0.0, 1.0];
         match self {
-            Self::Front => ([0.0, 1.0, 0.0], head),
-            Self::Back => ([0.0, -1.0, 0.0], head),
-            Self::Left => ([-1.0, 0.0, 0.0], head),
-            Self::Right => ([1.0, 0.0, 0.0], head),
-            Self::Top => ([0.0, 0.0, -1.0], [0.0, 1.0, 0.0]),
-            Self::Bottom => ([0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
-            Self::Iso => ([-0.55, 0.75, -0.38], head),
+            Self::Front => ("front", [0.0, 1.0, 0.0], head),
+            Self::Back => ("back", [0.0, -1.0, 0.0], head),
+            Self::Left => ("left", [-1.0, 0.0, 0.0], head),
+            Self::Right => ("right", [1.0, 0.0, 0.0], head),
+            Self::Top => ("top", [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]),
+            Self::Bottom => ("bottom", [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
+            Self::Iso => ("iso", [-0.55, 0.75, -0.38], head),
         }
     }
 }
@@ -176,7 +168,7 @@ impl Camera {
         let tangent = tan_deg(fov_deg / 2.0);
         match point {
             ViewPoint::Named(view) => {
-                let (forward, up) = view.forward_and_up();
+                let (_, forward, up) = view.row();
                 let axes = Axes::new(forward, up)?;
                 Ok(match projection {
                     Projection::Parallel => Self::framed_parallel(axes, aspect, support),
@@ -187,7 +179,7 @@ impl Camera {
                 if !degrees.is_finite() {
                     return Err(CameraFault::NotFinite.into());
                 }
-                let (forward, up) = view.forward_and_up();
+                let (_, forward, up) = view.row();
                 let axes = Axes::new(turned(forward, degrees), turned(up, degrees))?;
                 Ok(Self::around(axes, projection, fov_deg, aspect, support))
             }

@@ -9,7 +9,7 @@
 //! The time of a crossing within is one division of two integers that doubles hold exactly; it is off by less
 //! than 2^-36 cell along the ray in the largest grid.
 //!
-//! Along a ray the interpolation of corners is a cubic. Most rays are told at a glance, by its values at the points of
+//! Along a ray the interpolation of corners is a cubic. Most rays are decided at a glance, by its values at the points of
 //! entry and exit and its Bernstein coefficients. Else it is followed in doubles by operations in a fixed order: every
 //! form and machine finds the same. On a face whose corners are all inside it is at least 1, so rounding opens no gap.
 
@@ -44,7 +44,7 @@ impl<'a> Cells<'a> {
 
     /// Outward direction in index space, of any length, at a point of a cell in its own coordinates (-1..=1).
     ///
-    /// Of a cell with corners its stored direction, which is smooth, as long as it is near to the surface's own at
+    /// For a cell with corners its stored direction, which is smooth, as long as it is near to the surface's own at
     /// that point; there may be two surfaces in the cell.
     pub fn normal(&self, cell: u64, u: [f64; 3]) -> [f64; 3] {
         let stored = self.items.normal(cell).map(f64::from);
@@ -183,7 +183,7 @@ pub(super) fn meet_plane(plane: &Plane, ray: &Ray, passage: &Passage) -> Option<
 /// exit are off by less than 2^-20 of the cell, and values change by 381 over it at most.
 const SURELY: f64 = 0.01;
 
-/// What can be said of a cell with corners at a glance.
+/// A quick answer about a cell with corners.
 #[inline(never)]
 fn look_at_corners(corners: [i8; CORNERS], glance: &Glance) -> Estimate {
     let mirror = glance.approach.mirror as usize & (CORNERS - 1);

@@ -96,7 +96,7 @@ impl Image {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Ids)
     }
 
-    /// As [`Image::write_png`] and its like, to a file begun before.
+    /// Writes a layer to a file begun before.
     pub(crate) fn write_layer_to(&self, file: ImageFile, layer: PngLayer) -> Result<(), RenderError> {
         let mut rows = PngRows::begin(file, layer, [self.width, self.height])?;
         rows.put(self)?;

@@ -127,7 +127,7 @@ macro_rules! bit_manipulation {
         }
         #[inline(always)]
         fn prefetch(self, bytes: &[u8]) {
-            // SAFETY: see the top of this file; nothing is read, whatever the address.
+            // SAFETY: see the top of this file; nothing is read, and any address is allowed.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(bytes.as_ptr().cast()) }
         }
     };
@@ -148,7 +148,7 @@ macro_rules! both {
 macro_rules! inlined {
     ($(fn $name:ident($self:ident $(, $argument:ident: $t:ty)*) -> $out:ty { $body:expr })*) => {$(
         #[inline(always)]
-        #[expect(clippy::macro_metavars_in_unsafe, reason = "the expressions stand in this file, in `inlined!`")]
+        #[allow(clippy::macro_metavars_in_unsafe, reason = "the expressions stand in this file only")]
         fn $name($self $(, $argument: $t)*) -> $out {
             // SAFETY: see the top of this file; loads and stores are of whole arrays.
             unsafe { $body }

@@ -34,7 +34,7 @@ impl MirroredRay {
         let (mut origin, mut direction) = (ray.origin(), ray.direction());
         let mut mirror = 0;
         for a in 0..3 {
-            // Nobody can predict the signs of rays without neighbours: -1 or 0 instead of a branch.
+            // The signs of rays without neighbours cannot be predicted: -1 or 0 instead of a branch.
             let back = direction[a] >> 63;
             origin[a] = (origin[a] ^ back).wrapping_sub(back).wrapping_add(far & back);
             direction[a] = (direction[a] ^ back).wrapping_sub(back);

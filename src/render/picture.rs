@@ -34,7 +34,7 @@ const WORKER_STACK_BYTES: usize = 4 << 20;
 const MAX_SIDE: u32 = 32_768;
 const MAX_PIXELS: u64 = 1 << 28;
 
-/// What to paint besides the camera.
+/// The settings of a picture besides the camera.
 #[derive(Clone, Copy, Debug)]
 pub struct Canvas {
     /// Pixels in a row.
@@ -55,15 +55,15 @@ pub struct Canvas {
     pub ids: bool,
     /// Are normals blended between the boxes around a hit?
     pub blended: bool,
-    /// Rays of each pixel that tell how open its surroundings are; 0 for none.
+    /// Rays of each pixel that measure how open its surroundings are; 0 for none.
     pub ambient_rays: u32,
-    /// What a hit is.
+    /// The rays' kind.
     pub traversal: Traversal,
     /// Pixels traced and coloured together, if fewer than usual; never fewer than 8 rows.
     pub most_band_pixels: Option<u32>,
 }
 
-/// What the rays of a picture hit.
+/// The kind of a picture's rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -182,7 +182,7 @@ pub(super) struct Painter<'a, S> {
     pub(super) watch: Watch<'a>,
 }
 
-/// Who is told of a picture's progress.
+/// The receivers of a picture's progress.
 #[derive(Clone, Copy)]
 pub(crate) struct Watch<'a> {
     /// Each time how many more rows are painted.
@@ -216,7 +216,7 @@ impl Openness {
 /// Takes a picture from the top, a part after the other.
 pub(crate) type Taker<'a> = &'a mut (dyn FnMut(&mut Image) -> Result<(), RenderError> + Send);
 
-/// Bytes that [`paint`] takes for a picture of this size with smooth edges, beside the model: the picture,
+/// Bytes that [`paint`] takes for a picture of this size with smooth edges, besides the model: the picture,
 /// a band of hits, edges if a quarter of it is silhouette; and a stack for each thread.
 pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     let pixels = u64::from(width) * u64::from(height);
@@ -224,7 +224,7 @@ pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     4 * pixels + band * size_of::<PixelHit>() as u64 + 2 * pixels + ((threads as u64) << 17)
 }
 
-/// Bytes that [`paint_parts`] takes for such a picture, beside the model and the program: the fewest, in bands of 8 rows.
+/// Bytes that [`paint_parts`] takes for such a picture, besides the model and the program: the fewest, in bands of 8 rows.
 pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
     let row = u64::from(canvas.width).next_multiple_of(TILE as u64);
     let rows = (canvas.band_pixels() as u64 / (row * TILE as u64)).max(1) * TILE as u64;
@@ -254,7 +254,7 @@ pub fn paint(
     paint_watched(view, space, camera, canvas, Watch { rows_done: &|_| {}, between: &|| {} })
 }
 
-/// As [`paint`], watched. With ambient occlusion all rows are done twice.
+/// [`paint`] with progress. With ambient occlusion all rows are done twice.
 pub(crate) fn paint_watched(
     view: &ModelView<'_>,
     space: &GridSpace,
@@ -268,7 +268,7 @@ pub(crate) fn paint_watched(
     Ok((whole, counts))
 }
 
-/// As [`paint_watched`], a part of some rows after the other: the picture is never held as a whole, unless its edges are
+/// [`paint_watched`] in parts, some rows after the other: the picture is never held as a whole, unless its edges are
 /// smooth. While `take` has one part the next is painted, where there are threads enough.
 ///
 /// Memory: 4 MiB for hits or 8 rows of them, whichever is more, and two parts of 2^18 pixels or 8 rows, of all layers.
@@ -298,7 +298,7 @@ fn blank(canvas: &Canvas, rows: u32) -> Image {
     image
 }
 
-/// What is done with a painter.
+/// The work of a painter.
 trait Job {
     type Output: Send;
 
@@ -543,7 +543,7 @@ impl<S: Surface> Painter<'_, S> {
         ray.map_or(Trace { hit: None, steps: 0 }, alone)
     }
 
-    /// What was seen through a point of the picture.
+    /// The hit at a point of the picture.
     #[inline]
     pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> PixelHit {
         self.normals.seen(trace, || self.sight.line(x, y))

@@ -176,7 +176,7 @@ fn random_picture(random: &mut Random, depth: u32) -> Option<(GridSpace, Camera,
     let length = f64::from(side);
     let kind = random.bits();
     let (low, high) = if kind & 1 == 0 { (0.0, length) } else { (-1.5 * length, 2.5 * length) };
-    // A voxel's centre is a whole number in the world, so a grid plane is half a spacing beside.
+    // A voxel's centre is a whole number in the world, so a grid plane is half a spacing off.
     let in_world = |p: [f64; 3]| std::array::from_fn(|a| (p[a] - 0.5) * spacing[a]);
     let mut eye = [0.0; 3].map(|_: f64| random.range(low, high));
     let goal = [0.0; 3].map(|_: f64| random.range(0.0, length));

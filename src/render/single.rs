@@ -59,10 +59,19 @@ pub(super) struct OpenBrick {
     pub(super) low: [u32; 3],
 }
 
+impl OpenBrick {
+    /// The brick at `low`, of which the boxes `near` are to be visited.
+    #[inline(always)]
+    pub(super) fn new(view: &ModelView<'_>, brick: Brick, near: u64, low: [u32; 3]) -> Self {
+        let pending = brick.boxes & near;
+        Self { brick, pending, first: if pending == 0 { 0 } else { brick.first(view) }, low }
+    }
+}
+
 /// First hit of a ray: that of [`super::traverse::first_hit_sealed`], for every form.
 ///
 /// The ray must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells
-/// count as surface. Any view is safe, whatever it answers. [`Trace::steps`] counts the nodes looked at.
+/// count as surface. Any view is safe, right or wrong. [`Trace::steps`] counts the nodes looked at.
 #[inline]
 pub fn trace<S: Surface>(
     form: Form,
@@ -96,7 +105,7 @@ impl<S: Surface> LanesKernel for Single<'_, S> {
 struct Line<L: Lanes> {
     origin: [f64; 3],
     direction: [f64; 3],
-    /// How far a plane's cells are beside its middle, and the half width of their projections, by pair.
+    /// How far a plane's cells are from its middle, and the half width of their projections, by pair.
     slope: [L::F; 3],
     half: [f32; 3],
     /// The box that the ray starts in, if it starts inside the grid.
@@ -129,7 +138,7 @@ impl<L: Lanes> Line<L> {
     }
 }
 
-/// [`trace`] with lanes at hand.
+/// [`trace`] within a kernel.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "estimates within SLACK")]
 pub(crate) fn first_hit<L: Lanes, S: Surface>(
@@ -170,11 +179,7 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
 
     let mirror = exact.mirror;
     let mut edge = top_edge(depth);
-    let brick = if depth.is_multiple_of(2) {
-        Brick::of(lanes, view, 0, mirror)
-    } else {
-        Brick::above_root(view, mirror)
-    };
+    let brick = Brick::top(lanes, view, depth, mirror);
     let low = [0; 3];
     let mut open =
         OpenBrick { brick, pending: brick.boxes & line.intersected(lanes, low, edge), first: 0, low };
@@ -205,8 +210,7 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
         waiting[edge as usize / 2 % BRICK_LEVELS] = open;
         edge = edge.wrapping_sub(2);
         let brick = Brick::of(lanes, view, number, mirror);
-        let pending = brick.boxes & line.intersected(lanes, low, edge);
-        open = OpenBrick { brick, pending, first: if pending == 0 { 0 } else { brick.first(view) }, low };
+        open = OpenBrick::new(view, brick, line.intersected(lanes, low, edge), low);
         trace.steps = trace.steps.wrapping_add(1);
     }
 }

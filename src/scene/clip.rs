@@ -1,4 +1,4 @@
-//! What is cut away from a body: all that is beyond some planes.
+//! Cuts: planes beyond which nothing of a body is left.
 
 use crate::geom::dot;
 
@@ -35,7 +35,7 @@ impl Span {
 }
 
 impl Clip {
-    /// What all of these planes leave.
+    /// The part within all of these planes.
     pub fn new(planes: Vec<CutPlane>) -> Self {
         Self { planes }
     }
@@ -50,7 +50,7 @@ impl Clip {
         &self.planes
     }
 
-    /// What both leave.
+    /// The part within both.
     #[must_use]
     pub fn and(&self, other: &Self) -> Self {
         Self { planes: self.planes.iter().chain(&other.planes).copied().collect() }

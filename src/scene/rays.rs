@@ -7,7 +7,7 @@ use crate::render::add_counts;
 pub struct Rays {
     /// From the eye.
     pub primary: u64,
-    /// Of those, lines that meet a body.
+    /// Lines from the eye that meet a body.
     pub hits: u64,
     /// Towards lights.
     pub shadow: u64,

@@ -38,7 +38,7 @@ impl Branch {
     }
 }
 
-/// What a worker keeps from one point to the next.
+/// The memory of a worker, from one point to the next.
 pub(super) struct Kept {
     around: Vec<Surroundings>,
     waiting: Vec<Branch>,

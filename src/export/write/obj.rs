@@ -9,7 +9,7 @@ use super::{Sink, Vertex, unit};
 pub(in crate::export) struct Obj {
     out: BufWriter<File>,
     normals: bool,
-    /// What is being written, a few lines at most.
+    /// The text to be written next, a few lines at most.
     text: Vec<u8>,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Pixels side by side ask for the same few bricks again and again; so one walk down the octree serves some
 //! hundred of them. Every window lies in eight bricks; those of the last windows are kept as blocks of 8 x 8 x 8 boxes.
-//! Memory: 26 KiB. Cost: some 10 ns where the block is at hand, 40 where the bricks are.
+//! Memory: 26 KiB. Cost: some 10 ns where the block is kept, 40 where only its bricks are.
 
 use crate::geom::{BoxIndex, NodeIndex, Octant};
 use crate::load::{ModelView, NodeView};
@@ -222,8 +222,7 @@ mod tests {
             let count = (side * side * side).div_ceil(3);
             let cells: std::collections::BTreeSet<[u32; 3]> =
                 (0..count).map(|_| [0; 3].map(|_: u32| random.below(side))).collect();
-            let codes: Vec<u64> = cells.iter().map(|c| morton::encode(c[0], c[1], c[2])).collect();
-            let tree = MemoryTree::new(dims, &codes).unwrap();
+            let tree = MemoryTree::of_cells(dims, cells.iter().copied());
             let levels = dims.depth();
             if levels == 0 {
                 continue;

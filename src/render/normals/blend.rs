@@ -99,7 +99,7 @@ pub(crate) fn blended(view: &ModelView<'_>, at: [f64; 3], own: [f64; 3]) -> [f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::{Dims, morton};
+    use crate::geom::Dims;
     use crate::load::MemoryTree;
     use crate::random::Random;
 
@@ -110,11 +110,8 @@ mod tests {
         for side in [1_u32, 2, 5, 16, 33] {
             let dims = Dims::new(side, side, side).unwrap();
             let cell = |i: u32| [i % side, i / side % side, i / side / side];
-            let codes: Vec<u64> = (0..side.pow(3))
-                .filter(|_| random.below(3_u32) > 0)
-                .map(|i| morton::encode(cell(i)[0], cell(i)[1], cell(i)[2]))
-                .collect();
-            let tree = MemoryTree::new(dims, &codes).unwrap();
+            let tree =
+                MemoryTree::of_cells(dims, (0..side.pow(3)).filter(|_| random.below(3_u32) > 0).map(cell));
             let last = (1_u32 << tree.depth()) - 1;
             for _ in 0..500 {
                 let low = [0; 3].map(|_: u32| random.below(last + 1));

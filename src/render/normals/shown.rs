@@ -1,4 +1,4 @@
-//! What a ray saw, and the normal that is shown there.
+//! The hit of a pixel, and the normal that is shown there.
 
 use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex, VoxelIndex, add_scaled, dot};
@@ -73,13 +73,13 @@ impl PixelHit {
         self.depth
     }
 
-    /// Is its normal that of the face of a box, whatever the line of sight?
+    /// Is its normal that of the face of a box, for any line of sight?
     #[inline]
     pub(in crate::render) fn is_of_face(self) -> bool {
         self.face != Self::NO_FACE && self.kind != HitKind::Own
     }
 
-    /// Of every face of every box another.
+    /// A number for each face of each box.
     #[inline]
     pub(in crate::render) fn key(self) -> u64 {
         self.box_number.wrapping_mul(8) | u64::from(self.face)
@@ -110,7 +110,7 @@ pub(crate) struct Normals<'a> {
 }
 
 impl<'a> Normals<'a> {
-    /// Of a model; `blended` between the boxes around a hit, where hits may be boxes of `2^lod_edge_log2`.
+    /// For a model; `blended` between the boxes around a hit, where hits may be boxes of `2^lod_edge_log2`.
     pub(crate) fn new(
         view: &'a ModelView<'a>,
         space: &'a GridSpace,
@@ -121,7 +121,7 @@ impl<'a> Normals<'a> {
         Self { view, cells: view.cells().map(Cells::new), space, blended, fine, lod_edge_log2 }
     }
 
-    /// What was seen along a line.
+    /// The hit along a line.
     #[inline]
     pub(crate) fn seen(&self, trace: &Trace, line: impl FnOnce() -> Line) -> PixelHit {
         let mut seen = PixelHit::new(trace);

@@ -84,7 +84,7 @@ impl ExactRays {
                 origin[a] = far - origin[a];
                 direction[a] = zero - direction[a];
             }
-            // A direction against the mirror is none that was estimated.
+            // No direction against the mirror was estimated.
             valid = valid & l.d_le(zero, direction[a]);
             slanted = slanted & l.d_lt(zero, direction[a]);
         }
@@ -98,7 +98,7 @@ impl ExactRays {
         self.slanted |= u64::from((valid & slanted).bits() & 0xff) << (TILE * row);
     }
 
-    /// A ray and the box of the finest level at the mirrored cell `low`; `None` for a ray that is none of these.
+    /// A ray and the box of the finest level at the mirrored cell `low`; `None` for a ray that was not estimated.
     #[inline(always)]
     pub(super) fn approach(
         &self,
@@ -127,7 +127,7 @@ impl ExactRays {
         if self.slanted >> ray & 1 == 0 {
             return self.way_along_axes(ray, box_number, low, unit, mirror);
         }
-        // Without a branch until all is known: which face is crossed last is anybody's guess.
+        // Without a branch until all is known: the last face crossed cannot be predicted.
         let one_cell = f64::from(1_u32 << FRACTION_BITS);
         let edge = f64::from(1_u32.wrapping_shl(unit)) * one_cell;
         let direction = each3!(A => self.direction[A][ray]);
@@ -168,7 +168,7 @@ impl ExactRays {
         let mut direction = [0.0; 3];
         for a in 0..3 {
             let (d, n) = (self.direction[a][ray], f64::from(low[a]) * one_cell - self.origin[a][ray]);
-            // Whole numbers: behind the ray, or beside one that does not move along the axis.
+            // Whole numbers: behind the ray, or off one that does not move along the axis.
             if n <= -edge || (d == 0.0 && n > 0.0) {
                 return Passing::Past;
             }

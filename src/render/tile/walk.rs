@@ -68,11 +68,7 @@ impl<S: Surface> Walk<'_, '_, S> {
         let levels = depth - unit;
         let top = top_edge(levels);
         let mut edge = top;
-        let brick = if levels.is_multiple_of(2) {
-            Brick::of(l, self.view, 0, beam.mirror)
-        } else {
-            Brick::above_root(self.view, beam.mirror)
-        };
+        let brick = Brick::top(l, self.view, levels, beam.mirror);
         let mut live = live;
         let mut candidates = 0_u64;
         let low = [0; 3];
@@ -117,13 +113,7 @@ impl<S: Surface> Walk<'_, '_, S> {
             waiting[edge as usize / 2 % BRICK_LEVELS] = open;
             edge = edge.wrapping_sub(2);
             let brick = Brick::of(l, self.view, number, beam.mirror);
-            let pending = brick.boxes & beam.intersected(low, edge);
-            open = OpenBrick {
-                brick,
-                pending,
-                first: if pending == 0 { 0 } else { brick.first(self.view) },
-                low,
-            };
+            open = OpenBrick::new(self.view, brick, beam.intersected(low, edge), low);
         }
         let left = if bricks > MAX_BRICKS { live } else { 0 };
         if S::SOLID { left | self.prove(l, beam.mirror, candidates, depth, unit) } else { left }

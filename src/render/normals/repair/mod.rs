@@ -2,10 +2,10 @@
 //!
 //! A stored normal is the gradient of the values. Within a sheet one voxel thick, such as a scanner's table or
 //! the wall of a label, and in a single slice, the values are alike on both sides: the gradient is noise, or it
-//! lies in the sheet, and shading by it gives dark and light bands. The skin itself shows what is the case. A
+//! lies in the sheet, and shading by it gives dark and light bands. The skin itself is reliable. A
 //! ray comes in by a face of a voxel that is open towards the eye; of a surface of voxels only faces near its
 //! direction are open wide. So where the stored normal is far from that face's, a plane is fitted to the skin
-//! within two boxes of the hit that hangs together with it, and as far as the stored normal lies in that plane
+//! within two boxes of the hit that is connected with it, and as far as the stored normal lies in that plane
 //! the plane's takes its place.
 //!
 //! All this is counted in boxes, not in millimetres: in thick slices a steep surface shows wide treads of a stair
@@ -27,11 +27,11 @@ use plane::{Around, nearest_plane};
 /// up to 1: some 25 degrees.
 const AGREE: f64 = 0.5;
 
-/// Of the normals of four boxes before and four behind in the order of the file, which lie around the box for the
-/// most part, at most this many agree with its own where all of them are noise: four do on either side of an edge.
+/// The four boxes before and the four behind in the order of the file mostly lie around the box. At most this many of
+/// their normals agree with its own where all of them are noise; at an edge, four do.
 const MAX_BY_CHANCE: u32 = 3;
 
-/// What the normals of the boxes around say of one.
+/// How a normal agrees with those of the boxes around.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) enum Neighbourhood {
     /// They are as it is.
@@ -53,7 +53,7 @@ impl Neighbourhood {
     }
 }
 
-/// What the boxes before and behind one in the order of the file say of its normal; `agrees` tells whether the one
+/// The neighbourhood by the boxes before and behind in the order of the file; `agrees` answers whether the one
 /// so far away has a normal [`alike`], or none.
 #[inline]
 pub(super) fn neighbourhood(agrees: impl Fn(i64) -> bool) -> Neighbourhood {
@@ -64,7 +64,7 @@ pub(super) fn neighbourhood(agrees: impl Fn(i64) -> bool) -> Neighbourhood {
     if agreeing <= MAX_BY_CHANCE { Neighbourhood::Noise } else { Neighbourhood::Mixed }
 }
 
-/// As [`neighbourhood`], of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before
+/// [`neighbourhood`] of normals of 16 bits in boxes that are cubes: those of the box in the middle, and of the four before
 /// and behind it.
 #[inline]
 pub(super) fn neighbourhood_of(codes: &[u16; 9]) -> Neighbourhood {
@@ -82,7 +82,7 @@ pub(super) fn alike(one: [f64; 3], other: [f64; 3]) -> bool {
     apart(1.0) < AGREE || apart(-1.0) < AGREE
 }
 
-/// As [`alike`], of normals whose parts' sizes add up to `size`: whole numbers in boxes that are cubes.
+/// [`alike`] for normals whose parts' sizes add up to `size`: whole numbers in boxes that are cubes.
 #[inline]
 pub(super) fn alike_whole(one: [i32; 3], other: [i32; 3], size: i32) -> bool {
     let apart = |sign: i32| (0..3).map(|a| (one[a] - sign * other[a]).abs()).sum::<i32>();
@@ -128,11 +128,11 @@ pub(super) struct Struck {
     pub(super) face: Face,
 }
 
-/// What is to be done with a stored normal.
+/// The decision about a stored normal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
     Keep,
-    /// It tells of the far side of something thin.
+    /// It belongs to the far side of something thin.
     Turn,
     /// The skin around is asked.
     Doubt,
@@ -201,7 +201,7 @@ fn fitted(
     (share > 0.0).then_some(shown)
 }
 
-/// The scatter of the boxes that hang together around the one that was struck; `None` where that is not found.
+/// The scatter of the connected boxes around the one that was struck; `None` where that is not found.
 #[inline]
 pub(super) fn scatter_around(
     view: &ModelView<'_>,
@@ -211,7 +211,7 @@ pub(super) fn scatter_around(
     Some(Around::of(view, around, struck)?.scatter())
 }
 
-/// What a stored normal in doubt and the plane that fits boxes of this scatter make together, and the plane's share in
+/// The mean of a stored normal in doubt and the plane that fits boxes of this scatter, and the plane's share in
 /// it; the stored one stays where that is 0.
 #[inline(always)]
 fn settled(scatter: [f64; 6], face: [f64; 3], stored: [f64; 3], near: f64, noise: bool) -> (f64, [f64; 3]) {
@@ -240,16 +240,17 @@ fn ramp(value: f64, all: f64, none: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::{BoxIndex, Dims, Octant, morton};
+    use crate::geom::{BoxIndex, Dims, Octant};
     use crate::load::{MemoryTree, NodeView};
 
     const UP: Face = Face { axis: 2, high: true };
 
+    fn tree(cells: impl IntoIterator<Item = [u32; 3]>) -> MemoryTree {
+        MemoryTree::of_cells(Dims::new(16, 16, 16).unwrap(), cells)
+    }
+
     fn sheet(height: impl Fn(u32, u32) -> u32) -> MemoryTree {
-        let dims = Dims::new(16, 16, 16).unwrap();
-        let codes: Vec<u64> =
-            (0..256).map(|i| morton::encode(i % 16, i / 16, height(i % 16, i / 16))).collect();
-        MemoryTree::new(dims, &codes).unwrap()
+        tree((0..256).map(|i| [i % 16, i / 16, height(i % 16, i / 16)]))
     }
 
     /// The box of a cell, as a ray from above meets it.
@@ -311,7 +312,7 @@ mod tests {
             })
         };
         assert_eq!(of([up; 8]), Neighbourhood::Calm);
-        // The far side of a thin sheet is no other direction.
+        // The far side of a thin sheet has the same direction.
         assert_eq!(of([up.map(|c| -c); 8]), Neighbourhood::Calm);
         assert_eq!(of([side; 8]), Neighbourhood::Noise);
         assert_eq!(of([up, up, up, up, side, side, side, side]), Neighbourhood::Mixed);
@@ -327,12 +328,10 @@ mod tests {
         hit.at[0] = 12.5;
         assert_eq!(of(&flat, hit, [1.0, 0.0, 0.0]), None);
         // Boxes of a line and a single one: the face decides.
-        let dims = Dims::new(16, 16, 16).unwrap();
-        let line: Vec<u64> = (0..16).map(|y| morton::encode(7, y, 5)).collect();
-        let line = MemoryTree::new(dims, &line).unwrap();
+        let line = tree((0..16).map(|y| [7, y, 5]));
         let n = of(&line, struck(&line, [7, 8, 5]), [1.0, 0.0, 0.0]).unwrap();
         assert!(n[2] > 0.99, "{n:?}");
-        let point = MemoryTree::new(dims, &[morton::encode(7, 8, 5)]).unwrap();
+        let point = tree([[7, 8, 5]]);
         let n = of(&point, struck(&point, [7, 8, 5]), [1.0, 0.0, 0.0]).unwrap();
         assert!(n[2] > 0.99, "{n:?}");
     }

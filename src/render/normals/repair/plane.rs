@@ -8,7 +8,7 @@ use super::Struck;
 /// Weight of the face's own direction in the fit: it decides where the boxes form a line or a point.
 const FACE_WEIGHT: f64 = 1e-3;
 
-/// Which boxes near one are skin, as [`Surroundings::window`] tells: bit `x + 5 y + 25 z`.
+/// Which boxes near one are skin, as [`Surroundings::window`] gives it: bit `x + 5 y + 25 z`.
 pub(super) struct Around(pub(super) u128);
 
 impl Around {
@@ -47,7 +47,7 @@ impl Around {
         look(cell).or_else(|| beside.into_iter().find_map(look))
     }
 
-    /// The boxes that hang together with the middle one, by faces, edges and corners.
+    /// The boxes connected with the middle one, by faces, edges and corners.
     fn connected(&self) -> u128 {
         let mut piece = 1_u128 << 62;
         while piece != self.0 {
@@ -64,7 +64,7 @@ impl Around {
         piece
     }
 
-    /// Of the connected boxes, their count times the sums of products of their places, less the products of the sums:
+    /// For the connected boxes: their count times the sums of products of their places, less the products of the sums:
     /// their scatter times the count squared, all whole numbers. Elements as in [`PAIRS`].
     pub(super) fn scatter(&self) -> [f64; 6] {
         let mut packed = [0_u64; 2];

@@ -1,4 +1,4 @@
-//! What is to be done with the stored normals of a tile's pixels, all at once.
+//! Decides about the stored normals of a tile's pixels, all at once.
 //!
 //! For normals of 16 bits in boxes that are cubes: most pictures. Each pixel has the answer that [`super::shown`] gives
 //! for it alone, by the same arithmetic. Cost: some 5 ns a pixel.
@@ -16,7 +16,7 @@ pub(super) const PLACES: usize = 16;
 /// The place of the box that was hit; those of the four before and behind it lie on either side.
 const OWN: usize = 4;
 
-/// Normals of the boxes that a tile's pixels hit, and of those beside them in the order of the file.
+/// Normals of the boxes that a tile's pixels hit, and of those next to them in the order of the file.
 pub(in crate::render) struct Stored {
     codes: [[u16; PLACES]; RAYS],
     /// Axis of the face that was hit, and which way it looks.
@@ -52,7 +52,7 @@ impl Verdicts {
     pub(in crate::render) const NOTHING: Self =
         Self { normals: [[1.0; RAYS]; 3], doubts: 0, calm: [0; RAYS], noise: [0; RAYS] };
 
-    /// What the boxes around one that was hit say of it.
+    /// How a hit's normal agrees with those of the boxes around.
     #[inline]
     pub(in crate::render) fn neighbourhood(&self, pixel: usize) -> Neighbourhood {
         Neighbourhood::of_flags(self.calm[pixel % RAYS], self.noise[pixel % RAYS])
@@ -208,7 +208,7 @@ impl LanesKernel for Judge<'_> {
     }
 }
 
-/// As [`super::neighbourhood`], of normals of 16 bits in boxes that are cubes: those of the box at [`OWN`], and of the four
+/// [`super::neighbourhood`] of normals of 16 bits in boxes that are cubes: those of the box at [`OWN`], and of the four
 /// before and behind it, all compared at once. Is it calm, and if not, is it noise? 0 or 1 each.
 #[inline(always)]
 pub(super) fn neighbourhood_of(codes: &[u16; PLACES]) -> (u16, u16) {
