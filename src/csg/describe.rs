@@ -55,7 +55,6 @@ const WITH_NEAREST: f64 = -0.5;
 /// Normals with at least this cosine are of the same face.
 const SAME: f64 = 1.0 - 1e-9;
 
-/// The candidates of a voxel.
 #[derive(Clone, Copy)]
 struct Candidates {
     best: Option<Best>,

@@ -24,7 +24,6 @@ use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
 use crate::stamp::stamp;
 
-/// From files to a solid.
 pub(super) struct Front<'a> {
     pub(super) inputs: &'a [PathBuf],
     pub(super) mesh: &'a MeshOptions,

@@ -216,7 +216,6 @@ impl Resident {
         true
     }
 
-    /// The triangle of an item.
     #[inline(always)]
     fn held<'a>(&'a self, item: &'a Item) -> BinTriangle<'a> {
         let [x, at, ..] = *item;
@@ -237,7 +236,6 @@ impl Resident {
         record
     }
 
-    /// Sorts the triangles, in place.
     pub(super) fn settle(&mut self) {
         let Self { items, starts, next, bricks, count, .. } = self;
         self.wide = 0;
