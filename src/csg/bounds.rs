@@ -17,7 +17,6 @@ fn both(a: &Bounds, b: &Bounds) -> Bounds {
     Bounds { low: sides.map(|s| s.0), high: sides.map(|s| s.1) }
 }
 
-/// The corners of a box.
 pub(super) fn corners(low: [f64; 3], high: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
     (0..8_u32).map(move |at| [0, 1, 2].map(|k| if at >> k & 1 == 1 { high[k] } else { low[k] }))
 }

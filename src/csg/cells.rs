@@ -17,7 +17,6 @@ use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
 
-/// The cells of a tree.
 pub(super) struct CsgCells<'a> {
     pub(super) tree: CsgSolid<'a>,
     pub(super) dims: Dims,
@@ -80,7 +79,6 @@ impl Solid for CsgCells<'_> {
     }
 }
 
-/// One thread's view of it.
 struct CellWorker<'a> {
     samples: Dims,
     tree: CsgWorker<'a>,

@@ -1,8 +1,8 @@
 //! Normals of skin voxels: of the leaf whose surface makes the voxel skin.
 //!
 //! A leaf is a candidate if a voxel is inside it and an exposed neighbour is not, or the other way round, and the
-//! tree turns to outside when that leaf alone does; if there is none, the tree next to it turns to inside when that leaf
-//! alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose
+//! tree turns to outside when that leaf alone does; without such a leaf, the tree at the neighbour turns to inside when
+//! that leaf alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose
 //! surface is nearest to the voxel's middle, then the first in the tree. Its normal points out of it where the voxel is
 //! inside it, and into it where it was taken away. Voxels that only the wall of the grid makes skin face that wall.
 //!
@@ -55,7 +55,6 @@ const WITH_NEAREST: f64 = -0.5;
 /// Normals with at least this cosine are of the same face.
 const SAME: f64 = 1.0 - 1e-9;
 
-/// The candidates of a voxel.
 #[derive(Clone, Copy)]
 struct Candidates {
     best: Option<Best>,

@@ -15,7 +15,6 @@ use crate::geom::Affine;
 
 /// Most leaves of a tree, those counted again that are used again.
 pub(super) const MAX_LEAVES: usize = 1 << 20;
-/// Most joins.
 const MAX_JOINS: usize = 1 << 20;
 
 /// How the parts of a join are joined.
@@ -25,7 +24,6 @@ pub(super) enum Kind {
     Or,
 }
 
-/// A part of a join.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     /// A leaf, or all but it.
@@ -92,7 +90,6 @@ struct Visit {
     node: NodeId,
     affine: u32,
     negated: bool,
-    /// The join above.
     above: u32,
 }
 

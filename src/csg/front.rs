@@ -44,7 +44,6 @@ struct MovedVolume<'a> {
     line: u64,
 }
 
-/// From a tree to a solid.
 pub(super) struct Front<'a, 't> {
     pub(super) tree: &'t Tree,
     pub(super) root: NodeId,

@@ -71,7 +71,6 @@ pub(super) fn whole(at: f64, line: u64) -> Result<i64, CsgFault> {
     Ok(whole)
 }
 
-/// The nearest lattice point.
 pub(super) fn point(at: [f64; 3], line: u64) -> Result<[i64; 3], CsgFault> {
     Ok([whole(at[0], line)?, whole(at[1], line)?, whole(at[2], line)?])
 }

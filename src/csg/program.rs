@@ -36,7 +36,6 @@ fn complement(cover: Cover) -> Cover {
     }
 }
 
-/// The program of a flat tree.
 pub(super) fn compile<T>(flat: &Flat<T>) -> Vec<Step> {
     let (mut parts, starts) = flat.parts_by_join();
     // Joins stand before their parts.

@@ -41,9 +41,7 @@ const LAID: u32 = 32;
 /// Parts of the distance of two samples.
 const PARTS: i64 = 4096;
 
-/// Memory of a thread.
 const CACHE_BYTES: u64 = (SLOTS * (BRICK * size_of::<f32>() + size_of::<u64>())) as u64;
-/// Memory of laying bricks.
 pub(super) const LAYING_BYTES: u64 =
     (SAMPLES * SAMPLES * (CELLS * LAID + 1) as usize * 4 + LAID as usize * BRICK * 4 + (64 << 10)) as u64;
 
@@ -198,7 +196,6 @@ impl<'a> ResampledVolume<'a> {
         (u64::from(k) * by + u64::from(j)) * bx + u64::from(i)
     }
 
-    /// The samples of a brick.
     fn brick<'c>(&self, number: u64, cache: &'c mut Cache) -> Result<&'c [f32], SourceError> {
         // Neighbours along any axis fall into different slots, nearly always.
         let slot = (number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize % SLOTS;

@@ -12,14 +12,12 @@ const SLICES: u32 = 4;
 /// Rows of a tile with one more on either side.
 pub(super) const ROWS: usize = 34;
 
-/// A sampled leaf.
 pub(super) struct SampledLeaf<'a> {
     pub(super) solid: Box<dyn Solid + 'a>,
     /// Does it give normals out of itself, whichever side a voxel is on? A mesh gives those that lead to it.
     pub(super) gives_outwards: bool,
 }
 
-/// One thread's view of it.
 pub(super) struct Sampler<'a> {
     pub(super) worker: Box<dyn SolidWorker + 'a>,
     dims: [u32; 3],

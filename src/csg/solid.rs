@@ -163,10 +163,12 @@ impl Solid for CsgSolid<'_> {
 enum BoxProgram {
     /// Nothing: the program of the column is used.
     Unknown,
-    /// It is all in or all out.
     Uniform(bool),
     /// Its program, of the slab's steps.
-    Steps { first: u32, count: u32 },
+    Steps {
+        first: u32,
+        count: u32,
+    },
 }
 
 struct Slab {
@@ -194,7 +196,6 @@ pub(super) struct CsgWorker<'a> {
     unused: Vec<Vec<Step>>,
     slabs: [Slab; 2],
     stack: Vec<u64>,
-    /// The program of a slice of a box.
     slice: Vec<Step>,
     crossings: Crossings,
     samplers: Vec<Sampler<'a>>,

@@ -95,7 +95,6 @@ pub struct Faces {
     pub odd: bool,
 }
 
-/// A node as it is kept.
 #[derive(Clone, Debug)]
 pub(super) enum Node {
     /// A solid, and the line that it comes from.
@@ -223,7 +222,6 @@ impl Tree {
     }
 }
 
-/// Overhead of a box.
 const BOXED: usize = 16;
 
 /// Adds to a list that grows by an eighth, not to twice its size: trees are the largest thing in memory while they are

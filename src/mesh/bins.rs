@@ -27,7 +27,6 @@ const BIN_SHIFT: i32 = 5;
 pub(super) const BEYOND: i32 = 2;
 /// Most records of a block.
 pub(super) const BLOCK: usize = 1020;
-/// Bytes of a record.
 const RECORD: usize = size_of::<Record>();
 /// Bytes written at a time.
 const WRITE: usize = 128 << 10;
@@ -48,7 +47,6 @@ pub(super) type Record = [i32; 6];
 /// Added to the x of a longer triangle.
 const LONG: i32 = 1 << 30;
 
-/// The record of a short triangle.
 #[inline]
 fn short(t: &Triangle) -> Option<Record> {
     let ways: [i32; 6] = std::array::from_fn(|k| t[3 + k].wrapping_sub(t[k % 3]));
@@ -57,7 +55,6 @@ fn short(t: &Triangle) -> Option<Record> {
     (beyond >> 16 == 0).then(|| [t[0], t[1], t[2], both(0), both(1), both(2)])
 }
 
-/// The two records of a triangle.
 fn pair([x, rest @ .., a, b, c]: &Triangle) -> [Record; 2] {
     let [y, z, p, q, r] = *rest;
     [[x + LONG, y, z, p, q, r], [*a, *b, *c, 0, 0, 0]]
@@ -70,7 +67,6 @@ pub(super) fn ways(record: &Record, axis: usize) -> [i32; 2] {
     [both << 16 >> 16, both >> 16]
 }
 
-/// The triangle of a record.
 #[inline]
 pub(super) fn unpacked(record: &Record) -> Triangle {
     let [x, y, z, ..] = *record;
@@ -119,7 +115,6 @@ pub(super) fn numbered(block: &[Record]) -> impl Iterator<Item = (u32, BinTriang
     })
 }
 
-/// The triangles of a block.
 #[inline]
 pub(super) fn held(block: &[Record]) -> impl Iterator<Item = BinTriangle<'_>> {
     numbered(block).map(|(_, t)| t)
@@ -128,13 +123,11 @@ pub(super) fn held(block: &[Record]) -> impl Iterator<Item = BinTriangle<'_>> {
 /// A block's head, as long as a record: where the bin's block before it is, and how many records that holds.
 type Head = [u64; 3];
 
-/// A bin in the file.
 #[derive(Clone, Copy, Debug)]
 struct Bin {
     /// Where its last block is, and the records of that.
     offset: u64,
     records: u32,
-    /// Triangles in all.
     triangles: u32,
     /// Columns between which they lie.
     columns: (i16, i16),
@@ -179,7 +172,6 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Memory of the bins of a grid.
     pub(super) fn memory_bytes(dims: Dims) -> u64 {
         let count = dims.ny().div_ceil(32) as usize * dims.nz().div_ceil(32) as usize;
         (count * size_of::<Bin>()) as u64
@@ -211,7 +203,6 @@ impl Bins {
         self.bins.iter().map(|b| b.triangles).max().unwrap_or(0)
     }
 
-    /// Bytes written.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -246,7 +237,6 @@ pub(super) struct BlockBuffers {
 }
 
 impl BlockBuffers {
-    /// Memory of one.
     pub(super) const BYTES: u64 = ((BLOCK + 1) * RECORD + (4 << 10)) as u64;
 
     pub(super) fn new() -> Self {

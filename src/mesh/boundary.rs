@@ -20,7 +20,6 @@ pub(super) const BOUNDARY_BYTES: u64 =
 
 type Point = [i32; 3];
 
-/// How edges are summed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sums {
     /// With the sign of their direction.
@@ -45,7 +44,6 @@ pub(super) struct OpenEdge {
     times: i32,
 }
 
-/// The table of sums.
 pub(super) struct Table {
     sums: Sums,
     cells: Vec<Cell>,

@@ -54,7 +54,6 @@ struct Ball {
     cell: u16,
 }
 
-/// Eight balls.
 #[derive(Clone, Copy, Debug)]
 struct Balls {
     at: [[f32; LANES]; 3],
@@ -77,7 +76,6 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Memory of one.
     pub(super) const BYTES: u64 = (MAX_BALLS * size_of::<Ball>()
         + (MAX_BALLS / LANES + 1) * size_of::<Balls>()
         + (SIDE * SIDE + 1) * size_of::<u16>()) as u64;

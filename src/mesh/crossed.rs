@@ -68,7 +68,6 @@ impl Solid for MeshCells {
     }
 }
 
-/// One thread's view of it.
 struct CellWorker<'a> {
     samples: Dims,
     mesh: MeshWorker<'a>,

@@ -24,7 +24,6 @@ use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 
-/// From files to a solid.
 pub(super) struct Front<'a> {
     pub(super) inputs: &'a [PathBuf],
     pub(super) mesh: &'a MeshOptions,

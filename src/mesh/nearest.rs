@@ -49,7 +49,6 @@ impl Nearest {
         Self { squared, height: -1.0, normal: [0.0; 3] }
     }
 
-    /// Was one found?
     pub(crate) fn found(&self) -> bool {
         self.height >= 0.0
     }
@@ -101,7 +100,6 @@ impl Nearest {
     }
 }
 
-/// The nearest point of a triangle.
 pub(super) enum Point {
     /// On an edge or a corner: weights of the second and the third corner.
     Border([f64; 2]),

@@ -157,7 +157,6 @@ impl Crossings {
         }
     }
 
-    /// The bits of a row.
     pub(crate) fn row(&self, row: usize) -> &[u64] {
         &self.bits[row * self.words..][..self.words]
     }

@@ -141,8 +141,8 @@ impl Resident {
         self.bricks
     }
 
-    /// Takes anew the triangles of a bin (of a row and a slice) that are near to `slices` and to the bricks `taken`, counted
-    /// from column `x0`; `false` where there is no room.
+    /// Takes the triangles of a bin, that of a row and a slice, that are near to `slices` and to the bricks `taken` from
+    /// column `x0` on, in place of those before; `false` where they do not fit.
     pub(super) fn load(
         &mut self,
         bins: &Bins,
@@ -216,7 +216,6 @@ impl Resident {
         true
     }
 
-    /// The triangle of an item.
     #[inline(always)]
     fn held<'a>(&'a self, item: &'a Item) -> BinTriangle<'a> {
         let [x, at, ..] = *item;
@@ -237,7 +236,6 @@ impl Resident {
         record
     }
 
-    /// Sorts the triangles, in place.
     pub(super) fn settle(&mut self) {
         let Self { items, starts, next, bricks, count, .. } = self;
         self.wide = 0;

@@ -16,7 +16,6 @@ use crate::mesh::{
 /// How far from a voxel its nearest triangle is sought, squared: two voxels.
 const NEAR: f64 = 4.0 * (STEPS as f64) * (STEPS as f64) + 1.0;
 
-/// A solid of triangles.
 #[derive(Debug)]
 pub(in crate::csg) struct Body {
     triangles: Vec<Triangle>,

@@ -23,12 +23,12 @@ use crate::facts::CsgFault;
 /// Why a text cannot be read.
 #[derive(Debug)]
 pub(super) enum Stop {
-    /// The text is wrong.
     Text(CsgFault),
-    /// It cannot be read.
     Read(std::io::Error),
     /// The tree is larger than what it may take.
-    Memory { bytes: u64 },
+    Memory {
+        bytes: u64,
+    },
 }
 
 impl From<CsgFault> for Stop {

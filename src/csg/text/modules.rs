@@ -20,7 +20,6 @@ pub(super) enum Block {
     Offset(f64),
 }
 
-/// The meaning of a module.
 #[derive(Debug)]
 pub(super) enum Meaning {
     Leaf(Shape),
@@ -76,7 +75,6 @@ pub(super) fn meaning(
     }
 }
 
-/// Is a module of this name read?
 pub(in crate::csg) fn is_module(name: &str) -> bool {
     taken(name).is_some() || name == "offset3d"
 }

@@ -10,7 +10,6 @@ use super::values::Arguments;
 use crate::csg::tree::{NodeId, Operation, Tree, push};
 use crate::facts::{CsgFault, CsgToken};
 
-/// A block that is open.
 struct OpenBlock {
     block: Block,
     /// Where its children begin among all that wait.

@@ -8,7 +8,6 @@ use crate::geom::Affine;
 /// How deep lists may lie in lists: the rows of a list of lists.
 const DEEPEST: usize = 4;
 
-/// A value.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
     Number(f64),
@@ -26,14 +25,12 @@ pub(super) struct List {
     pub(super) numbers: Vec<f64>,
     /// Where each list within ends.
     pub(super) ends: Vec<usize>,
-    /// How deep it is.
     depth: usize,
     /// Is there anything but numbers?
     mixed: bool,
 }
 
 impl List {
-    /// The lists within.
     pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(from, to)| &self.numbers[from..*to])
@@ -63,7 +60,6 @@ impl List {
     }
 }
 
-/// The arguments of one module.
 #[derive(Debug)]
 pub(super) struct Arguments {
     pub(super) line: u64,
@@ -180,7 +176,6 @@ impl Arguments {
         }
     }
 
-    /// A list, if it is there.
     pub(super) fn list(&self, name: &'static str, place: Option<usize>) -> Result<Option<&List>, CsgFault> {
         match self.value(name, place) {
             None => Ok(None),

@@ -13,7 +13,6 @@ use crate::platform::FileExt;
 /// Memory of a decoder: of rows, and of images that come in several passes.
 const DECODER_BYTES: usize = 4 << 20;
 const PASSES_BYTES: usize = 64 << 20;
-/// Longest side of an image.
 const MAX_SIDE: u32 = 32_768;
 /// Texels of an image whose file is small, and more for each of its bytes.
 const MAX_TEXELS: u64 = 1 << 24;

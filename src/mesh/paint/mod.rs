@@ -221,7 +221,6 @@ pub(super) struct Painter<'a> {
 }
 
 impl<'a> Painter<'a> {
-    /// Memory of one.
     pub(super) const BYTES: u64 = Pages::BYTES
         + (HELD * size_of::<Numbered>() + SkinSlice::MAX_VOXELS * (size_of::<Best>() + 4)) as u64
         + 4096;
@@ -387,7 +386,6 @@ fn offer(record: &Numbered, skin: &SkinSlice<'_>, best: &mut [Best]) {
     }
 }
 
-/// The plane of a triangle.
 struct FacetPlane {
     normal: [f64; 3],
     at: [f64; 3],

@@ -11,11 +11,8 @@ use super::super::lattice::{STEPS, Triangle, centres, edges};
 use crate::geom::{Dims, cross};
 use crate::platform::FileExt;
 
-/// A triangle and its number.
 pub(super) type Numbered = [i32; 10];
-/// Bytes of one.
 const RECORD: usize = size_of::<Numbered>();
-/// Most boxes of a grid.
 const MAX_BOXES: u64 = 1 << 15;
 /// Voxels beyond a box that its triangles are near to.
 pub(super) const BEYOND: i32 = 2;
@@ -26,7 +23,6 @@ pub(super) const BLOCK: usize = 1024;
 /// Memory while triangles are gathered, without the boxes.
 pub(super) const SORTING_BYTES: u64 = (BATCH * (RECORD + 16) + 4 * BLOCK * RECORD) as u64;
 
-/// The boxes of a grid.
 #[derive(Clone, Copy, Debug)]
 struct Boxes {
     /// Edge, as a power of two of a voxel.
@@ -99,7 +95,6 @@ impl NearPlane {
     }
 }
 
-/// Gathers triangles.
 #[derive(Debug)]
 pub(super) struct Sorter {
     boxes: Boxes,
@@ -109,7 +104,6 @@ pub(super) struct Sorter {
     written: u64,
 }
 
-/// Triangles by boxes.
 #[derive(Debug)]
 pub(super) struct Near {
     boxes: Boxes,
@@ -202,12 +196,10 @@ fn write(
 }
 
 impl Near {
-    /// Memory of the boxes.
     pub(super) fn bytes(&self) -> u64 {
         (self.starts.len() * size_of::<u64>()) as u64
     }
 
-    /// The box of a voxel.
     pub(super) fn box_of(&self, voxel: [u32; 3]) -> usize {
         let [x, y, z] = voxel.map(|c| c as i32 >> self.boxes.shift);
         ((z * self.boxes.sides[1] + y) * self.boxes.sides[0] + x) as usize

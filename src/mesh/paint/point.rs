@@ -11,7 +11,6 @@ pub(super) fn nearest_point(t: &Triangle, p: [f64; 3]) -> [f32; 3] {
     [(1.0 - v - w) as f32, v as f32, w as f32]
 }
 
-/// Squared distance of a point.
 pub(super) fn squared_distance(t: &Triangle, p: [f64; 3]) -> f64 {
     let ([a, ab, ac], [v, w]) = (edges(t), second_and_third(t, p));
     let d: [f64; 3] = std::array::from_fn(|k| p[k] - a[k] - v * ab[k] - w * ac[k]);

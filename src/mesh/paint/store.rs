@@ -13,7 +13,6 @@ const NUMBERS: [usize; 4] = [2, 9, 6, 9];
 /// Bytes written at a time.
 const BUFFER: usize = 32 << 10;
 
-/// One kind.
 #[derive(Debug, Default)]
 struct Column {
     file: Option<File>,
@@ -57,7 +56,6 @@ impl Column {
     }
 }
 
-/// All kinds.
 #[derive(Debug)]
 pub(super) struct Columns {
     kinds: [Column; 4],
@@ -106,7 +104,6 @@ impl Columns {
         Ok(())
     }
 
-    /// The look of a triangle.
     pub(super) fn get(&self, number: u32) -> io::Result<Look> {
         let [base, colors, places, normals] = &self.kinds;
         let [material, more] = base.get::<2>(number)?.map(f32::to_bits);

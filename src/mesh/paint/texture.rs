@@ -28,7 +28,6 @@ pub(in crate::mesh) enum Fault {
     Source(SourceError),
 }
 
-/// One size of an image.
 #[derive(Clone, Copy, Debug)]
 struct Level {
     width: u32,
@@ -36,7 +35,6 @@ struct Level {
     offset: u64,
 }
 
-/// All sizes of an image.
 #[derive(Debug)]
 pub(super) struct Levels {
     file: File,
@@ -45,7 +43,6 @@ pub(super) struct Levels {
     levels: Vec<Level>,
 }
 
-/// A texture of a material.
 #[derive(Debug)]
 pub(super) struct Texture {
     levels: Arc<Levels>,
@@ -264,7 +261,6 @@ pub(super) struct Pages {
 }
 
 impl Pages {
-    /// Memory of one.
     pub(super) const BYTES: u64 = (PAGES * (PAGE * TEXEL + 20) + 1024) as u64;
 
     pub(super) fn new() -> Self {

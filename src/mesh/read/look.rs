@@ -36,7 +36,6 @@ impl Look {
         self
     }
 
-    /// Nothing.
     pub(in crate::mesh) const NONE: Self =
         Self { colors: None, places: None, normals: None, material: NO_MATERIAL, part: 0 };
 }

@@ -44,7 +44,6 @@ use stop::{Each, EachLook};
 /// Most memory that a reader holds.
 pub(super) const READER_BYTES: u64 = 512 << 10;
 
-/// A format that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Stl,
@@ -99,7 +98,6 @@ pub(crate) fn format_of(head: &[u8], bytes: u64, path: &Path) -> Option<&'static
     Format::of(head.get(..stream::HEAD).unwrap_or(head), bytes, path).map(Format::name)
 }
 
-/// Is this the name of a mesh?
 pub(crate) fn is_named(path: &Path) -> bool {
     Format::ALL.iter().any(|format| has_suffix(path, format.name())) || has_suffix(path, "glb")
 }
@@ -138,10 +136,8 @@ pub(crate) fn check(path: &Path, follow_links: bool) -> Result<(), SourceError> 
     check().map_err(|stop| error_of(path, path, stop))
 }
 
-/// The limits of a reader.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits<'a> {
-    /// Folder of scratch files.
     pub(super) scratch: &'a Path,
     /// Memory for the description of a file, in addition to [`READER_BYTES`].
     pub(super) most_bytes: u64,
@@ -164,7 +160,6 @@ impl<'a> Limits<'a> {
 /// All that an open file has besides its triangles.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
-    /// Materials by their numbers.
     pub(super) materials: Vec<Material>,
     /// Other files that it is read from.
     pub(super) files: Vec<PathBuf>,
@@ -177,7 +172,6 @@ pub(super) struct Summary {
     pub(super) looks: [bool; 2],
 }
 
-/// An open mesh.
 #[derive(Debug)]
 pub(super) struct MeshFile {
     path: PathBuf,

@@ -50,7 +50,6 @@ impl Parts {
         }
     }
 
-    /// Number of parts.
     pub(super) fn count(&self) -> u64 {
         self.numbers.len().max(1) as u64
     }

@@ -12,10 +12,8 @@ use super::vertex_looks::{VertexLooks, light};
 use super::vertices::{MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
 
-/// Longest header, in bytes.
 const MAX_HEADER: u64 = 64 << 10;
 
-/// An open PLY file.
 #[derive(Debug)]
 pub(super) enum Ply {
     /// Faces are read from the file itself.

@@ -24,7 +24,6 @@ pub(super) fn uninterrupted(mut read: impl FnMut() -> io::Result<usize>) -> io::
     }
 }
 
-/// The first bytes of a file.
 pub(super) fn head(file: &File) -> io::Result<Vec<u8>> {
     let mut head = vec![0; HEAD];
     let mut have = 0;
@@ -44,7 +43,6 @@ pub(super) fn numbers<const N: usize>(bytes: &[u8]) -> [u32; N] {
     std::array::from_fn(|k| bytes[4 * k..].first_chunk().map_or(0, |b| u32::from_le_bytes(*b)))
 }
 
-/// Bytes one after the other.
 pub(super) struct Stream<'a> {
     file: &'a File,
     next: u64,
@@ -71,7 +69,6 @@ impl<'a> Stream<'a> {
         Ok(read > 0)
     }
 
-    /// The next `N` bytes.
     #[inline]
     pub(super) fn take<const N: usize>(&mut self) -> Result<[u8; N], Stop> {
         loop {
@@ -115,7 +112,6 @@ impl<'a> Stream<'a> {
         Ok(Some(byte))
     }
 
-    /// Offset of the next byte.
     pub(super) fn offset(&self) -> u64 {
         self.next - (self.buffer.len() - self.at) as u64
     }
@@ -188,12 +184,10 @@ impl<'a> Words<'a> {
         &self.word[..self.length]
     }
 
-    /// The fault of this line.
     pub(super) fn wrong(&self) -> Stop {
         MeshFault::BadText { line: self.line }.into()
     }
 
-    /// Reads on to the next line.
     pub(super) fn skip_line(&mut self) -> Result<(), Stop> {
         while self.next()? == Token::Word {}
         Ok(())
@@ -215,7 +209,6 @@ impl<'a> Words<'a> {
         Ok(String::from_utf8_lossy(&rest).trim().to_owned())
     }
 
-    /// The last word as a number.
     #[inline]
     pub(super) fn as_number(&self) -> Result<f64, Stop> {
         let text = std::str::from_utf8(self.word()).map_err(|_| self.wrong())?;
@@ -258,14 +251,12 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The next number in this line.
     #[inline]
     pub(super) fn number(&mut self) -> Result<f64, Stop> {
         self.must()?;
         self.as_number()
     }
 
-    /// Offset of the next byte.
     pub(super) fn offset(&self) -> u64 {
         self.stream.offset()
     }

@@ -4,7 +4,6 @@ use super::look::{Look, linear};
 use super::stop::Stop;
 use super::vertices::{FEW_PAGES, Pages, Vertices};
 
-/// Looks of vertices.
 #[derive(Debug, Default)]
 pub(super) struct VertexLooks {
     /// sRGB, and by what it becomes 0 to 1.

@@ -14,10 +14,8 @@ const PAGE: u64 = 128;
 pub(super) const PAGES: u64 = 61;
 /// Pages of colours, normals and places.
 pub(super) const FEW_PAGES: u64 = 17;
-/// Longest record of a vertex.
 pub(super) const MAX_RECORD: u64 = 256;
 
-/// How a number is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Number {
     I8,
@@ -89,7 +87,6 @@ impl Spool {
         Ok(Self { file, buffer: Vec::with_capacity(Self::BUFFER), count: 0 })
     }
 
-    /// Appends a record.
     #[inline]
     fn put(&mut self, record: &[u8]) -> Result<(), Stop> {
         if self.buffer.len() + record.len() > Self::BUFFER {
@@ -100,7 +97,6 @@ impl Spool {
         Ok(())
     }
 
-    /// Appends a vertex.
     #[inline]
     pub(super) fn vertex(&mut self, v: [f64; 3]) -> Result<(), Stop> {
         self.put(v.map(f64::to_le_bytes).as_flattened())
@@ -124,7 +120,6 @@ impl Spool {
         Ok((self.file, self.count))
     }
 
-    /// The records as vertices.
     pub(super) fn into_vertices(self) -> Result<Vertices, Stop> {
         let (file, count) = self.finish()?;
         let fields = [(0, Number::F64), (8, Number::F64), (16, Number::F64)];

@@ -17,7 +17,6 @@ const MAX_TAG: usize = 16 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_DEPTH: u32 = 64;
 
-/// The next part of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// An element begins; `empty` ones end at once, without an event of their own.
@@ -25,13 +24,10 @@ pub(super) enum Event {
         /// Does it end at once?
         empty: bool,
     },
-    /// An element ends.
     End,
-    /// The text ends.
     Done,
 }
 
-/// A reader of a text.
 pub(super) struct Xml<R> {
     input: R,
     buffer: Vec<u8>,
@@ -66,7 +62,6 @@ impl<R: Read> Xml<R> {
         }
     }
 
-    /// The fault of this line.
     pub(super) fn wrong(&self) -> Stop {
         MeshFault::BadText { line: self.line }.into()
     }
@@ -251,7 +246,6 @@ impl<R: Read> Xml<R> {
         Ok(Some(known.iter().fold(text.to_owned(), |text, (name, sign)| text.replace(name, sign))))
     }
 
-    /// A number.
     #[inline]
     pub(super) fn number(&self, name: &[u8]) -> Result<f64, Stop> {
         let text = self.raw(name).and_then(|raw| std::str::from_utf8(raw).ok());

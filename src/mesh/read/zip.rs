@@ -28,7 +28,6 @@ const MAX_TIMES: u64 = 100;
 /// Bytes read at a time.
 const INPUT: usize = 32 << 10;
 
-/// An archive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Archive {
     list: u64,
@@ -37,7 +36,6 @@ pub(super) struct Archive {
     bytes: u64,
 }
 
-/// Where a member is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Member {
     offset: u64,

@@ -17,7 +17,6 @@ const SURE: f64 = 1e-6;
 /// A crossing in the slice that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Crossing {
-    /// Axis of the row.
     pub(super) axis: usize,
     /// Voxel in which it lies.
     pub(super) x: i32,

@@ -101,7 +101,6 @@ impl Solid for ThinSolid {
     }
 }
 
-/// One thread's view of it.
 pub(super) struct ThinWorker<'a> {
     solid: &'a ThinSolid,
     /// Describes the skin.

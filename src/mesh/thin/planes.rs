@@ -28,7 +28,6 @@ pub(super) struct Planes {
 }
 
 impl Planes {
-    /// No slice.
     pub(super) const NO_SLICE: i32 = i32::MIN;
 
     /// Memory of one whose rows are so many words long.
@@ -64,7 +63,6 @@ impl Planes {
         self.noted[which].get(row * self.words + word).copied().unwrap_or(0)
     }
 
-    /// Voxels that are crossed.
     pub(super) fn crossed(&self, row: usize, word: usize) -> u64 {
         (0..6).fold(0, |all, which| all | self.word(which, row, word))
     }

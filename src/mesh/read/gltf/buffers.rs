@@ -37,7 +37,6 @@ pub(super) struct Items {
     pub(super) scale: f64,
 }
 
-/// The buffers, opened.
 pub(super) struct Buffers {
     runs: Vec<Section>,
 }
@@ -46,7 +45,6 @@ pub(super) fn out_of_range(part: Part) -> Stop {
     MeshFault::BadReference { part }.into()
 }
 
-/// An item of a list by its number.
 pub(super) fn item<T>(list: &[T], at: u32, part: Part) -> Result<&T, Stop> {
     list.get(at as usize).ok_or_else(|| out_of_range(part))
 }
@@ -151,7 +149,6 @@ impl Buffers {
         Ok(Self { runs })
     }
 
-    /// The bytes of a view.
     pub(super) fn view(&self, described: &Described, at: u32) -> Result<(Section, Option<u64>), Stop> {
         let view = item(&described.root.buffer_views, at, Part::View)?;
         if view.extensions.meshopt.is_some() {
@@ -166,7 +163,6 @@ impl Buffers {
         Ok((run, view.byte_stride))
     }
 
-    /// The items of an accessor.
     pub(super) fn items(&self, described: &Described, at: u32) -> Result<Items, Stop> {
         let accessor: &Accessor = item(&described.root.accessors, at, Part::Accessor)?;
         if accessor.sparse.is_some() {

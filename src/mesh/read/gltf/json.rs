@@ -227,7 +227,6 @@ pub(super) struct Embedded {
 pub(super) struct Described {
     pub(super) root: Root,
     pub(super) embedded: Vec<Embedded>,
-    /// Memory that it takes, at most.
     pub(super) held_bytes: u64,
 }
 

@@ -36,7 +36,6 @@ pub(super) const MAX_TRIANGLES_PER_BYTE: u64 = 4;
 /// From metres with y up to millimetres with z up.
 const UPRIGHT: [[f64; 4]; 3] = [[1000.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1000.0, 0.0], [0.0, 1000.0, 0.0, 0.0]];
 
-/// An open file.
 pub(super) struct Gltf {
     described: Described,
     buffers: Buffers,
@@ -350,7 +349,6 @@ impl Corners<'_> {
     }
 }
 
-/// An attribute by the number of its vertex.
 struct Attribute<'a> {
     pages: Pages<'a>,
     scale: f64,

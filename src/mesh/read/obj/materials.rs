@@ -21,7 +21,6 @@ const EACH_BYTES: u64 = 256;
 /// Most names of missing files that are kept.
 const MAX_MISSING: usize = 16;
 
-/// Materials by their names.
 pub(super) struct Materials<'a> {
     path: &'a Path,
     limits: &'a Limits<'a>,
@@ -79,7 +78,6 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// Reads a file of materials.
     pub(super) fn read(&mut self, name: &str) -> Result<(), Stop> {
         let Some((file, _)) = self.open(name)? else { return Ok(()) };
         let mut words = Words::new(&file, 0);

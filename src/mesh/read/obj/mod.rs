@@ -24,7 +24,6 @@ const NONE: u32 = u32::MAX;
 /// Bytes of what a triangle carries: places, normals and colours of its corners, and its material.
 const CARRIED: usize = 40;
 
-/// An open file.
 #[derive(Debug)]
 pub(super) struct Obj {
     faces: Faces,
@@ -32,7 +31,6 @@ pub(super) struct Obj {
     parts: Parts,
 }
 
-/// Looks of triangles.
 #[derive(Debug)]
 struct Carried {
     triangles: File,
@@ -210,7 +208,6 @@ impl LookReader<'_> {
     }
 }
 
-/// Reads the corners of a face.
 fn face(
     words: &mut Words<'_>,
     vertices: u64,

@@ -18,7 +18,6 @@ use crate::facts::{MeshFault, Part};
 const USUAL: &str = "3D/3dmodel.model";
 const RELATIONS: &str = "_rels/.rels";
 const KIND: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
-/// Most texts of an archive.
 const MAX_TEXTS: usize = 4096;
 
 /// The archive, and its root text.

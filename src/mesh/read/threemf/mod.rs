@@ -41,7 +41,6 @@ type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
 /// An object by its number, in the text of this number.
 type Key = (u32, u32);
 
-/// The content of an object.
 #[derive(Clone, Debug)]
 enum Object {
     /// First vertex, vertices, first triangle, triangles.
@@ -67,7 +66,6 @@ struct Contents {
     materials: Vec<Material>,
 }
 
-/// An open file.
 #[derive(Debug)]
 pub(super) struct ThreeMf {
     contents: Contents,

@@ -106,12 +106,10 @@ impl<'a> Reader<'a> {
         u32::try_from(at).map_err(|_| MeshFault::BadReference { part: Part::Text }.into())
     }
 
-    /// Paths of the images of all textures.
     pub(super) fn images(&self) -> impl Iterator<Item = &str> {
         self.textures.iter().map(|t| t.path.as_str())
     }
 
-    /// Reads one text.
     pub(super) fn text(&mut self, input: impl Read, number: u32) -> Result<(), Stop> {
         let mut xml = Xml::new(input);
         let mut unit = 1.0;
