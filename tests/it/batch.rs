@@ -1,20 +1,7 @@
 //! A batch is left alone overnight: every volume comes out or is explained, nothing is done twice, a killed
 //! run goes on where it was.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::time::Duration;
-
-use serde_json::Value;
-
-use crate::common::{command, data, dicom, random};
-
-use command::{binary, names, oct, smallest_budget, text};
-use dicom::{Elements, Image};
-use random::Random;
+use crate::prelude::*;
 
 const SIDE: u16 = 32;
 const SLICES: u32 = 20;

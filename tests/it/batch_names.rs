@@ -1,18 +1,7 @@
 //! What a batch calls its results: names follow the content of the input, so that what is done stays done wherever
 //! it lies. If this fails, models take the places of others, or are built again and again.
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
-
-use infobyte::volume::ScalarType;
-use serde_json::{Value, json};
-
-use crate::common::{command, dicom, formats};
-
-use command::{binary, names, oct, text};
-use dicom::Elements;
-use formats::{Object, file, npy, nrrd};
+use crate::prelude::*;
 
 fn object() -> Object {
     Object::new([6, 5, 4], ScalarType::I16, [1.0; 3])

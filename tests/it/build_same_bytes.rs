@@ -2,19 +2,7 @@
 //! threads, the width of tiles, and the way the voxels came in. If this fails, models cannot be compared
 //! by checksum, and a small machine makes something else than a large one.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use infobyte::format::SectionKind;
-use infobyte::load::Model;
-use serde_json::Value;
-
-use crate::common::volume::write_raw;
-use crate::common::{command, dicom, random};
-
-use command::{oct, smallest_budget, text};
-use dicom::{Image, Syntax};
-use random::Random;
+use crate::prelude::*;
 
 /// Writes 16-bit samples of waves with some salt: curved surfaces at every angle, and lone voxels.
 fn waves(path: &Path, dims: [u32; 3], seed: u64) {

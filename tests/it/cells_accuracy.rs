@@ -7,14 +7,8 @@
 //! by the very same rays: samples and rays are written into the folder `INFOBYTE_CELLS_MESH`, and the mesh's hits
 //! are read from there. `INFOBYTE_CELLS_SIDE=192` alone needs no mesh.
 
-use crate::common::bodies;
-
-use std::path::PathBuf;
-
-use crate::common::vectors::dot;
-use bodies::{Body, Scan, iso, scan};
-use infobyte::format::SurfaceKind;
-use infobyte::{BuildOptions, Model, RayCaster, Threshold};
+use crate::prelude::*;
+use bodies::{Body, iso, scan};
 
 /// What rays found.
 #[derive(Debug, Default)]

@@ -2,23 +2,11 @@
 //! them, a model that is overwritten or cut short while a picture is made of it. If this fails, a copy that was
 //! still running ends up as a model of which half is of yesterday, with exit code 0.
 
-use std::fs::{self, File, OpenOptions};
-use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use crate::prelude::*;
+use std::fs::OpenOptions;
+use std::process::Child;
 
 use infobyte::builder::build_volume;
-use infobyte::format::SurfaceKind;
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
-use infobyte::progress::{Progress, Silent};
-use infobyte::{BuildOptions, ExitKind, Threshold};
-
-use crate::common::command;
-use crate::common::volume::write_raw;
-
-use command::{binary, names, oct, text};
 
 /// A raw volume with its header: a ball, x fastest.
 fn ball(folder: &Path, side: u32) -> PathBuf {

@@ -2,18 +2,7 @@
 //! threads, and the cap holds on the worst of inputs. If this fails, a table stays under a patient, a surface
 //! is changed that nobody asked to change, or a machine dies on noise.
 
-use std::fs;
-use std::path::Path;
-
-use infobyte::format::{Channel, SectionKind};
-use infobyte::load::Model;
-use serde_json::Value;
-
-use crate::common::volume::write_raw;
-use crate::common::{command, random};
-
-use command::{measured_build, oct, smallest_budget, text};
-use random::Random;
+use crate::prelude::*;
 
 /// Writes 16-bit samples that are a function of their place.
 fn write(path: &Path, dims: [i32; 3], mut value: impl FnMut([i32; 3]) -> i16) {

@@ -4,18 +4,14 @@
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
 use crate::common as support;
+use crate::prelude::*;
 
-use std::collections::BTreeSet;
-
-use infobyte::format::assemble::{AssembledVoxel, OptionalSections, assemble, join_sections};
-use infobyte::format::{
-    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Metadata, Selection, SelectionKind,
-    table_bytes,
-};
-use infobyte::format::{SectionEntry, SectionKind};
-use infobyte::geom::{Level, NodeIndex, VoxelIndex};
-use infobyte::load::{Fault, Frame, Model, verify};
-use support::{FULL, NORMALS, metadata, shell};
+use infobyte::format::SectionEntry;
+use infobyte::format::assemble::join_sections;
+use infobyte::format::{Selection, SelectionKind};
+use infobyte::geom::Level;
+use infobyte::load::Fault;
+use support::shell;
 
 use FormatError as E;
 

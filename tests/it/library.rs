@@ -6,27 +6,12 @@
 #[path = "../../examples/function.rs"]
 mod function;
 
-use std::fs;
+use crate::prelude::*;
 use std::io;
-use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::random::Random;
-use infobyte::budget::MemoryCap;
-use infobyte::export::ExportForm;
-use infobyte::format::{Channel, SurfaceKind};
-use infobyte::geom::morton;
-use infobyte::jobs::export::{ExportRequest, export};
-use infobyte::load::{LoadError, NodeView};
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
-use infobyte::progress::Silent;
-use infobyte::render::RenderError;
-use infobyte::render::ray::BadRay;
-use infobyte::volume::VolumeSource;
-use infobyte::{
-    Affine, BuildOptions, CleanOptions, Dims, ExitKind, Hits, Model, RayCaster, Rescale, Slices, Threshold,
-    VolumeView, Voxels, builder,
-};
+use infobyte::load::LoadError;
+use infobyte::{Hits, VolumeView, builder};
 
 const SIDES: [u32; 3] = [37, 41, 45];
 

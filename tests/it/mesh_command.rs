@@ -1,10 +1,7 @@
 //! `oct build` of a mesh as a user runs it: what was chosen is told with figures, what does not fit is refused in a
 //! sentence with the cure, and the whole process stays within its memory.
 
-use crate::common::{command, meshes};
-
-use command::oct;
-use meshes::Body;
+use crate::prelude::*;
 
 fn put(name: &str, bytes: &[u8]) -> (tempfile::TempDir, String, String) {
     let folder = tempfile::tempdir().unwrap();

@@ -2,20 +2,13 @@
 //! Every hard case here is compared with a slow count in wide integers that shares no code with the program. If
 //! this fails, parts have stray voxels, bands or holes, as those of most voxelisers do.
 
-use crate::common::meshes;
-use crate::common::models::{exact_grid, finest, on_grid, put, share as options};
+use crate::common::models::share as options;
+use crate::prelude::*;
 mod thin;
 
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-
-use infobyte::builder::{BuildError, BuildOptions, Silent};
-use infobyte::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
-use infobyte::format::{Channel, normal};
-use infobyte::geom::morton;
-use infobyte::load::{Model, verify};
-use infobyte::mesh::{GridChoice, MeshOptions, MeshReport, build_mesh};
-use meshes::{Body, STEPS, skin};
+use infobyte::facts::{Boundary, Fill, MeshFacts};
+use infobyte::mesh::MeshReport;
+use meshes::{STEPS, skin};
 
 fn exact(dims: [u32; 3]) -> MeshOptions {
     on_grid(exact_grid(dims))

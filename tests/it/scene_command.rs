@@ -1,14 +1,7 @@
 //! `oct render SCENE.toml`: what the text of a scene says is shown, and what cannot be is told with the key and the
 //! cure. If this fails, a scene is shown otherwise than it is written, or a user is left with half a sentence.
 
-use crate::common::command;
-
-use std::fs;
-use std::path::Path;
-
-use command::{oct, text};
-use serde_json::Value;
-use tempfile::TempDir;
+use crate::prelude::*;
 
 /// A folder with a ball, a cube and a ring.
 fn folder() -> TempDir {

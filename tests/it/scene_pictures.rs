@@ -3,14 +3,9 @@
 //!
 //! With INFOBYTE_PICTURES=FOLDER the golden picture is also written there, to be looked at.
 
-use infobyte::format::SurfaceKind;
-use infobyte::load::ModelView;
-use infobyte::render::{Camera, ViewPoint};
+use crate::prelude::*;
+use infobyte::Image;
 use infobyte::scene::{Ambient, Clip, Light, LightKind, Look, Material, Part, Placement, Plane, paint};
-use infobyte::{Affine, BuildOptions, Dims, Image, Model, Projection, Threshold, Voxels};
-use tempfile::TempDir;
-
-use crate::common::vectors::{cross, dot};
 
 fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + s * b[i])

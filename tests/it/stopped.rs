@@ -1,22 +1,10 @@
 //! A job that its watcher stops ends soon, with an error of its own kind, and leaves no trace, wherever it was. If this
 //! fails, a program that was interrupted goes on for minutes, or loses the model that it had.
 
-use std::collections::BTreeSet;
-use std::fs;
-use std::path::{Path, PathBuf};
+use crate::prelude::*;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use infobyte::builder::ViewedFrom;
-use infobyte::export::ExportForm;
-use infobyte::format::SurfaceKind;
-use infobyte::jobs::export::{ExportRequest, export};
-use infobyte::jobs::pack;
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
-use infobyte::progress::Silent;
-use infobyte::{
-    BuildOptions, CleanOptions, Dims, Error, ExitKind, Model, Progress, Slices, Threshold, Voxels,
-};
+use infobyte::Error;
 
 /// Stops a job when it asks for the n-th time.
 struct Stopper {

@@ -6,10 +6,7 @@
 //! 0.29 (2.1 % and 320). With a plane in every cell that a plane separates it would be 0.18 % and 0.85, 0.44 % and 1.9:
 //! cells are eleven times as long as wide, and the surface bends within them.
 
-use crate::common::data;
-
-use infobyte::format::SurfaceKind;
-use infobyte::{Affine, BuildOptions, Model, RayCaster, Threshold, VolumeSource};
+use crate::prelude::*;
 
 /// The samples of a volume as depths inside the threshold.
 struct Samples {

@@ -1,15 +1,7 @@
 //! The text of trees: a dump, damage, and what is refused with its line.
 
-use std::path::Path;
-
-use infobyte::builder::BuildError;
-use infobyte::csg::{CsgOptions, parse_tree};
-use infobyte::facts::{CsgFault, Fault, SourceError};
-use infobyte::load::{Model, verify};
-use infobyte::mesh::GridChoice;
-
 use super::{build_to, exact, options, parsed};
-use crate::common::random::Random;
+use crate::prelude::*;
 
 const SAMPLE: &str = include_str!("../../../fixtures/csg/bracket.csg");
 

@@ -3,17 +3,11 @@
 //! values, or frames wrong places.
 
 use crate::common::frames;
-use std::path::Path;
+use crate::prelude::*;
 
-use infobyte::budget::Budget;
-use infobyte::source::dicom::{Access, Image, Obstacle, Origin, StatedPadding, unroll};
-use infobyte::volume::{ScalarType, SourceError};
+use infobyte::source::dicom::{Image, Origin, StatedPadding};
 
-use crate::common::dicom::{Syntax, Writer};
-use crate::common::frames::{
-    Collected, JPEG, MEMORY, RLE, Spec, deflated, encapsulated, frames_of, geometry_of, header_of, image,
-    native, rle, rle16, sequence, words,
-};
+use crate::common::frames::geometry_of;
 
 fn bytes16(values: &[u16]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()

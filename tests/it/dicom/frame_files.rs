@@ -1,23 +1,13 @@
 //! Fragments find their frames whatever the offset tables say, ten thousand frames cost no more memory than
 //! ten, and no bytes make the reader of frames panic, loop, or allocate more than a few rows and tables.
 
-use std::fs::File;
+use crate::prelude::*;
 use std::io::Write as _;
-use std::os::unix::fs::FileExt;
-use std::path::Path;
 
-use infobyte::budget::Budget;
 use infobyte::facts::Instead;
-use infobyte::source::dicom::{Access, FrameSink, Image, scan, unroll, visit};
-use infobyte::volume::SourceError;
+use infobyte::source::dicom::Image;
 
-use crate::common::counting::measured;
-use crate::common::dicom::{Syntax, Writer};
-use crate::common::frames::{
-    Collected, ENCAPSULATED, JPEG, MEMORY, RLE, Spec, deflated, deflated_parts, encapsulated, frames_of,
-    header_of, image, native, pixel_items, rle, rle16, sequence,
-};
-use crate::common::random::Random;
+use crate::common::frames::{ENCAPSULATED, deflated_parts, pixel_items};
 
 /// Runs something and returns the most bytes that it held at a time.
 fn peak_of<T>(run: impl FnOnce() -> T) -> (T, usize) {

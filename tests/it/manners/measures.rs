@@ -1,9 +1,7 @@
 //! What `info` measures, against bodies whose measures are known.
 
-use serde_json::{Value, json};
-
 use super::{ball, built};
-use crate::common::command::{oct, text};
+use crate::prelude::*;
 
 fn info(model: &std::path::Path, extra: &[&str]) -> Value {
     oct(&[&["info", "--json", &text(model)], extra].concat()).json()
