@@ -1,6 +1,7 @@
 //! What a batch calls its results: names follow the content of the input, so that what is done stays done wherever
 //! it lies. If this fails, models take the places of others, or are built again and again.
 
+use crate::batch::counts;
 use crate::prelude::*;
 
 fn object() -> Object {
@@ -23,10 +24,6 @@ fn batch(top: &Path, out: &Path, extra: &[&str]) -> (command::Run, Value) {
     let run = oct(&[&["batch", &text(top), "--out", &text(out)], iso, extra].concat());
     let report = fs::read(out.join("report.json")).unwrap_or_else(|e| panic!("{e}: {run:?}"));
     (run, serde_json::from_slice(&report).unwrap())
-}
-
-fn counts(report: &Value) -> [u64; 3] {
-    ["converted", "skipped", "failed"].map(|key| report[key].as_u64().unwrap())
 }
 
 #[test]

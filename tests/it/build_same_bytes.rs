@@ -2,6 +2,7 @@
 //! threads, the width of tiles, and the way the voxels came in. If this fails, models cannot be compared
 //! by checksum, and a small machine makes something else than a large one.
 
+use crate::cleaning::number;
 use crate::prelude::*;
 
 /// Writes 16-bit samples of waves with some salt: curved surfaces at every angle, and lone voxels.
@@ -20,10 +21,6 @@ fn waves(path: &Path, dims: [u32; 3], seed: u64) {
 
 fn build(input: &[PathBuf], output: &Path, extra: &[&str]) -> command::Run {
     command::build(input, output, &[&["--json"], extra].concat())
-}
-
-fn number(report: &Value, key: &str) -> u64 {
-    report[key].as_u64().unwrap_or_else(|| panic!("{key} in {report}"))
 }
 
 /// Builds with every budget and thread count, and holds all files to the first.

@@ -19,7 +19,7 @@ fn section(path: &Path, kind: SectionKind) -> Vec<u8> {
     Model::open(path).unwrap().section_bytes(kind).unwrap().to_vec()
 }
 
-fn number(report: &Value, key: &str) -> u64 {
+pub(crate) fn number(report: &Value, key: &str) -> u64 {
     report[key].as_u64().unwrap_or_else(|| panic!("{key} in {report}"))
 }
 
@@ -153,24 +153,9 @@ fn budgets_and_threads_do_not_change_the_file() {
     let raw = folder.path().join("head.raw");
     assert_eq!(oct(&["demo", "--size", "160", "--write-raw", &text(&raw)]).code, 0);
     let dims = [160; 3];
-    let all = [
-        "--roi",
-        "3..150,5..157,0..159",
-        "--downsample",
-        "2",
-        "--preset",
-        "bone",
-        "--close",
-        "1",
-        "--fill-cavities",
-        "--keep-largest",
-        "3",
-        "--drop-below",
-        "0.5%",
-        "--channels",
-        "normal,value",
-    ];
-    same_everywhere(&raw, dims, "i16", &all);
+    let all = "--roi 3..150,5..157,0..159 --downsample 2 --preset bone --close 1 --fill-cavities --keep-largest 3 \
+               --drop-below 0.5% --channels normal,value";
+    same_everywhere(&raw, dims, "i16", &all.split(' ').collect::<Vec<_>>());
     same_everywhere(
         &raw,
         dims,

@@ -11,7 +11,7 @@ pub(crate) use crate::common::dicom::{Elements, Image, Syntax, Writer, firsts, m
 pub(crate) use crate::common::formats::{Object, Tiff, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
 pub(crate) use crate::common::frames::{
     Collected, JPEG, MEMORY, RLE, Spec, deflated, encapsulated, frames_of, header_of, image, native, rle,
-    rle16, sequence, words,
+    rle16, words,
 };
 pub(crate) use crate::common::meshes::Body;
 pub(crate) use crate::common::models::{exact_grid, finest, on_grid, put, share};

@@ -59,18 +59,7 @@ fn refused(text: &str) -> CsgFault {
 
 #[test]
 fn what_is_not_supported_is_named_with_its_line() {
-    for module in [
-        "hull",
-        "minkowski",
-        "projection",
-        "text",
-        "surface",
-        "rotate_extrude",
-        "offset",
-        "resize",
-        "roof",
-        "x",
-    ] {
+    for module in "hull minkowski projection text surface rotate_extrude offset resize roof x".split(' ') {
         let fault = refused(&format!("group() {{\n\n\t{module}(a = 1) {{ cube(); }}\n}}"));
         assert_eq!(fault, CsgFault::Unsupported { line: 3, module: module.to_owned() });
     }
