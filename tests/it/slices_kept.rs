@@ -2,15 +2,7 @@
 //! are told by what is written in them, a file given by name is never dropped, and a number that is missing in the
 //! names is a gap like any other. If this fails, five slices become four, and everything behind moves up.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use infobyte::volume::ScalarType;
-
-use crate::common::{command, formats};
-
-use command::{Run, names, oct, text};
-use formats::{Object, pngs};
+use crate::prelude::*;
 
 fn stack(folder: &Path, slices: u32) -> Vec<PathBuf> {
     pngs(&Object::new([24, 20, slices], ScalarType::U8, [1.0; 3]), folder)

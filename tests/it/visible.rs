@@ -5,22 +5,9 @@
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "samples are clamped to bytes")]
 
-use crate::common::long;
-use crate::common::{command, data, random};
-
-use std::fs;
-use std::path::Path;
-
-use command::{oct, text};
-use infobyte::budget::MemoryCap;
-use infobyte::builder::ViewedFrom;
-use infobyte::format::SurfaceKind;
-use infobyte::geom::Dims;
-use infobyte::load::{Model, verify};
+use crate::prelude::*;
+use infobyte::SurfacePoint;
 use infobyte::synthetic;
-use infobyte::volume::{VolumeSource, Voxels};
-use infobyte::{BuildOptions, RayCaster, SurfacePoint, Threshold};
-use random::Random;
 
 fn times() -> u64 {
     long().into()
