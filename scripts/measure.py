@@ -10,7 +10,6 @@ moments; the program's own `peak_rss_bytes`, read at its end, is the third.
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import time
 
@@ -126,11 +125,10 @@ def write_demo(oct_path, side, path):
 
 
 def find_oct(given):
-    """The program to measure, as given (figures are of `target/dist/oct`) or else the release build; says which."""
+    """The program to measure: as given, else the release build beside these scripts."""
     top = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     target = os.environ.get("CARGO_TARGET_DIR", os.path.join(top, "target"))
     path = given or os.path.join(target, "release", "oct")
     if not os.access(path, os.X_OK):
         raise SystemExit(f"{path}: no program there; run `cargo build --release` or give --oct PATH")
-    print(f"measured: {path}", file=sys.stderr)
     return path
