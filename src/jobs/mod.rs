@@ -20,7 +20,6 @@ pub mod render;
 pub mod report;
 pub mod scan;
 pub mod scene;
-#[cfg(test)]
 mod schema;
 pub mod shots;
 pub mod verify;

@@ -1,6 +1,8 @@
 //! The schemas of all reports and the tables of `docs/JSON.md`, made from the types: the meaning of a key is the doc
 //! comment of its field.
 
+#![cfg(test)]
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::fs;

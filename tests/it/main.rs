@@ -1,7 +1,8 @@
 //! The promises that the project keeps, one file each, in one program: linking a program costs more than most of its
 //! tests. Each file opens with what would break; `common` holds what several of them need.
 //!
-//! Programs of their own are `corpus` and `fuzz`, whose allocator counts the whole process.
+//! Programs of their own are `corpus` and `fuzz`, whose allocator counts the whole process, and `process`, which asks the
+//! operating system for its memory.
 
 mod common;
 
@@ -38,7 +39,6 @@ mod mesh_command;
 mod mesh_containers;
 mod mesh_looks;
 mod mesh_solids;
-mod mutations;
 mod normals;
 mod oracle;
 mod pack;

@@ -170,7 +170,7 @@ fn what_cannot_be_read_is_refused_by_name() {
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink("/dev/null", folder.path().join("linked.bin")).unwrap();
-        refused("a.glb", &changed(&|d| d["buffers"][0]["uri"] = json!("linked.bin")), "--follow-links");
+        refused("a.glb", &changed(&|d| d["buffers"][0]["uri"] = json!("linked.bin")), "follow_links");
     }
     let model = |resources: &str, items: &str| packed(&text("millimeter", resources, items), 8);
     let own = object(&body(), 1, 1.0);

@@ -168,8 +168,8 @@ fn of_several_volumes_the_largest_is_opened_with_a_warning() {
 #[test]
 fn what_is_no_volume_is_refused_with_the_reason() {
     for (item, wanted) in [
-        ("raw-cthead", &["no volume is among the 113 file(s)", "--dims"][..]),
-        ("raw-lidc-u8/lidc2_256x256x133_u8.raw", &["headerless", "--dims", "--dtype"]),
+        ("raw-cthead", &["no volume is among the 113 file(s)", "add dims"][..]),
+        ("raw-lidc-u8/lidc2_256x256x133_u8.raw", &["headerless", "dims", "scalar"]),
         ("mesh/bunny-open.ply", &["is a PLY mesh"]),
         ("mesh", &["none of the 5 file(s) is a volume"]),
     ] {

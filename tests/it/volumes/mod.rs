@@ -3,11 +3,9 @@
 //! | file | promise |
 //! |---|---|
 //! | `formats_read` | every format gives the values, type and place of what was written |
-//! | `formats_hostile` | no bytes make a reader panic, loop, or allocate much |
 //! | `headerless` | raw files, whole or one for each slice |
 //! | `placement` | spacing and directions, stated by the file, beside it, or by the caller |
 
-mod formats_hostile;
 mod formats_read;
 mod headerless;
 mod placement;
