@@ -44,6 +44,7 @@ COMPARE
 step "format" cargo fmt --all -- --check
 step "lints, warnings are errors" cargo clippy --locked --all-targets -- -D warnings
 step "documentation, warnings are errors" env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --document-private-items
+step "public items, as docs/PUBLIC.txt lists them" python3 scripts/public_items.py --check
 if [ "$tests" = yes ]; then
     step "tests" cargo test --locked
 fi

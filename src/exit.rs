@@ -35,6 +35,61 @@ impl ExitKind {
     }
 }
 
+/// An error of one boundary: opaque, with its kind, its path and its sentence. What it holds is private to the crate.
+macro_rules! opaque_error {
+    ($(#[$doc:meta])* $name:ident($fault:ident)) => {
+        $(#[$doc])*
+        pub struct $name(Box<$fault>);
+
+        impl $name {
+            /// Who has to act on it, hence the exit code.
+            pub fn kind(&self) -> $crate::ExitKind {
+                self.0.kind()
+            }
+
+            /// The file or folder at fault, if there is one.
+            pub fn path(&self) -> Option<&std::path::Path> {
+                self.0.path()
+            }
+
+            #[allow(dead_code, reason = "not every boundary is asked by the crate")]
+            pub(crate) fn fault(&self) -> &$fault {
+                &self.0
+            }
+
+            #[allow(dead_code, reason = "not every boundary is asked by the crate")]
+            pub(crate) fn fault_mut(&mut self) -> &mut $fault {
+                &mut self.0
+            }
+        }
+
+        impl From<$fault> for $name {
+            fn from(fault: $fault) -> Self {
+                Self(Box::new(fault))
+            }
+        }
+
+        impl std::fmt::Debug for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                std::fmt::Debug::fmt(&self.0, f)
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                std::fmt::Display::fmt(&self.0, f)
+            }
+        }
+
+        impl std::error::Error for $name {
+            fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+                self.0.source()
+            }
+        }
+    };
+}
+pub(crate) use opaque_error;
+
 /// The report of a command that fails, for `--json`.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]

@@ -125,7 +125,7 @@ mod enclosed;
 pub mod error;
 mod exit;
 pub mod export;
-pub mod facts;
+mod facts;
 pub mod format;
 pub mod geom;
 mod identity;

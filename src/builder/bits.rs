@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::error::BuildError;
+use crate::builder::BuildFault;
 use crate::geom::Dims;
 use crate::platform::FileExt;
 use crate::scratch::unnamed_for;
@@ -78,5 +79,5 @@ impl BitVolume {
 }
 
 pub(crate) fn scratch_error(folder: &Path, cause: io::Error) -> BuildError {
-    BuildError::Scratch { path: folder.to_path_buf(), cause }
+    BuildError::from(BuildFault::Scratch { path: folder.to_path_buf(), cause })
 }

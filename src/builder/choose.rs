@@ -5,6 +5,7 @@ use super::range::{Ordered, SampleRange, highest_below};
 use super::{Progress, Threshold, histogram};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
+use crate::builder::BuildFault;
 use crate::format::{Selection, SelectionKind};
 use crate::volume::{ScalarType, VolumeSource};
 
@@ -69,7 +70,7 @@ impl Chooser<'_> {
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
-            return Err(BuildError::EmptyRange { lo: selection.lo, hi: selection.hi });
+            return Err(BuildFault::EmptyRange { lo: selection.lo, hi: selection.hi }.into());
         }
         match SampleRange::of_selection(&selection, rescale) {
             Some(range) => Ok((selection, range)),
@@ -106,11 +107,11 @@ impl Chooser<'_> {
     fn too_small(&self) -> BuildError {
         let dry = Budget::dry(self.memory);
         let _least = self.least_histogram(&dry);
-        BuildError::BudgetTooSmall {
+        BuildError::from(BuildFault::BudgetTooSmall {
             name: self.source.info().description.name.clone(),
             limit_bytes: self.memory.bytes(),
             minimum_bytes: dry.smallest_limit(1),
-        }
+        })
     }
 
     /// The error for a range without voxels: says which values there are, at the price of one more pass.
@@ -122,10 +123,10 @@ impl Chooser<'_> {
             .and_then(|(threads, _memory)| histogram::extremes::<T>(self.source, threads, self.progress));
         match seen {
             Err(e) => e,
-            Ok(None) => BuildError::NoNumbers { name },
+            Ok(None) => BuildError::from(BuildFault::NoNumbers { name }),
             Ok(Some((a, b))) => {
                 let (a, b) = (info.rescale.apply(a), info.rescale.apply(b));
-                BuildError::EmptyResult { name, sought, min: a.min(b), max: a.max(b) }
+                BuildError::from(BuildFault::EmptyResult { name, sought, min: a.min(b), max: a.max(b) })
             }
         }
     }

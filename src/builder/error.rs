@@ -1,27 +1,29 @@
 //! Why a build stops, as a value with its sentence.
 
-#![expect(missing_docs, reason = "the sentence of each variant says it")]
-
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use crate::budget::{ExactSize, SizeArgument};
-use crate::exit::ExitKind;
+use crate::exit::{ExitKind, opaque_error};
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
 use crate::progress::Stopped;
 use crate::text::names::{
     DTYPE, ISO, MEMORY, NORMAL_BITS, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
 };
 use crate::text::{Short, reading, shown, writing};
-use crate::volume::SourceError;
+use crate::volume::{SourceError, SourceFault};
 
-/// A build that cannot be finished; the old target, if any, is untouched.
-#[non_exhaustive]
+opaque_error! {
+    /// A build that cannot be finished; the old target, if any, is untouched.
+    BuildError(BuildFault)
+}
+
+/// Why, with its sentence.
 #[derive(Debug, Error)]
-pub enum BuildError {
+pub(crate) enum BuildFault {
     #[error(transparent)]
     Source(SourceError),
     #[error("{name}: {MEMORY} {} is too small; the smallest that works is {MEMORY} {}", ExactSize(*.limit_bytes), SizeArgument(*.minimum_bytes))]
@@ -68,7 +70,7 @@ pub enum BuildError {
         cause: io::Error,
     },
     #[error(transparent)]
-    Format(#[from] FormatError),
+    Format(FormatError),
     #[error("worker threads cannot be started ({cause}); try {THREADS} 1")]
     Threads {
         threads: usize,
@@ -92,24 +94,45 @@ fn no_channel(channel: Channel, surface: SurfaceKind) -> String {
 }
 
 impl BuildError {
-    /// Name of the input, where the error has one.
+    /// The smallest cap that works, in bytes, if the memory was too small.
+    pub fn minimum_bytes(&self) -> Option<u64> {
+        match self.fault() {
+            BuildFault::BudgetTooSmall { minimum_bytes, .. } => Some(*minimum_bytes),
+            _ => None,
+        }
+    }
+
+    /// The least and the greatest value of a volume that has none in the range.
+    pub fn value_range(&self) -> Option<[f64; 2]> {
+        match self.fault() {
+            BuildFault::EmptyResult { min, max, .. } => Some([*min, *max]),
+            _ => None,
+        }
+    }
+
+    /// Has the input nothing inside the range?
+    pub(crate) fn is_empty(&self) -> bool {
+        matches!(self.fault(), BuildFault::EmptyResult { .. } | BuildFault::NoNumbers { .. })
+    }
+
+    /// The name of the input, where the error holds it.
     pub(crate) fn input_name(&mut self) -> Option<&mut String> {
-        match self {
-            Self::BudgetTooSmall { name, .. }
-            | Self::EmptyResult { name, .. }
-            | Self::NothingInside { name }
-            | Self::NothingVisible { name, .. }
-            | Self::NoChannel { name, .. }
-            | Self::NormalBits { name }
-            | Self::NoRoomForCells { name }
-            | Self::NoNumbers { name } => Some(name),
+        match self.fault_mut() {
+            BuildFault::BudgetTooSmall { name, .. }
+            | BuildFault::EmptyResult { name, .. }
+            | BuildFault::NothingInside { name }
+            | BuildFault::NothingVisible { name, .. }
+            | BuildFault::NoChannel { name, .. }
+            | BuildFault::NormalBits { name }
+            | BuildFault::NoRoomForCells { name }
+            | BuildFault::NoNumbers { name } => Some(name),
             _ => None,
         }
     }
 
     /// The same error with so much more held outside the cap that was too small.
     pub(crate) fn beside(mut self, held_bytes: u64) -> Self {
-        if let Self::BudgetTooSmall { limit_bytes, minimum_bytes, .. } = &mut self {
+        if let BuildFault::BudgetTooSmall { limit_bytes, minimum_bytes, .. } = self.fault_mut() {
             *limit_bytes = limit_bytes.saturating_add(held_bytes);
             *minimum_bytes = minimum_bytes.saturating_add(held_bytes);
         }
@@ -119,7 +142,7 @@ impl BuildError {
 
 /// A range without voxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Criterion {
+pub(crate) enum Criterion {
     /// Otsu's method does not give a range, because all values are equal.
     Split,
     /// No value lies within the range.
@@ -140,7 +163,7 @@ impl fmt::Display for Criterion {
 
 /// Damage of a scratch file that can be read; held by the [`io::Error`] of [`BuildError::Scratch`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum ScratchFault {
+pub(crate) enum ScratchFault {
     #[error("its contents were changed by someone else")]
     Changed,
     #[error("the model has too many bricks for this machine")]
@@ -149,16 +172,22 @@ pub enum ScratchFault {
 
 impl From<SourceError> for BuildError {
     fn from(cause: SourceError) -> Self {
-        match cause {
-            SourceError::Stopped => Self::Stopped,
-            cause => Self::Source(cause),
+        match cause.fault() {
+            SourceFault::Stopped => BuildFault::Stopped.into(),
+            _ => BuildFault::Source(cause).into(),
         }
     }
 }
 
 impl From<Stopped> for BuildError {
     fn from(_: Stopped) -> Self {
-        Self::Stopped
+        BuildFault::Stopped.into()
+    }
+}
+
+impl From<FormatError> for BuildError {
+    fn from(cause: FormatError) -> Self {
+        BuildFault::Format(cause).into()
     }
 }
 
@@ -168,9 +197,8 @@ impl From<ScratchFault> for io::Error {
     }
 }
 
-impl BuildError {
-    /// Exit kind.
-    pub fn kind(&self) -> ExitKind {
+impl BuildFault {
+    fn kind(&self) -> ExitKind {
         match self {
             Self::Source(e) => e.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
@@ -183,6 +211,14 @@ impl BuildError {
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,
             Self::Stopped => ExitKind::Stopped,
+        }
+    }
+
+    fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Source(e) => e.path(),
+            Self::Scratch { path, .. } | Self::Output { path, .. } => Some(path),
+            _ => None,
         }
     }
 }

@@ -19,6 +19,7 @@ use super::visible::{self, Search};
 use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
+use crate::builder::BuildFault;
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::{Affine, Dims};
 
@@ -57,7 +58,9 @@ pub(super) fn channel_forms(
 ) -> Result<Vec<ChannelForm>, BuildError> {
     let with_form = |channel| match form(channel, &ScanSummary::default()) {
         Some(form) => Ok(ChannelForm { channel, form }),
-        None => Err(BuildError::NoChannel { name: name.to_owned(), channel, surface: options.surface }),
+        None => {
+            Err(BuildFault::NoChannel { name: name.to_owned(), channel, surface: options.surface }.into())
+        }
     };
     options.channels.iter().map(with_form).collect()
 }
@@ -113,7 +116,7 @@ impl Job<'_> {
             let name = solid.name();
             return Err(match totals.hidden {
                 0 => solid.nothing_inside(),
-                boxes => BuildError::NothingVisible { name, boxes },
+                boxes => BuildError::from(BuildFault::NothingVisible { name, boxes }),
             });
         }
 
@@ -143,7 +146,7 @@ impl Job<'_> {
         let file_bytes = seal::seal(&target, solid.dims(), solid.surface(), &census, &metadata)?;
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
-        solid.check_unchanged().map_err(BuildError::Source)?;
+        solid.check_unchanged().map_err(|cause| BuildError::from(BuildFault::Source(cause)))?;
         self.progress.check()?;
         atomic.commit().map_err(|e| self.output_error(e))?;
         seconds.commit = started.elapsed().as_secs_f64();
@@ -183,27 +186,29 @@ impl Job<'_> {
     /// The plan within what is resident now.
     ///
     /// # Errors
-    /// [`BuildError::BudgetTooSmall`], which names the smallest cap.
+    /// [`BuildError`], which names the smallest cap.
     pub(super) fn plan(&self, name: &str, request: &PlanRequest<'_>) -> Result<ColumnPlan, BuildError> {
         let memory = self.options.memory;
         ColumnPlan::new(request, &Budget::of_job(memory)).map_err(|_| {
             let dry = Budget::dry(memory);
             let _least = ColumnPlan::smallest(request, &dry);
-            BuildError::BudgetTooSmall {
+            BuildError::from(BuildFault::BudgetTooSmall {
                 name: name.to_owned(),
                 limit_bytes: memory.bytes(),
                 minimum_bytes: dry.smallest_limit(1),
-            }
+            })
         })
     }
 
     /// A part of what is reserved for the workers, for one of them or for a stage that works alone.
     fn part(&self, solid: &dyn Solid, plan: &ColumnPlan, bytes: u64) -> Result<Reservation, BuildError> {
         let limit_bytes = self.options.memory.bytes();
-        plan.memory.reserve(bytes).map_err(|refused| BuildError::BudgetTooSmall {
-            name: solid.name(),
-            limit_bytes,
-            minimum_bytes: limit_bytes.saturating_add(refused.missing_bytes()),
+        plan.memory.reserve(bytes).map_err(|refused| {
+            BuildError::from(BuildFault::BudgetTooSmall {
+                name: solid.name(),
+                limit_bytes,
+                minimum_bytes: limit_bytes.saturating_add(refused.missing_bytes()),
+            })
         })
     }
 
@@ -348,6 +353,6 @@ impl Job<'_> {
     }
 
     fn output_error(&self, cause: std::io::Error) -> BuildError {
-        BuildError::Output { path: self.output.to_path_buf(), cause }
+        BuildError::from(BuildFault::Output { path: self.output.to_path_buf(), cause })
     }
 }

@@ -17,6 +17,7 @@ use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick
 use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, WalkedBrick};
 use crate::budget::costs::MIN_WORKER;
+use crate::builder::BuildFault;
 use crate::format::{Channel, MeanRule, SectionKind, Sum};
 use crate::platform::FileExt;
 use crate::progress::Progress;
@@ -70,7 +71,7 @@ pub(super) struct Target<'a> {
 
 impl Target<'_> {
     pub(super) fn error(&self, cause: std::io::Error) -> BuildError {
-        BuildError::Output { path: self.path.to_path_buf(), cause }
+        BuildError::from(BuildFault::Output { path: self.path.to_path_buf(), cause })
     }
 
     fn offset(&self, kind: SectionKind, item: u64, item_bytes: usize) -> Option<u64> {

@@ -58,7 +58,8 @@ mod walk;
 
 pub(crate) use bits::{BitVolume, scratch_error};
 pub use choose::choose_selection;
-pub use error::{BuildError, Criterion, ScratchFault};
+pub use error::BuildError;
+pub(crate) use error::BuildFault;
 pub use estimator::Gradient;
 pub(crate) use file_solid::FileSolid;
 pub use item::ItemForm;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{BuildError, Connectivity, Gradient, ViewedFrom};
 use crate::budget::MemoryCap;
+use crate::builder::BuildFault;
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, Selection, SurfaceKind};
 
@@ -95,7 +96,7 @@ impl BuildOptions {
     /// Are normals of this surface stored in as many bits?
     ///
     /// # Errors
-    /// [`BuildError::NormalBits`]
+    /// [`BuildError`]
     pub(super) fn check_bits(
         &self,
         of_volume: bool,
@@ -104,7 +105,7 @@ impl BuildOptions {
         if self.normal_bits == NormalBits::Sixteen || (of_volume && self.surface == SurfaceKind::Skin) {
             return Ok(());
         }
-        Err(BuildError::NormalBits { name: name() })
+        Err(BuildFault::NormalBits { name: name() }.into())
     }
 
     /// The folder of scratch files for a model: as given, or the model's own.

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use super::error::BuildError;
 use crate::budget::MemoryCap;
 use crate::budget::costs::WORKER_STACK;
+use crate::builder::BuildFault;
 use crate::geom::Dims;
 use crate::platform::give_back;
 use crate::progress::Progress;
@@ -58,17 +59,16 @@ fn run(threads: usize, progress: &dyn Progress, ready: &dyn Fn(), work: &Work<'_
         ready();
         guarded();
     } else {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .stack_size(WORKER_STACK)
-            .build()
-            .map_err(|e| BuildError::Threads { threads, cause: std::io::Error::other(e) })?;
+        let pool =
+            rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(WORKER_STACK).build().map_err(
+                |e| BuildError::from(BuildFault::Threads { threads, cause: std::io::Error::other(e) }),
+            )?;
         ready();
         pool.broadcast(|_| guarded());
     }
     first.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).map_or(Ok(()), Err)?;
     // Not asked again: workers that were stopped have left something undone.
-    if stopped.into_inner() { Err(BuildError::Stopped) } else { Ok(()) }
+    if stopped.into_inner() { Err(BuildFault::Stopped.into()) } else { Ok(()) }
 }
 
 /// The blocks in which a volume is read once: some rows of one slice each, for whichever worker asks next.

@@ -17,6 +17,7 @@ use std::time::Duration;
 use super::error::BuildError;
 use super::item::ItemForm;
 use super::skin::{BitRows, Exposed, corner_samples, exposed};
+use crate::builder::BuildFault;
 use crate::format::{Channel, Channels, Metadata, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::SourceError;
@@ -142,7 +143,7 @@ pub trait Solid: Sync {
 
     /// Why no voxel is inside, for the user.
     fn nothing_inside(&self) -> BuildError {
-        BuildError::NothingInside { name: self.name() }
+        BuildError::from(BuildFault::NothingInside { name: self.name() })
     }
 }
 

@@ -20,6 +20,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::builder::BuildFault;
 use crate::platform::FileExt;
 
 use super::error::{BuildError, ScratchFault};
@@ -81,7 +82,7 @@ impl Scratch {
     /// Creates the unnamed file in `folder` with room for an index of `bricks` along x, y, z.
     pub(super) fn create(folder: &Path, bricks: [u64; 3]) -> Result<Self, BuildError> {
         let file = crate::scratch::unnamed(folder)
-            .map_err(|cause| BuildError::Scratch { path: folder.to_path_buf(), cause })?;
+            .map_err(|cause| BuildError::from(BuildFault::Scratch { path: folder.to_path_buf(), cause }))?;
         let index = bricks[0] * bricks[1] * bricks[2] * ENTRY_BYTES as u64;
         let scratch = Self {
             file,
@@ -96,7 +97,7 @@ impl Scratch {
 
     /// Wraps a failure of the scratch file.
     pub(super) fn error(&self, cause: io::Error) -> BuildError {
-        BuildError::Scratch { path: self.folder.clone(), cause }
+        BuildError::from(BuildFault::Scratch { path: self.folder.clone(), cause })
     }
 
     pub(super) fn written_bytes(&self) -> u64 {

@@ -12,6 +12,7 @@ use super::ring::{Depths, RingForm, Samples};
 use super::solid::Solid;
 use super::volume::VolumeSolid;
 use super::{BuildOptions, Threshold};
+use crate::builder::BuildFault;
 use crate::format::{Selection, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::{ScalarType, VolumeInfo};
@@ -23,9 +24,8 @@ use crate::volume::{ScalarType, VolumeInfo};
 pub(super) fn grid_dims(dims: Dims, surface: SurfaceKind, name: &str) -> Result<Dims, BuildError> {
     match surface {
         SurfaceKind::Skin => Ok(dims),
-        SurfaceKind::Cells => {
-            cell_dims(dims).ok_or_else(|| BuildError::NoRoomForCells { name: name.to_owned() })
-        }
+        SurfaceKind::Cells => cell_dims(dims)
+            .ok_or_else(|| BuildError::from(BuildFault::NoRoomForCells { name: name.to_owned() })),
     }
 }
 

@@ -114,6 +114,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::builder::BuildFault;
     use crate::geom::Dims;
     use crate::random::Random;
 
@@ -160,6 +161,7 @@ mod tests {
             assert_eq!(window.get(row).unwrap(), [0, row, 0]);
         }
         assert_eq!(bits.bytes(), 1400 * 24);
-        assert!(matches!(BitVolume::create(Path::new("no/folder"), dims), Err(BuildError::Scratch { .. })));
+        let refused = BitVolume::create(Path::new("no/folder"), dims).err().unwrap();
+        assert!(matches!(refused.fault(), BuildFault::Scratch { .. }), "{refused}");
     }
 }

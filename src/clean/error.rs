@@ -1,25 +1,28 @@
 //! Why cleaning stops, as a value with its sentence.
 
-#![expect(missing_docs, reason = "the sentence of each variant says it")]
-
 use std::io;
+use std::path::Path;
 
 use thiserror::Error;
 
 use crate::builder::BuildError;
-use crate::exit::ExitKind;
+use crate::exit::{ExitKind, opaque_error};
 use crate::format::Selection;
 use crate::text::names::DROP_BELOW;
 
 /// Most components that can be asked for by [`CleanOptions::keep_largest`](super::CleanOptions::keep_largest).
 pub const MAX_LARGEST: u32 = 4000;
 
-/// A volume that cannot be cleaned.
-#[non_exhaustive]
+opaque_error! {
+    /// A volume that cannot be cleaned.
+    CleanError(CleanFault)
+}
+
+/// Why, with its sentence.
 #[derive(Debug, Error)]
-pub enum CleanError {
+pub(crate) enum CleanFault {
     #[error(transparent)]
-    Build(#[from] BuildError),
+    Build(BuildError),
     #[error("gaps can be closed by 1 or 2 voxels, and 1 to {MAX_LARGEST} components kept")]
     Options {
         close: u32,
@@ -32,21 +35,59 @@ pub enum CleanError {
     NothingKept { name: String, largest: u64 },
 }
 
-impl CleanError {
-    /// Exit kind.
-    pub fn kind(&self) -> ExitKind {
+impl CleanFault {
+    fn kind(&self) -> ExitKind {
         match self {
             Self::Build(e) => e.kind(),
             Self::Options { .. } | Self::NoSample { .. } => ExitKind::Usage,
             Self::NothingKept { .. } => ExitKind::Input,
         }
     }
+
+    fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Build(e) => e.path(),
+            _ => None,
+        }
+    }
+}
+
+impl CleanError {
+    /// The smallest cap that works, in bytes, if the memory was too small.
+    pub fn minimum_bytes(&self) -> Option<u64> {
+        match self.fault() {
+            CleanFault::Build(e) => e.minimum_bytes(),
+            _ => None,
+        }
+    }
+}
+
+impl CleanError {
+    /// Is no component left?
+    pub(crate) fn is_empty(&self) -> bool {
+        matches!(self.fault(), CleanFault::NothingKept { .. })
+    }
+
+    /// The name of the input, where the error holds it.
+    pub(crate) fn input_name(&mut self) -> Option<&mut String> {
+        match self.fault_mut() {
+            CleanFault::NothingKept { name, .. } => Some(name),
+            CleanFault::Build(inner) => inner.input_name(),
+            _ => None,
+        }
+    }
+}
+
+impl From<BuildError> for CleanError {
+    fn from(cause: BuildError) -> Self {
+        CleanFault::Build(cause).into()
+    }
 }
 
 /// A slice has more than 2^32 runs; held by the [`io::Error`] of a scratch file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("a slice has more than 2^32 runs")]
-pub struct TooManyRuns;
+pub(crate) struct TooManyRuns;
 
 impl From<TooManyRuns> for io::Error {
     fn from(fault: TooManyRuns) -> Self {

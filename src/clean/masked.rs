@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::bits::BitVolume;
 use crate::builder::RangeTest;
-use crate::volume::{SourceError, VolumeInfo, VolumeSource, Wrapper};
+use crate::volume::{SourceError, SourceFault, VolumeInfo, VolumeSource, Wrapper};
 
 /// Bytes of occupancy that are read at a time: at least one row.
 const READ_BYTES: usize = 32 << 10;
@@ -36,7 +36,7 @@ impl<'a> Masked<'a> {
     }
 
     fn failed(&self, cause: std::io::Error) -> SourceError {
-        SourceError::Scratch { path: self.bits.folder().to_path_buf(), cause }
+        SourceError::from(SourceFault::Scratch { path: self.bits.folder().to_path_buf(), cause })
     }
 
     /// Moves the samples of a block whose rows begin `pitch` bytes apart.

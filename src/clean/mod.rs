@@ -31,7 +31,8 @@ mod sets;
 mod stream;
 
 pub use components::ComponentConnectivity;
-pub use error::{CleanError, MAX_LARGEST, TooManyRuns};
+use error::CleanFault;
+pub use error::{CleanError, MAX_LARGEST};
 pub use preset::{Preset, PresetDoubt};
 
 use std::ops::Range;
@@ -41,7 +42,7 @@ use std::time::Instant;
 
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::{
-    self, BuildError, BuildOptions, Progress, choose_selection, for_each_block, range_test,
+    self, BuildError, BuildFault, BuildOptions, Progress, choose_selection, for_each_block, range_test,
 };
 use crate::format::Selection;
 use crate::geom::Dims;
@@ -185,7 +186,7 @@ impl CleanOptions {
     /// Crops and downsamples; to be called before [`VolumeSource::prepare`].
     ///
     /// # Errors
-    /// [`SourceError::Usage`] when the box or the factor does not fit the volume.
+    /// [`SourceError`] when the box or the factor does not fit the volume.
     pub fn reshape<'a>(
         &self,
         mut source: Box<dyn VolumeSource + 'a>,
@@ -267,7 +268,7 @@ impl CleanOptions {
         progress: &dyn Progress,
     ) -> Result<Option<Cleaned<'a>>, CleanError> {
         if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MAX_LARGEST) {
-            return Err(CleanError::Options { close: self.close, keep_largest: self.keep_largest });
+            return Err(CleanFault::Options { close: self.close, keep_largest: self.keep_largest }.into());
         }
         if !self.works_on_bits() {
             return Ok(None);
@@ -348,7 +349,7 @@ impl<'a> CleanJob<'_, 'a> {
         let BuildOptions { threshold, memory, threads, .. } = *self.options;
         let selection = choose_selection(self.source, threshold, memory, threads, self.progress)?;
         let Some(test) = range_test(info.scalar, &selection, info.rescale) else {
-            return Err(CleanError::NoSample { selection });
+            return Err(CleanFault::NoSample { selection }.into());
         };
         let mut report = CleanReport { passes: self.clean.extra_passes(), ..CleanReport::default() };
         let mut bits = BitVolume::create(&self.scratch, info.dims)?;
@@ -384,11 +385,11 @@ impl<'a> CleanJob<'_, 'a> {
     fn check_budget(&self) -> Result<(), BuildError> {
         let memory = self.options.memory;
         self.clean.reserve_least(self.source, self.options, &Budget::of_job(memory)).map_err(|_| {
-            BuildError::BudgetTooSmall {
+            BuildError::from(BuildFault::BudgetTooSmall {
                 name: self.source.info().description.name.clone(),
                 limit_bytes: memory.bytes(),
                 minimum_bytes: self.clean.smallest_cap(self.source, self.options, memory),
-            }
+            })
         })
     }
 
@@ -403,11 +404,11 @@ impl<'a> CleanJob<'_, 'a> {
     /// The error for an operation whose least was not counted.
     fn too_small(&self, refused: TooSmall) -> BuildError {
         let limit_bytes = self.options.memory.bytes();
-        BuildError::BudgetTooSmall {
+        BuildError::from(BuildFault::BudgetTooSmall {
             name: self.source.info().description.name.clone(),
             limit_bytes,
             minimum_bytes: limit_bytes.saturating_add(refused.missing_bytes()),
-        }
+        })
     }
 
     /// The range test of the whole volume; returns how many voxels are inside.
@@ -445,7 +446,7 @@ impl<'a> CleanJob<'_, 'a> {
         let rule = Rule { least_voxels, last: self.clean.keep_largest.and(largest.last().copied()) };
         if !largest.first().is_some_and(|c| rule.keeps(*c)) {
             let name = self.source.info().description.name.clone();
-            return Err(CleanError::NothingKept { name, largest: most });
+            return Err(CleanFault::NothingKept { name, largest: most }.into());
         }
         report.components = labelled.census.components;
         let outcome = labelled.decide(&|component| rule.keeps(component))?;

@@ -12,7 +12,7 @@ use super::rle::fault as rle;
 /// Why a frame cannot be decoded.
 #[non_exhaustive]
 #[derive(Debug, Error)]
-pub enum CodecError {
+pub(crate) enum CodecError {
     #[error("the compressed image is damaged: {0}")]
     Damaged(Damage),
     #[error("the compressed image uses {0}, which is not supported")]
@@ -26,7 +26,7 @@ pub enum CodecError {
 /// Damage in a frame.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Damage {
+pub(crate) enum Damage {
     #[error("{0}")]
     Frame(Mismatch),
     #[error("{0}")]
@@ -42,7 +42,7 @@ pub enum Damage {
 /// A feature of a frame that is not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Feature {
+pub(crate) enum Feature {
     #[error("{0}")]
     Jpeg(jpeg::Feature),
     #[error("{0}")]
@@ -56,7 +56,7 @@ pub enum Feature {
 /// How a frame differs from what surrounds it.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Mismatch {
+pub(crate) enum Mismatch {
     #[error("it is {columns}x{rows}, and the header says {x}x{y}", columns = .size[0], rows = .size[1], x = .stated[0], y = .stated[1])]
     Size { size: [u32; 2], stated: [u32; 2] },
     #[error("it has {samples} samples a pixel, and the header says {stated}")]

@@ -4,8 +4,6 @@
 //! DICOM element. What it holds is bounded by the memory it is given, and its time by the size that the
 //! receiver accepted: nothing is allocated, and nothing looped over, because a codestream says so.
 
-#![expect(missing_docs, reason = "the sentence of each variant says it")]
-
 mod bytes;
 mod error;
 mod frame;
@@ -17,5 +15,5 @@ pub(crate) mod jpegls;
 mod kept;
 pub(crate) mod rle;
 
-pub use error::{CodecError, Damage, Feature, Mismatch};
+pub(crate) use error::{CodecError, Mismatch};
 pub(crate) use frame::{FrameBytes, FrameFormat, RowSink};

@@ -7,7 +7,7 @@
 pub(super) mod fault;
 
 use super::{CodecError, FrameBytes, FrameFormat, RowSink};
-pub use fault::{Damage, Feature};
+pub(crate) use fault::{Damage, Feature};
 
 /// Bytes of the header: sixteen little-endian words.
 const HEADER_BYTES: usize = 64;

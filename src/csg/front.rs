@@ -15,7 +15,7 @@ use super::solid::CsgSolid;
 use super::tree::{NodeId, Shape, Tree};
 use crate::budget::Budget;
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
-use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError};
+use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError, SourceFault};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
@@ -133,7 +133,10 @@ impl<'a, 't> Front<'a, 't> {
 
     fn volume(&self, path: &Path) -> Result<&'a dyn VolumeSource, BuildError> {
         let known = self.volumes.iter().find(|(own, _)| own == path).map(|(_, source)| *source);
-        known.ok_or_else(|| SourceError::Usage { path: path.to_path_buf(), misuse: Misuse::NoneFound }.into())
+        known.ok_or_else(|| {
+            SourceError::from(SourceFault::Usage { path: path.to_path_buf(), misuse: Misuse::NoneFound })
+                .into()
+        })
     }
 
     fn mesh(
@@ -198,16 +201,18 @@ impl<'a, 't> Front<'a, 't> {
             }
             (None, None) => {
                 let path = self.name.to_path_buf();
-                Err(SourceError::Usage { path, misuse: Misuse::NoGrid }.into())
+                Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::NoGrid }).into())
             }
             (None, Some(choice)) => {
                 let bounds = match choice {
                     GridChoice::Exact { .. } => Bounds::EMPTY,
                     _ => self.bounds()?,
                 };
-                let refused = |fault| SourceError::Unusable {
-                    path: self.name.to_path_buf(),
-                    fault: Fault::MeshFile(fault),
+                let refused = |fault| {
+                    SourceError::from(SourceFault::Unusable {
+                        path: self.name.to_path_buf(),
+                        fault: Fault::MeshFile(fault),
+                    })
                 };
                 Ok(LatticeGrid::around(choice, &bounds).map_err(refused)?)
             }

@@ -50,8 +50,9 @@ pub use tree::{Faces, NodeId, Operation, Shape, Tree};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::builder::BuildFault;
 use crate::builder::{BuildError, BuildOptions, BuildReport, FileSolid, Progress, Solid, cell_dims};
-use crate::facts::CsgFacts;
+pub use crate::facts::CsgFacts;
 use crate::format::SurfaceKind;
 use crate::mesh::GridChoice;
 use crate::platform::give_back;
@@ -114,8 +115,9 @@ pub fn build_csg(
     let solid: Box<dyn Solid + '_> = match options.volume_surface() {
         SurfaceKind::Skin => Box::new(tree_solid),
         SurfaceKind::Cells => {
-            let dims = cell_dims(tree_solid.place.dims)
-                .ok_or_else(|| BuildError::NoRoomForCells { name: name.display().to_string() })?;
+            let dims = cell_dims(tree_solid.place.dims).ok_or_else(|| {
+                BuildError::from(BuildFault::NoRoomForCells { name: name.display().to_string() })
+            })?;
             Box::new(CsgCells { tree: tree_solid, dims })
         }
     };

@@ -9,7 +9,7 @@ use super::tree::{NodeId, Shape, Tree};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
-use crate::facts::{CsgFault, Fault, SourceError};
+use crate::facts::{CsgFault, Fault, SourceError, SourceFault};
 use crate::source::stays;
 
 /// Bytes of a text that are read at a time.
@@ -56,7 +56,9 @@ pub(crate) fn named_files(
     allowed_bytes: u64,
     follow_links: bool,
 ) -> Result<Vec<PathBuf>, SourceError> {
-    let needed = |needed_bytes| SourceError::Memory { path: path.to_path_buf(), needed_bytes, allowed_bytes };
+    let needed = |needed_bytes| {
+        SourceError::from(SourceFault::Memory { path: path.to_path_buf(), needed_bytes, allowed_bytes })
+    };
     let (tree, _) = parse_file(path, allowed_bytes)?.map_err(needed)?;
     if !follow_links {
         check_links(&tree, path)?;
@@ -69,10 +71,10 @@ pub(crate) fn named_files(
 
 /// A tree that takes `most` bytes, or the bytes that it would take.
 fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, SourceError> {
-    let unreadable = |cause| SourceError::Unreadable { path: path.to_path_buf(), cause };
+    let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
     let file = File::open(path).map_err(unreadable)?;
     if file.metadata().map_err(unreadable)?.is_dir() {
-        return Err(SourceError::Unusable { path: path.to_path_buf(), fault: Fault::NotAFile });
+        return Err(SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::NotAFile }.into());
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut input = BufReader::with_capacity(READ_BYTES, file);
@@ -117,7 +119,7 @@ pub(crate) fn check_links(tree: &Tree, text: &Path) -> Result<(), SourceError> {
 }
 
 pub(super) fn unusable(path: &Path, fault: CsgFault) -> SourceError {
-    SourceError::Unusable { path: path.to_path_buf(), fault: Fault::Csg(fault) }
+    SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::Csg(fault) })
 }
 
 pub(super) fn too_small(path: &Path, memory: MemoryCap, bytes: u64) -> BuildError {

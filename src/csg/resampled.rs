@@ -24,7 +24,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::place::LatticeGrid;
 use crate::builder::Progress;
-use crate::facts::SourceError;
+use crate::facts::{SourceError, SourceFault};
 use crate::geom::Affine;
 use crate::platform::FileExt;
 use crate::scratch::unnamed;
@@ -109,7 +109,7 @@ impl<'a> ResampledVolume<'a> {
         let Some(back) = placed.after(&own.affine).inverse() else { return Ok(None) };
         let sides = own.dims.to_array();
         let bricks = sides.map(|n| n.div_ceil(CELLS));
-        let scratch = |cause| SourceError::Scratch { path: folder.to_path_buf(), cause };
+        let scratch = |cause| SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause });
         let mut resampled = Self {
             inner,
             info: VolumeInfo {
@@ -182,7 +182,8 @@ impl<'a> ResampledVolume<'a> {
                     }
                     let at = self.number([first, j, k]) * (BRICK * size_of::<f32>()) as u64;
                     let laid = bytemuck::cast_slice(&laid[..count as usize * BRICK]);
-                    let scratch = |cause| SourceError::Scratch { path: self.folder.clone(), cause };
+                    let scratch =
+                        |cause| SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause });
                     self.file.write_all_at(laid, at).map_err(scratch)?;
                 }
             }
@@ -203,9 +204,9 @@ impl<'a> ResampledVolume<'a> {
         if cache.numbers[slot] != number {
             cache.numbers[slot] = u64::MAX;
             let at = number * (BRICK * size_of::<f32>()) as u64;
-            self.file
-                .read_exact_at(bytemuck::cast_slice_mut(samples), at)
-                .map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })?;
+            self.file.read_exact_at(bytemuck::cast_slice_mut(samples), at).map_err(|cause| {
+                SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause })
+            })?;
             cache.numbers[slot] = number;
         }
         Ok(samples)

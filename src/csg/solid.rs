@@ -15,10 +15,11 @@ use super::leaf::{Extent, Leaf, Rows};
 use super::place::LatticeGrid;
 use super::program::{self, STACK, Step};
 use super::sampled::{ROWS, SampledLeaf, Sampler};
+use crate::builder::BuildFault;
 use crate::builder::{
     BuildError, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
-use crate::facts::{Fault, SourceError};
+use crate::facts::{Fault, SourceError, SourceFault};
 use crate::format::{Channel, Metadata, SourceMeta};
 use crate::geom::Dims;
 use crate::identity::file_identity;
@@ -124,7 +125,7 @@ impl Solid for CsgSolid<'_> {
         if let Some((path, then)) = &self.text
             && file_identity(path) != *then
         {
-            return Err(SourceError::Unusable { path: path.clone(), fault: Fault::ChangedInUse });
+            return Err(SourceFault::Unusable { path: path.clone(), fault: Fault::ChangedInUse }.into());
         }
         self.sampled.iter().try_for_each(|leaf| leaf.solid.check_unchanged())
     }
@@ -154,7 +155,7 @@ impl Solid for CsgSolid<'_> {
     }
 
     fn nothing_inside(&self) -> BuildError {
-        BuildError::NothingInside { name: self.name.clone() }
+        BuildError::from(BuildFault::NothingInside { name: self.name.clone() })
     }
 }
 

@@ -14,8 +14,8 @@ use super::sidecar;
 use super::walk::changed;
 use crate::budget::costs;
 use crate::csg;
-use crate::facts::Fault;
 use crate::facts::dicom::DicomFault;
+use crate::facts::{Fault, SourceFault};
 use crate::mesh;
 use crate::source::dicom::{Recognition, open_series, recognise};
 use crate::source::{
@@ -151,7 +151,7 @@ impl ItemOpener<'_> {
         // What one image takes is there always.
         if needed_bytes > allowed_bytes && images > 1 {
             let (path, images) = (self.path.to_path_buf(), images.into());
-            return Err(SourceError::ManyImages { path, images, needed_bytes, allowed_bytes });
+            return Err(SourceFault::ManyImages { path, images, needed_bytes, allowed_bytes }.into());
         }
         Ok(match self.item.what {
             ItemKind::Series => {
@@ -160,10 +160,13 @@ impl ItemOpener<'_> {
             }
             ItemKind::Damaged => {
                 let error = match File::open(self.path).map(|file| recognise(&file)) {
-                    Err(cause) => SourceError::Unreadable { path: self.path.to_path_buf(), cause },
-                    Ok(Recognition::Damaged(error)) => {
-                        SourceError::Dicom { path: self.path.to_path_buf(), fault: DicomFault::Header(error) }
+                    Err(cause) => {
+                        SourceError::from(SourceFault::Unreadable { path: self.path.to_path_buf(), cause })
                     }
+                    Ok(Recognition::Damaged(error)) => SourceError::from(SourceFault::Dicom {
+                        path: self.path.to_path_buf(),
+                        fault: DicomFault::Header(error),
+                    }),
                     Ok(_) => changed_meanwhile(self.path),
                 };
                 findings(self.path, "dicom", self.id("dicom"), self.one(), Err(error))
@@ -293,7 +296,8 @@ impl ItemOpener<'_> {
         let mut files = self.one();
         let all_there = named.and_then(|named| {
             for path in &named {
-                let unreadable = |cause| SourceError::Unreadable { path: path.clone(), cause };
+                let unreadable =
+                    |cause| SourceError::from(SourceFault::Unreadable { path: path.clone(), cause });
                 let meta = metadata(path).map_err(unreadable)?;
                 files.add(path, meta.len(), changed(&meta));
             }
@@ -326,13 +330,13 @@ fn each_sample(path: &Path, opened: &Volumes, each: &mut dyn FnMut(&Path)) {
 fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
     let mut head = Vec::new();
     let read = File::open(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
-    read.map_err(|cause| SourceError::Unreadable { path: path.to_path_buf(), cause })?;
+    read.map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }))?;
     mesh::format_of(&head, bytes, path).ok_or_else(|| changed_meanwhile(path))
 }
 
 /// The error of a file that is not what it was when its folder was searched.
 pub(super) fn changed_meanwhile(path: &Path) -> SourceError {
-    SourceError::Unusable { path: path.to_path_buf(), fault: Fault::Changed }
+    SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::Changed })
 }
 
 /// A subject of one file or folder, of which no more is known than that.

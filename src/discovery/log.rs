@@ -13,6 +13,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::facts::SourceFault;
 use crate::platform::{FileExt, OsStrExt};
 use crate::scratch::unnamed;
 use crate::volume::{Result, SourceError};
@@ -64,12 +65,14 @@ impl Log {
     /// Adds a record and returns its offset.
     ///
     /// # Errors
-    /// [`SourceError::Scratch`] when the disk is full.
+    /// [`SourceError`] when the disk is full.
     pub(super) fn push(&mut self, record: &Record) -> Result<u64> {
         let path = record.path.as_os_str().as_bytes();
         let path = path.get(..path.len().min(MAX_PATH_BYTES)).unwrap_or(&[]);
         if self.tail.len() + HEAD_BYTES + path.len() > MEMORY_BYTES {
-            self.spill().map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })?;
+            self.spill().map_err(|cause| {
+                SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause })
+            })?;
         }
         let offset = self.written + self.tail.len() as u64;
         for word in [record.before, record.size, record.changed] {
@@ -100,9 +103,10 @@ impl Log {
     /// The record at an offset that [`Log::push`] returned.
     ///
     /// # Errors
-    /// [`SourceError::Scratch`] when the disk fails.
+    /// [`SourceError`] when the disk fails.
     pub(super) fn get(&self, offset: u64) -> Result<Record> {
-        self.read(offset).map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })
+        self.read(offset)
+            .map_err(|cause| SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause }))
     }
 
     fn read(&self, offset: u64) -> io::Result<Record> {

@@ -10,7 +10,7 @@ use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
 use crate::budget::Budget;
 use crate::facts::{
-    Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, OtherVolume, Refusal, StatedBy,
+    Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, OtherVolume, Refusal, SourceFault, StatedBy,
     SyntheticFault,
 };
 use crate::mesh;
@@ -79,18 +79,18 @@ pub fn open_unprepared_in(
         }
         if let Some(wanted) = options.volume.filter(|wanted| *wanted != 1) {
             let path = inputs.first().cloned().unwrap_or_default();
-            return Err(SourceError::Usage { path, misuse: Misuse::SingleVolume { wanted } });
+            return Err(SourceFault::Usage { path, misuse: Misuse::SingleVolume { wanted } }.into());
         }
         return Ok(FileWatch::files(Box::new(RawVolume::open(inputs, raw)?), None));
     }
     let Some(first) = inputs.first() else {
-        return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
+        return Err(SourceFault::Usage { path: PathBuf::new(), misuse: Misuse::NoInput }.into());
     };
     // A file that was given by name is not left out in silence.
     let is_empty =
         |path: &&PathBuf| std::fs::metadata(path).is_ok_and(|meta| meta.is_file() && meta.len() == 0);
     if let Some(path) = inputs.iter().find(is_empty) {
-        return Err(SourceError::Unusable { path: path.clone(), fault: Fault::Empty });
+        return Err(SourceFault::Unusable { path: path.clone(), fault: Fault::Empty }.into());
     }
     // The samples of a pair do not say what they are; their header does.
     let header = match inputs {
@@ -112,7 +112,8 @@ pub fn open_unprepared_in(
             return match options.volume {
                 None | Some(1) => Ok(volume),
                 Some(wanted) => {
-                    Err(SourceError::Usage { path: data.clone(), misuse: Misuse::SingleVolume { wanted } })
+                    Err(SourceFault::Usage { path: data.clone(), misuse: Misuse::SingleVolume { wanted } }
+                        .into())
                 }
             };
         }
@@ -152,7 +153,7 @@ impl Subject {
             (SubjectKind::Tree, [only]) => Ok(Self::Tree(only.clone())),
             (SubjectKind::Tree, _) => {
                 let path = inputs.first().cloned().unwrap_or_default();
-                Err(SourceError::Usage { path, misuse: Misuse::SeveralTrees })
+                Err(SourceFault::Usage { path, misuse: Misuse::SeveralTrees }.into())
             }
             (SubjectKind::Volume, _) => open_unprepared_in(inputs, options, scratch).map(Self::Volume),
         }
@@ -254,7 +255,7 @@ impl Chooser {
         {
             let Candidate { kind, part, size, .. } = best.candidate.clone();
             let other = Box::new(OtherVolume { number: best.number, kind, part, size });
-            return Err(SourceError::Gaps { error: Box::new(error), number, other });
+            return Err(SourceFault::Gaps { error: Box::new(error), number, other }.into());
         }
         let (number, taken) = match (best, refused) {
             // A scout next to a series that is refused is not mistaken for the volume.
@@ -270,7 +271,7 @@ impl Chooser {
                 Some(wanted) => Misuse::NoSuchVolume { wanted, found: seen },
                 None => Misuse::NoneFound,
             };
-            let none = || SourceError::Usage { path: first.to_path_buf(), misuse };
+            let none = || SourceError::from(SourceFault::Usage { path: first.to_path_buf(), misuse });
             return Err(errors.remove(&number).unwrap_or_else(none));
         };
         let mut notes = Vec::new();
@@ -328,23 +329,23 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
             None => Instead::Unknown { files },
         },
     };
-    SourceError::NoVolume { path: first.to_path_buf(), found }
+    SourceError::from(SourceFault::NoVolume { path: first.to_path_buf(), found })
 }
 
 /// The refusal of a single file that is no volume.
 fn refuse_file(path: &Path) -> SourceError {
-    let unusable = |fault| SourceError::Unusable { path: path.to_path_buf(), fault };
+    let unusable = |fault| SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault });
     let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
     let (length, file) = match opened {
         Ok(opened) => opened,
-        Err(cause) => return SourceError::Unreadable { path: path.to_path_buf(), cause },
+        Err(cause) => return SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
     };
     if length == 0 {
         return unusable(Fault::Empty);
     }
     if let Recognition::NoImage(kind) = recognise(&file) {
         let found = Instead::File(NotVolume::Dicom(kind));
-        return SourceError::NoVolume { path: path.to_path_buf(), found };
+        return SourceError::from(SourceFault::NoVolume { path: path.to_path_buf(), found });
     }
     if let Some(what) = known(&head_of(&file)) {
         return unusable(Fault::Known(what));
@@ -357,7 +358,8 @@ fn refuse_file(path: &Path) -> SourceError {
     if mesh::is_named(path) {
         return unusable(Fault::Mesh);
     }
-    let undescribed = || SourceError::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed };
+    let undescribed =
+        || SourceError::from(SourceFault::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed });
     sidecar::wrong_beside(path).unwrap_or_else(undescribed)
 }
 

@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use super::InputFiles;
 use super::sidecar::{candidates, is_named_so, keys_of, unparsed, with_unknown};
 use super::walk::changed;
-use crate::facts::StatedBy;
 use crate::facts::sidecar::SideCarFault;
+use crate::facts::{SourceFault, StatedBy};
 use crate::volume::{FileWatch, Result, SourceError, VolumeSource};
 use crate::volume::{Placement, place};
 
@@ -114,9 +114,8 @@ impl PlacementSidecar {
     /// # Errors
     /// The side-car is faulty.
     pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>> {
-        let unusable = |fault: &SideCarFault| SourceError::Unusable {
-            path: self.path.clone(),
-            fault: fault.clone().into(),
+        let unusable = |fault: &SideCarFault| {
+            SourceError::from(SourceFault::Unusable { path: self.path.clone(), fault: fault.clone().into() })
         };
         let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
         let by = StatedBy::SideCar;

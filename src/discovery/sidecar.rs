@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 
 use super::placing;
 use crate::facts::sidecar::{ParseFault, SideCarFault, Unparsed};
-use crate::facts::{Fault, Misuse};
+use crate::facts::{Fault, Misuse, SourceFault};
 use crate::geom::Orientation;
 use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
 use crate::volume::Placement;
@@ -70,7 +70,7 @@ pub(super) fn read(path: &Path) -> Option<Result<Sidecar>> {
 }
 
 fn unusable(path: &Path, fault: SideCarFault) -> SourceError {
-    SourceError::Unusable { path: path.to_path_buf(), fault: fault.into() }
+    SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault: fault.into() })
 }
 
 /// The keys of a text, if it can be parsed.
@@ -227,8 +227,9 @@ pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSourc
 /// A refusal of raw data that speaks of the side-car instead of options of the command line.
 fn in_terms_of_keys(path: &Path, options: &RawOptions, error: SourceError) -> SourceError {
     let name = |data: &Path| data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    match error {
-        SourceError::SizeMismatch { path: data, expected, got, layout } => {
+    match error.fault() {
+        SourceFault::SizeMismatch { path: data, expected, got, layout } => {
+            let (expected, got, layout) = (*expected, *got, layout.clone());
             let voxels = expected.saturating_sub(options.skip) / (options.scalar.bytes() as u64).max(1);
             let sizes = |size: u64| voxels.checked_mul(size).and_then(|n| n.checked_add(options.skip));
             let slice = u64::from(options.dims.nx()) * u64::from(options.dims.ny());
@@ -239,13 +240,13 @@ fn in_terms_of_keys(path: &Path, options: &RawOptions, error: SourceError) -> So
             } else {
                 "dims"
             };
-            unusable(path, SideCarFault::Size { data: name(&data), layout, expected, got, key })
+            unusable(path, SideCarFault::Size { data: name(data), layout, expected, got, key })
         }
-        SourceError::Unusable { path: data, fault: Fault::Raw(fault) }
-        | SourceError::Usage { path: data, misuse: Misuse::Raw(fault) } => {
-            unusable(path, SideCarFault::Raw { data: name(&data), fault })
+        SourceFault::Unusable { path: data, fault: Fault::Raw(fault) }
+        | SourceFault::Usage { path: data, misuse: Misuse::Raw(fault) } => {
+            unusable(path, SideCarFault::Raw { data: name(data), fault: fault.clone() })
         }
-        other => other,
+        _ => error,
     }
 }
 

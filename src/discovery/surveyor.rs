@@ -15,13 +15,13 @@ use super::log::{Log, NONE, Record};
 use super::order::{full_path, precedes};
 use super::walk::{Visitor, changed};
 use super::{placing, sidecar};
-use crate::facts::{NotVolume, SyntheticFault};
+use crate::facts::{NotVolume, SourceFault, SyntheticFault};
 use crate::mark::is_own_picture;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{FORMATS, HEAD_BYTES, OpenOptions, STACKS, SubjectKind, known};
 use crate::synthetic;
-use crate::volume::{Result, SourceError};
+use crate::volume::Result;
 
 /// A catalogue in the making.
 pub(super) struct Surveyor<'a> {
@@ -79,7 +79,9 @@ impl<'a> Surveyor<'a> {
         let file = match opened {
             Ok(file) => file,
             // A file that was named must be readable; one met in a folder is only reported.
-            Err(cause) if named => return Err(SourceError::Unreadable { path: path.to_path_buf(), cause }),
+            Err(cause) if named => {
+                return Err(SourceFault::Unreadable { path: path.to_path_buf(), cause }.into());
+            }
             Err(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
         };
         match recognise(&file) {
@@ -101,7 +103,7 @@ impl<'a> Surveyor<'a> {
             Recognition::NoImage(kind) => return left_out(NotVolume::Dicom(kind)),
             Recognition::Damaged(_) => return Ok(Class::Item(ItemKind::Damaged, None, Weight::FILE)),
             Recognition::Unreadable(cause) if named => {
-                return Err(SourceError::Unreadable { path: path.to_path_buf(), cause });
+                return Err(SourceFault::Unreadable { path: path.to_path_buf(), cause }.into());
             }
             Recognition::Unreadable(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
             Recognition::Foreign => {}

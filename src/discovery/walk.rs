@@ -5,7 +5,7 @@ use std::fs::{self, Metadata};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::facts::{Fault, NotVolume};
+use crate::facts::{Fault, NotVolume, SourceFault};
 use crate::platform::{self, file_id};
 use crate::synthetic::is_synthetic;
 use crate::volume::{Result, SourceError};
@@ -39,10 +39,10 @@ pub(super) trait Visitor {
 /// came from.
 ///
 /// # Errors
-/// [`SourceError::Unreadable`] for an input that is not there; what the visitor says.
+/// [`SourceError`] for an input that is not there; what the visitor says.
 pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut dyn Visitor) -> Result {
     for (at, input) in inputs.iter().enumerate() {
-        let unreadable = |cause| SourceError::Unreadable { path: input.clone(), cause };
+        let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: input.clone(), cause });
         let at = u32::try_from(at).unwrap_or(u32::MAX);
         if is_synthetic(input) {
             visitor.synthetic(at)?;
@@ -57,7 +57,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
             visitor.file(at, Path::new(""), &meta)?;
         } else {
             // Opening a pipe could wait forever.
-            return Err(SourceError::Unusable { path: input.clone(), fault: Fault::NotAFile });
+            return Err(SourceFault::Unusable { path: input.clone(), fault: Fault::NotAFile }.into());
         }
     }
     Ok(())
@@ -122,10 +122,11 @@ fn folder(
 /// Without inputs that repeat another, or lie below one that is searched anyway.
 ///
 /// # Errors
-/// [`SourceError::Unreadable`] for an input that is not there.
+/// [`SourceError`] for an input that is not there.
 pub(super) fn without_repeats(inputs: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let real = |input: &PathBuf| {
-        let unreadable = |cause: io::Error| SourceError::Unreadable { path: input.clone(), cause };
+        let unreadable =
+            |cause: io::Error| SourceError::from(SourceFault::Unreadable { path: input.clone(), cause });
         if is_synthetic(input) { Ok(input.clone()) } else { fs::canonicalize(input).map_err(unreadable) }
     };
     let all: Vec<PathBuf> = inputs.iter().map(real).collect::<Result<_, _>>()?;

@@ -25,7 +25,7 @@ use super::stated::StatedBy;
 use super::synthetic::SyntheticFault;
 use super::tiff::TiffFault;
 use crate::budget::Bytes;
-use crate::exit::ExitKind;
+use crate::exit::{ExitKind, opaque_error};
 use crate::geom::Dims;
 use crate::progress::Stopped;
 use crate::text::names::{
@@ -33,10 +33,14 @@ use crate::text::names::{
 };
 use crate::text::{reading, shown};
 
-/// A source that cannot be used: which file or folder, and why.
-#[non_exhaustive]
+opaque_error! {
+    /// A source that cannot be used: which file or folder, and why.
+    SourceError(SourceFault)
+}
+
+/// Why, with its sentence.
 #[derive(Debug, Error)]
-pub enum SourceError {
+pub(crate) enum SourceFault {
     #[error("{}: cannot be read ({cause}); {}", shown(.path), reading(.cause, "check that it exists and that you may read it"))]
     Unreadable {
         path: PathBuf,
@@ -86,19 +90,19 @@ pub(super) struct Reason<'a>(pub(super) &'a SourceError);
 
 impl fmt::Display for Reason<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            SourceError::NoVolume { found, .. } => found.fmt(f),
-            SourceError::Unusable { fault, .. } => fault.fmt(f),
-            SourceError::Dicom { fault, .. } => fault.fmt(f),
-            SourceError::Usage { misuse, .. } => misuse.fmt(f),
+        match self.0.fault() {
+            SourceFault::NoVolume { found, .. } => found.fmt(f),
+            SourceFault::Unusable { fault, .. } => fault.fmt(f),
+            SourceFault::Dicom { fault, .. } => fault.fmt(f),
+            SourceFault::Usage { misuse, .. } => misuse.fmt(f),
             other => other.fmt(f),
         }
     }
 }
 
-impl SourceError {
+impl SourceFault {
     /// Exit kind: wrong options are usage (2), everything else makes the input unusable (3).
-    pub fn kind(&self) -> ExitKind {
+    pub(crate) fn kind(&self) -> ExitKind {
         match self {
             Self::Usage { .. } => ExitKind::Usage,
             Self::Scratch { .. } => ExitKind::Io,
@@ -108,8 +112,7 @@ impl SourceError {
         }
     }
 
-    /// The file or folder at fault; empty if the caller stopped the job.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> Option<&Path> {
         match self {
             Self::Unreadable { path, .. }
             | Self::SizeMismatch { path, .. }
@@ -120,26 +123,51 @@ impl SourceError {
             | Self::Scratch { path, .. }
             | Self::Memory { path, .. }
             | Self::ManyImages { path, .. }
-            | Self::Usage { path, .. } => path,
+            | Self::Usage { path, .. } => {
+                Some(path).filter(|path| !path.as_os_str().is_empty()).map(PathBuf::as_path)
+            }
             Self::Gaps { error, .. } => error.path(),
-            Self::Stopped => Path::new(""),
+            Self::Stopped => None,
+        }
+    }
+}
+
+impl SourceError {
+    /// The file or folder `path` cannot be read: for a [`VolumeSource`](crate::VolumeSource) or a
+    /// [`Solid`](crate::builder::Solid) of your own.
+    pub fn unreadable(path: impl Into<PathBuf>, cause: io::Error) -> Self {
+        SourceFault::Unreadable { path: path.into(), cause }.into()
+    }
+
+    /// A slice, from 0, cannot be read: for a [`VolumeSource`](crate::VolumeSource) of your own.
+    pub fn read_failed(path: impl Into<PathBuf>, slice: u32, cause: io::Error) -> Self {
+        SourceFault::ReadFailed { path: path.into(), slice, cause }.into()
+    }
+
+    /// The memory in bytes that reading needs, if there was too little of it.
+    pub fn minimum_bytes(&self) -> Option<u64> {
+        match self.fault() {
+            SourceFault::Memory { needed_bytes, .. } | SourceFault::ManyImages { needed_bytes, .. } => {
+                Some(*needed_bytes)
+            }
+            _ => None,
         }
     }
 
     /// Is nothing wrong but slices that are missing, or lie unevenly, so that whoever asks may choose?
     pub(crate) fn has_gaps(&self) -> bool {
         matches!(
-            self,
-            Self::Dicom { fault: DicomFault::Series(SeriesFault::Uneven(_)), .. }
-                | Self::Unusable { fault: Fault::Numbers(NumberFault::Gaps(_)), .. }
+            self.fault(),
+            SourceFault::Dicom { fault: DicomFault::Series(SeriesFault::Uneven(_)), .. }
+                | SourceFault::Unusable { fault: Fault::Numbers(NumberFault::Gaps(_)), .. }
         )
     }
 
     /// Is the input broken, rather than of a kind that is not used?
     pub(crate) fn is_damage(&self) -> bool {
-        match self {
-            Self::Unusable { .. } => true,
-            Self::Dicom { fault, .. } => fault.is_damage(),
+        match self.fault() {
+            SourceFault::Unusable { .. } => true,
+            SourceFault::Dicom { fault, .. } => fault.is_damage(),
             _ => false,
         }
     }
@@ -147,7 +175,7 @@ impl SourceError {
 
 /// A volume that could be taken instead.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OtherVolume {
+pub(crate) struct OtherVolume {
     /// Its number.
     pub number: usize,
     /// What it is.
@@ -182,7 +210,7 @@ pub(super) fn describe(
 /// What was found where a volume was looked for.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq)]
-pub enum Instead {
+pub(crate) enum Instead {
     EmptyFolder,
     NoSlices,
     Only { files: u64, kind: NotVolume },
@@ -212,7 +240,7 @@ impl fmt::Display for Instead {
 /// What is wrong with a file.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum Fault {
+pub(crate) enum Fault {
     #[error("ends early; it was cut short, copy it again")]
     EndsEarly,
     #[error("is empty; give a DICOM series or headerless voxels")]
@@ -266,7 +294,7 @@ pub enum Fault {
 /// What is wrong with a request.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum Misuse {
+pub(crate) enum Misuse {
     #[error("no input file is given")]
     NoInput,
     #[error("is a folder among several inputs; give one folder, or files only")]

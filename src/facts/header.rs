@@ -8,7 +8,7 @@ use crate::text::names::FOLLOW_LINKS;
 /// What is wrong with a header of text, or with the data files that it names.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum HeaderFault {
+pub(crate) enum HeaderFault {
     #[error("a line of the header has no end")]
     EndlessLine,
     #[error("its header does not end within {}; is it damaged, or full of comments?", Bytes(*.most_bytes))]

@@ -11,7 +11,7 @@ use crate::text::shown;
 /// What is wrong with a mesh or with the grid that it is to be built on.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum MeshFault {
+pub(crate) enum MeshFault {
     #[error("is no mesh of a known format; STL, PLY, OBJ, OFF, glTF and 3MF are read")]
     Unknown,
     #[error("does not hold a triangle")]
@@ -87,7 +87,7 @@ pub enum MeshFault {
 /// What is wrong with the image of a texture.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum ImageFault {
+pub(crate) enum ImageFault {
     #[error("is not read: it is no PNG or JPEG of 8 bits in grey or colour; convert it")]
     Unknown,
     #[error("is damaged or cut short; copy it again")]
@@ -101,7 +101,7 @@ pub enum ImageFault {
 /// What a mesh names.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub(crate) enum Part {
     Chunk,
     Buffer,
     View,
@@ -138,7 +138,7 @@ impl fmt::Display for Part {
 /// What is not supported.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum Feature {
+pub(crate) enum Feature {
     #[error("is compressed with Draco, which is not read; export it without compression")]
     Draco,
     #[error("is compressed with meshopt, which is not read; export it without compression")]
@@ -195,22 +195,20 @@ pub enum Fill {
 }
 
 /// What a mesh lacks that can be built all the same.
-#[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum MeshNote {
-    NoColors { mesh: String, name: String },
+pub struct MeshNote {
+    pub(crate) mesh: String,
+    pub(crate) name: String,
 }
 
 impl fmt::Display for MeshNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoColors { mesh, name } => write!(
-                f,
-                "{} takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
-                shown(mesh),
-                shown(name)
-            ),
-        }
+        write!(
+            f,
+            "{} takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
+            shown(&self.mesh),
+            shown(&self.name)
+        )
     }
 }
 

@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Why a MetaImage header is refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum MetaImageFault {
+pub(crate) enum MetaImageFault {
     #[error("its field `{}` makes no sense", .line.escape_debug())]
     Field { line: String },
     #[error("its header ends without ElementDataFile, which names the samples")]

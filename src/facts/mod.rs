@@ -9,7 +9,6 @@
 //! | [`NotVolume`], [`Choice`] | why files are left out, and which of several volumes is taken |
 //! | [`SystemError`] | what the operating system said |
 //! | [`dicom`] | what is odd or wrong about DICOM |
-//! | [`codec`] | why compressed frames cannot be decoded |
 //! | [`header`], [`nrrd`], [`metaimage`], [`nifti`], [`npy`], [`tiff`], [`png`] | the faults of each format |
 //! | [`MeshFault`], [`MeshFacts`], [`MeshNote`] | what is wrong with a mesh, what was found and chosen, what it lacks |
 //! | [`CsgFault`], [`CsgFacts`] | the same of a tree of solids |
@@ -18,38 +17,40 @@
 //! | [`sidecar`] | faults of side-cars |
 //! | [`SyntheticFault`] | why a text describes no synthetic volume |
 
-#![expect(missing_docs, reason = "the sentence of each variant says it")]
-
-pub mod codec;
 mod csg;
-pub mod dicom;
+pub(crate) mod dicom;
 mod error;
 mod found;
-pub mod header;
+pub(crate) mod header;
 mod left_out;
 mod mesh;
-pub mod metaimage;
-pub mod nifti;
+pub(crate) mod metaimage;
+pub(crate) mod nifti;
 mod note;
-pub mod npy;
-pub mod nrrd;
-pub mod numbered;
-pub mod png;
+pub(crate) mod npy;
+pub(crate) mod nrrd;
+pub(crate) mod numbered;
+pub(crate) mod png;
 mod raw;
-pub mod samples;
-pub mod sidecar;
+pub(crate) mod samples;
+pub(crate) mod sidecar;
 mod stated;
 mod synthetic;
 mod system;
-pub mod tiff;
+pub(crate) mod tiff;
 
-pub use csg::{CsgFacts, CsgFault, CsgToken, OffsetFault, SurplusArgument};
-pub use dicom::DicomNote;
-pub use error::{Fault, Instead, Misuse, OtherVolume, SourceError};
-pub use found::{Candidate, Choice, Refusal};
-pub use left_out::{Known, NotVolume};
-pub use mesh::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, MeshNote, Part};
-pub use note::{Note, sentences};
-pub use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
-pub use synthetic::{SyntheticFault, SyntheticValue};
-pub use system::SystemError;
+pub use csg::CsgFacts;
+pub(crate) use csg::{CsgFault, CsgToken, OffsetFault, SurplusArgument};
+pub(crate) use dicom::DicomNote;
+pub use error::SourceError;
+pub(crate) use error::SourceFault;
+pub(crate) use error::{Fault, Instead, Misuse, OtherVolume};
+pub(crate) use found::{Candidate, Choice, Refusal};
+pub(crate) use left_out::{Known, NotVolume};
+pub use mesh::{Boundary, Fill, MeshFacts, MeshNote};
+pub(crate) use mesh::{Feature, ImageFault, MeshFault, Part};
+pub(crate) use note::Note;
+pub use note::sentences;
+pub(crate) use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
+pub(crate) use synthetic::{SyntheticFault, SyntheticValue};
+pub(crate) use system::SystemError;

@@ -7,7 +7,7 @@ use thiserror::Error;
 /// Why a NIfTI header is refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum NiftiFault {
+pub(crate) enum NiftiFault {
     #[error("its samples begin at byte {offset}, within its header")]
     WithinHeader { offset: u64 },
     #[error("is the header of a pair, and no .img file lies beside it; copy both")]

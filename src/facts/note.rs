@@ -1,6 +1,7 @@
 //! What was guessed, left out, replaced or odd about a volume that can be used all the same.
 
 use std::fmt;
+use std::path::Path;
 
 use super::DicomNote;
 use super::error::Reason;
@@ -225,7 +226,7 @@ impl fmt::Display for Note {
             ),
             Self::Chosen(choice) => choice.fmt(f),
             Self::DamagedBeside(Refusal(error)) => {
-                let name = shown(error.path().file_name().unwrap_or_default());
+                let name = shown(error.path().and_then(Path::file_name).unwrap_or_default());
                 write!(f, "another series, which is not used, is damaged: {name}: {}", Reason(error))
             }
             Self::LeftOut { count, why, first } => {

@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Why a NumPy array is refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum NpyFault {
+pub(crate) enum NpyFault {
     #[error("ends within its header; copy the file again")]
     Short,
     #[error("is .npy of version {version}; 1 to 3 are read")]

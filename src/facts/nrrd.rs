@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Why an NRRD header is refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum NrrdFault {
+pub(crate) enum NrrdFault {
     #[error("`{}` is no version of NRRD that is read (1 to 5)", .magic.escape_debug())]
     Version { magic: String },
     #[error("its field `{field}: {}` makes no sense", .value.escape_debug())]

@@ -46,7 +46,7 @@ impl Display for NumberGaps {
 /// Why numbered slices are refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum NumberFault {
+pub(crate) enum NumberFault {
     #[error("{}; add the missing slices, or choose {}", .0, .0.choice())]
     Gaps(Box<NumberGaps>),
     #[error("{} and {} have the same number; rename one of them, or move it away", shown(&.files[0]), shown(&.files[1]))]

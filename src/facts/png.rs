@@ -7,7 +7,7 @@ use thiserror::Error;
 /// Why PNG pictures are refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum PngFault {
+pub(crate) enum PngFault {
     #[error(
         "is {picture} where the first slice is {first}; slices of a volume are alike in size and type, move the other away"
     )]
@@ -48,7 +48,7 @@ fn colour(code: u8) -> &'static str {
 
 /// Size and depth of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PngHead {
+pub(crate) struct PngHead {
     /// Columns and rows.
     pub size: [u32; 2],
     /// Bits of a sample.

@@ -8,7 +8,7 @@ use crate::text::names::{DIMS, SKIP, SPACING};
 /// What is wrong with what is said of files without a header.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum RawFault {
+pub(crate) enum RawFault {
     /// Not one file for each slice.
     Files {
         /// How many files.
@@ -56,7 +56,7 @@ impl Display for BySideCar<'_> {
 
 /// What a file without a header was said to hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RawLayout {
+pub(crate) struct RawLayout {
     /// Size of the whole volume.
     pub dims: Dims,
     /// Name of the samples' type.

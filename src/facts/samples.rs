@@ -6,14 +6,14 @@ use std::ops::Range;
 use thiserror::Error;
 
 use super::error::Fault;
-pub use super::raw::{RawFault, RawLayout};
+pub(crate) use super::raw::{RawFault, RawLayout};
 use super::stated::Packing;
 use crate::geom::Dims;
 
 /// Why the samples that a header describes cannot be read.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum StoredFault {
+pub(crate) enum StoredFault {
     #[error("its size of {x}x{y}x{z} voxels is out of range; a side has 1 to {} of them", Dims::MAX_SIDE, x = .size[0], y = .size[1], z = .size[2])]
     Size { size: [u64; 3] },
     #[error("holds {count} volumes, and 1 to {most} are read; split the file")]
@@ -55,7 +55,7 @@ pub enum StoredFault {
 }
 
 /// Why rows cannot be delivered, other than by the system: it stands as the cause in
-/// [`SourceError::ReadFailed`](super::SourceError::ReadFailed).
+/// [`SourceError`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ReadFault {
     #[error("it has not been unrolled")]
@@ -72,7 +72,7 @@ impl From<ReadFault> for io::Error {
 
 /// What a decoder found wrong.
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum Damage {
+pub(crate) enum Damage {
     #[error("{0}")]
     Fault(Box<Fault>),
     #[error("{0}")]

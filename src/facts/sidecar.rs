@@ -10,7 +10,7 @@ use crate::text::names::FOLLOW_LINKS;
 /// Why a side-car cannot be used.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum SideCarFault {
+pub(crate) enum SideCarFault {
     #[error("its dims are not three sizes in range; write for example [256, 256, 113]")]
     Dims,
     #[error("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be")]

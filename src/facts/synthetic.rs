@@ -9,7 +9,7 @@ use crate::text::names::{DIMS, DTYPE, SKIP};
 /// Why `synthetic:NAME@N?key=value` describes nothing.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum SyntheticFault {
+pub(crate) enum SyntheticFault {
     #[error("there is no synthetic body '{name}'; choose {}, for example synthetic:sphere@256", .known.join(", "))]
     Body { name: String, known: Vec<&'static str> },
     #[error("a synthetic volume needs its size in voxels: write synthetic:NAME@N or synthetic:NAME@NXxNYxNZ")]
@@ -39,7 +39,7 @@ fn unknown_key(key: &str, body: &str, known: &[&str], f: &mut fmt::Formatter<'_>
 
 /// What the value of a parameter can be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SyntheticValue {
+pub(crate) enum SyntheticValue {
     Number(f64, f64),
     Whole(u64, u64),
     Three(f64, f64),

@@ -9,7 +9,7 @@ use super::samples::Damage;
 /// Why TIFF files are refused.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum TiffFault {
+pub(crate) enum TiffFault {
     #[error("it is no TIFF")]
     NotTiff,
     #[error("its BigTIFF head is damaged")]
@@ -107,7 +107,7 @@ fn compression(code: u64) -> &'static str {
 
 /// Size and type of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TiffShape {
+pub(crate) struct TiffShape {
     /// Columns and rows.
     pub size: [u32; 2],
     /// Name of the samples' type, as they are delivered.

@@ -20,12 +20,13 @@ pub use summary::BuildSummary;
 use super::hint::Hint;
 use super::info::read_info;
 use crate::budget::{Budget, MemoryCap, costs};
+use crate::builder::BuildFault;
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
-use crate::clean::{CleanError, CleanOptions, CleanReport};
+use crate::clean::{CleanOptions, CleanReport};
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, read_tree};
 use crate::discovery;
 use crate::error::{Error, UsageError};
-use crate::facts::{Fill, Misuse, sentences};
+use crate::facts::{Fill, Misuse, SourceFault, sentences};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{GridChoice, MeshOptions, build_mesh, least_share};
 use crate::platform::give_back;
@@ -115,21 +116,22 @@ fn in_full(mut error: Error, inputs: &[PathBuf]) -> Error {
     let [path] = inputs else { return error };
     let is_it = |name: &Path| name.file_name().is_some() && name.file_name() == path.file_name();
     let named = match &mut error {
-        Error::Source(SourceError::Usage { path: own, .. }) => {
-            if is_it(own) {
+        Error::Source(inner) => {
+            if let SourceFault::Usage { path: own, .. } = inner.fault_mut()
+                && is_it(own)
+            {
                 own.clone_from(path);
             }
-            return error;
+            None
         }
-        Error::Clean(CleanError::NothingKept { name, .. }) => name,
-        Error::Build(inner) | Error::Clean(CleanError::Build(inner)) => match inner.input_name() {
-            Some(name) => name,
-            None => return error,
-        },
-        _ => return error,
+        Error::Clean(inner) => inner.input_name(),
+        Error::Build(inner) => inner.input_name(),
+        _ => None,
     };
-    if is_it(Path::new(named.as_str())) {
-        *named = data(path);
+    if let Some(name) = named
+        && is_it(Path::new(name.as_str()))
+    {
+        *name = data(path);
     }
     error
 }
@@ -259,7 +261,7 @@ impl BuildJob<'_> {
     fn mesh(&self, inputs: &[PathBuf]) -> Result<Built, Error> {
         let Some(mesh) = self.grid.mesh() else {
             let path = inputs.first().cloned().unwrap_or_default();
-            return Err(SourceError::Usage { path, misuse: Misuse::NoGrid }.into());
+            return Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::NoGrid }).into());
         };
         let made = build_mesh(inputs, &mesh, self.options, self.output, self.progress)?;
         let notes = made.notes.iter().map(ToString::to_string);
@@ -327,11 +329,11 @@ fn prepare(
         let unrolling = Budget::dry(cap);
         drop(unrolling.reserve(needs.memory_bytes));
         let follows = cleaning.smallest_cap(source, options, cap);
-        return Err(Error::Build(BuildError::BudgetTooSmall {
+        return Err(Error::Build(BuildError::from(BuildFault::BudgetTooSmall {
             name: source.info().description.name.clone(),
             limit_bytes: cap.bytes(),
             minimum_bytes: follows.max(unrolling.smallest_limit(1)),
-        }));
+        })));
     }
     Ok(source.prepare(&Workspace { scratch: &scratch, memory: Budget::of(cap), progress })?)
 }

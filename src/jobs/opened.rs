@@ -7,7 +7,7 @@ use std::path::Path;
 use super::pack::{Stop, unpack_to};
 use crate::error::Error;
 use crate::format::Encoding;
-use crate::load::{Fault, Frame, LoadError, Mapping, Model, open_regular};
+use crate::load::{Fault, Frame, LoadError, LoadFault, Mapping, Model, open_regular};
 
 /// Opens a model. A packed one is unpacked into a nameless temporary file beside it (or, where that folder is
 /// read-only, in the system's) for as long as it is open: that takes as much disk as the mapped file, and the time
@@ -16,7 +16,7 @@ use crate::load::{Fault, Frame, LoadError, Mapping, Model, open_regular};
 /// # Errors
 /// The file is unreadable, foreign or damaged, or there is no room.
 pub fn open_model(path: &Path) -> Result<Model, Error> {
-    let unreadable = |cause| LoadError::Unreadable { path: path.to_path_buf(), cause };
+    let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
     let file = open_regular(path).map_err(unreadable)?;
     if Frame::read(&file).map_err(|fault| fault.at(path))?.header.encoding == Encoding::Mapped {
         return Ok(Model::open(path)?);

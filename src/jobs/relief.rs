@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 
 use crate::budget::{costs, own_rss_bytes, resident_bytes};
 use crate::platform;
-use crate::render::RenderError;
 use crate::render::picture::{Canvas, parts_bytes};
+use crate::render::{RenderError, RenderFault};
 
 /// Most that a step adds: pages of the model, of which the system maps 16 at a time. The farther apart the boxes are that
 /// neighbouring pixels show, the more it is. Measured on cells at 1024^3 and skin at 4096^3, in MiB: 1.3 at 16 boxes to a
@@ -73,7 +73,7 @@ impl<'a> Relief<'a> {
     /// Pixels of a band that fit, `None` for as many as usual; a pixel is so many boxes wide.
     ///
     /// # Errors
-    /// [`RenderError::Memory`] when the fewest do not fit.
+    /// [`RenderError`] when the fewest do not fit.
     pub(super) fn band_pixels(&self, canvas: &Canvas, boxes_wide: f64) -> Result<Option<u32>, RenderError> {
         let Some(limit_bytes) = self.limit_bytes else { return Ok(None) };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held to a limit")]
@@ -147,5 +147,5 @@ impl<'a> Relief<'a> {
 /// The least that is said to do is a little more, as no two runs are the same.
 fn too_small(limit_bytes: u64, minimum_bytes: u64) -> RenderError {
     let minimum_bytes = (minimum_bytes + costs::HELD_SPREAD).next_multiple_of(costs::STATED_STEP);
-    RenderError::Memory { limit_bytes, minimum_bytes }
+    RenderError::from(RenderFault::Memory { limit_bytes, minimum_bytes })
 }

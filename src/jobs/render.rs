@@ -13,7 +13,7 @@ use crate::render::annotate::annotate;
 use crate::render::picture::{self, Canvas, Counts, Traversal, Watch};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
-use crate::render::{Camera, GridSpace, Image, NamedView, Projection, RenderError, ViewPoint};
+use crate::render::{Camera, GridSpace, Image, NamedView, Projection, RenderError, RenderFault, ViewPoint};
 
 /// What picture to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -158,7 +158,7 @@ impl RenderReport {
 /// The picture depends on the model and the request only: not on the machine, nor on the threads.
 ///
 /// # Errors
-/// [`RenderError::Camera`] and [`RenderError::Size`] for what makes no sense, [`RenderError::SingularAffine`] for a
+/// [`RenderError`] and [`RenderError`] for what makes no sense, [`RenderError`] for a
 /// model without a volume.
 pub fn render_view(
     view: &ModelView<'_>,
@@ -415,7 +415,7 @@ const SELFCHECK_TASK: u64 = 1 << 15;
 /// The rays depend on `rays` and `seed` only. Memory: one bit per grid cell, at most 128 MiB.
 ///
 /// # Errors
-/// [`RenderError::TooDeep`] when the grid is too deep to be decoded, [`RenderError::Threads`] when the threads
+/// [`RenderError`] when the grid is too deep to be decoded, [`RenderError`] when the threads
 /// do not start.
 pub fn selfcheck(
     view: &ModelView<'_>,
@@ -423,8 +423,9 @@ pub fn selfcheck(
     seed: u64,
     threads: usize,
 ) -> Result<Mismatches, RenderError> {
-    let bits = BitVolume::decode(view)
-        .ok_or_else(|| RenderError::TooDeep { depth: view.depth(), most: BitVolume::MAX_DEPTH })?;
+    let bits = BitVolume::decode(view).ok_or_else(|| {
+        RenderError::from(RenderFault::TooDeep { depth: view.depth(), most: BitVolume::MAX_DEPTH })
+    })?;
     let tasks = rays.div_ceil(SELFCHECK_TASK);
     let task = |i: u64| {
         let count = SELFCHECK_TASK.min(rays - i * SELFCHECK_TASK);

@@ -12,10 +12,10 @@ use super::picture::Outputs;
 use super::shots;
 use crate::budget::mapped_rss_bytes;
 use crate::error::Error;
-use crate::load::{LoadError, Model, ModelView, open_regular};
+use crate::load::{LoadError, LoadFault, Model, ModelView, open_regular};
 use crate::progress::Progress;
 use crate::render::annotate::annotate;
-use crate::render::{Camera, NamedView, Projection, RenderError, ViewPoint};
+use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
 use crate::scene::{self, Colors, Key, Look, MAX_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
 
 /// What the command line says of a scene's picture; it counts before what the scene says.
@@ -90,7 +90,8 @@ pub fn is_scene(path: &Path) -> bool {
 /// # Errors
 /// The file cannot be read, or [`Error::Scene`] with what is wrong in it.
 pub fn read_scene(path: &Path) -> Result<Scene, Error> {
-    let unreadable = |cause| Error::Load(LoadError::Unreadable { path: path.to_path_buf(), cause });
+    let unreadable =
+        |cause| Error::Load(LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }));
     let wrong = |fault| Error::Scene(SceneError { path: path.to_path_buf(), fault });
     let file: File = open_regular(path).map_err(unreadable)?;
     let bytes = file.metadata().map_err(unreadable)?.len();
@@ -211,12 +212,12 @@ pub fn render_scene(
 
 /// A size that a scene states is a fault of the scene.
 fn check_size(path: &Path, width: u32, height: u32) -> Result<(), Error> {
-    crate::render::picture::check_size(width, height).map_err(|error| match error {
-        RenderError::Size { width, height, most_side, most_pixels } => {
+    crate::render::picture::check_size(width, height).map_err(|error| match *error.fault() {
+        RenderFault::Size { width, height, most_side, most_pixels } => {
             let fault = SceneFault::Size { width, height, most_side, most_pixels };
             SceneError { path: path.to_path_buf(), fault }.into()
         }
-        other => other.into(),
+        _ => error.into(),
     })
 }
 
@@ -284,13 +285,14 @@ fn look(
     let projection = request.projection.or(own.projection).unwrap_or_default();
     let fov = request.fov_deg.or(own.fov_deg).unwrap_or(super::render::RenderRequest::FOV_DEG);
     let aspect = f64::from(width) / f64::from(height);
-    let camera = Camera::new(point, projection, fov, aspect, support).map_err(|error| match error {
-        // What the command line says is told as elsewhere.
-        RenderError::Camera(fault) if request.point.is_none() && request.fov_deg.is_none() => {
-            Error::Scene(SceneError { path: path.to_path_buf(), fault: SceneFault::Camera(fault) })
-        }
-        other => other.into(),
-    })?;
+    let camera =
+        Camera::new(point, projection, fov, aspect, support).map_err(|error| match *error.fault() {
+            // A fault of the command line is reported as elsewhere.
+            RenderFault::Camera(fault) if request.point.is_none() && request.fov_deg.is_none() => {
+                Error::Scene(SceneError { path: path.to_path_buf(), fault: SceneFault::Camera(fault) })
+            }
+            _ => error.into(),
+        })?;
     let mut ambient = scene.ambient;
     ambient.rays = request.ambient_rays.unwrap_or(ambient.rays);
     Ok(Look {

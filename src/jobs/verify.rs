@@ -9,7 +9,7 @@ use super::info::content_checksum;
 use super::opened::unpacked;
 use crate::error::Error;
 use crate::format::Encoding;
-use crate::load::{self, Fault, Frame, LoadError, open_regular};
+use crate::load::{self, Fault, Frame, LoadError, LoadFault, open_regular};
 use crate::text::{data, shown};
 
 /// A file that passed.
@@ -41,7 +41,7 @@ pub struct VerifyReport {
 /// # Errors
 /// The first rule that is broken, or a failure to read.
 pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
-    let unreadable = |cause| LoadError::Unreadable { path: path.to_path_buf(), cause };
+    let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
     let file = open_regular(path).map_err(unreadable)?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
     if frame.header.encoding == Encoding::Packed {
@@ -65,7 +65,7 @@ pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
 /// # Errors
 /// As [`verify_file`].
 pub(super) fn verify_unless_packed(path: &Path) -> Result<(), Error> {
-    let unreadable = |cause| LoadError::Unreadable { path: path.to_path_buf(), cause };
+    let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
     let file = open_regular(path).map_err(unreadable)?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
     if frame.header.encoding == Encoding::Packed {

@@ -1,22 +1,24 @@
 //! Why a file cannot be opened as a model, as a value with its sentence.
 
-#![expect(missing_docs, reason = "the sentence of each variant says it")]
-
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::exit::ExitKind;
+use crate::exit::{ExitKind, opaque_error};
 use crate::format::FormatError;
 use crate::text::names::{BUILD_MESH, BUILD_TREE, RENDER};
 use crate::text::{reading, shown};
 
-/// A model that cannot be used.
-#[non_exhaustive]
+opaque_error! {
+    /// A model that cannot be used.
+    LoadError(LoadFault)
+}
+
+/// Why, with its sentence.
 #[derive(Debug, Error)]
-pub enum LoadError {
+pub(crate) enum LoadFault {
     #[error("{}: cannot be read ({cause}); {}", shown(.path), reading(.cause, "check that it exists and that you may read it"))]
     Unreadable {
         path: PathBuf,
@@ -56,14 +58,19 @@ impl fmt::Display for Reason<'_> {
     }
 }
 
-impl LoadError {
-    /// A model that cannot be used is unusable input.
-    pub fn kind(&self) -> ExitKind {
+impl LoadFault {
+    fn kind(&self) -> ExitKind {
         ExitKind::Input
+    }
+
+    fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Unreadable { path, .. } | Self::Format { path, .. } | Self::Changed { path } => Some(path),
+        }
     }
 }
 
 /// A folder or a device where a file is needed; held by an [`io::Error`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("it is not a regular file")]
-pub struct NotRegular;
+pub(crate) struct NotRegular;

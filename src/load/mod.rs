@@ -23,7 +23,8 @@ mod view;
 mod voxels;
 
 pub use cells::{CellItems, CellShape};
-pub use error::{LoadError, NotRegular};
+pub use error::LoadError;
+pub(crate) use error::{LoadFault, NotRegular};
 pub use frame::Frame;
 pub use map::Mapping;
 pub use memory::MemoryTree;

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use crate::format::{Channel, FormatError, Header, Metadata, SectionEntry, SectionKind, SurfaceKind, rank};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
+use crate::load::LoadFault;
 
 use super::frame::Frame;
 use super::map::{FileIdentity, Mapping};
@@ -67,12 +68,12 @@ impl Model<Mapping> {
     /// error names.
     ///
     /// # Errors
-    /// [`LoadError::Changed`], or the operating system refused.
+    /// [`LoadError`], or the operating system refused.
     pub fn check_unchanged(&self, path: &Path) -> Result<(), LoadError> {
         match self.data.is_unchanged() {
             Ok(true) => Ok(()),
-            Ok(false) => Err(LoadError::Changed { path: path.to_path_buf() }),
-            Err(cause) => Err(LoadError::Unreadable { path: path.to_path_buf(), cause }),
+            Ok(false) => Err(LoadFault::Changed { path: path.to_path_buf() }.into()),
+            Err(cause) => Err(LoadFault::Unreadable { path: path.to_path_buf(), cause }.into()),
         }
     }
 }
@@ -90,7 +91,7 @@ impl Model<Vec<u8>> {
     /// Memory: the length of the file. For a model in memory already: [`Model::from_bytes`].
     ///
     /// # Errors
-    /// As [`Model::open`], and [`LoadError::Changed`] for a file that is written to meanwhile.
+    /// As [`Model::open`], and [`LoadError`] for a file that is written to meanwhile.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, LoadError> {
         let path = path.as_ref();
         let read = || -> Result<Option<Self>, Fault> {
@@ -109,7 +110,7 @@ impl Model<Vec<u8>> {
             Ok(Some(Self::assemble(bytes, frame)?))
         };
         let model = read().map_err(|fault| fault.at(path))?;
-        model.ok_or_else(|| LoadError::Changed { path: path.to_path_buf() })
+        model.ok_or_else(|| LoadError::from(LoadFault::Changed { path: path.to_path_buf() }))
     }
 }
 

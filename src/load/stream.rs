@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io;
 
 use crate::format::FormatError;
+use crate::load::LoadFault;
 use crate::platform::FileExt;
 
 use super::LoadError;
@@ -71,8 +72,8 @@ impl Fault {
     pub fn at(self, path: &std::path::Path) -> LoadError {
         let path = path.to_path_buf();
         match self {
-            Self::Io(cause) => LoadError::Unreadable { path, cause },
-            Self::Format(cause) => LoadError::Format { path, cause },
+            Self::Io(cause) => LoadError::from(LoadFault::Unreadable { path, cause }),
+            Self::Format(cause) => LoadError::from(LoadFault::Format { path, cause }),
         }
     }
 }

@@ -16,7 +16,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::lattice::{Triangle, centres, span};
-use crate::facts::SourceError;
+use crate::facts::{SourceError, SourceFault};
 use crate::geom::Dims;
 use crate::platform::FileExt;
 
@@ -178,7 +178,7 @@ impl Bins {
     }
 
     fn error(&self, cause: io::Error) -> SourceError {
-        SourceError::Scratch { path: self.folder.clone(), cause }
+        SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause })
     }
 
     fn at(&self, row: u32, slice: u32) -> &Bin {
@@ -248,7 +248,7 @@ impl Binner {
     /// Bins of a grid, in a scratch file in `folder`.
     pub(super) fn new(dims: Dims, folder: &Path) -> Result<Self, SourceError> {
         let file = crate::scratch::unnamed(folder)
-            .map_err(|cause| SourceError::Scratch { path: folder.to_path_buf(), cause })?;
+            .map_err(|cause| SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause }))?;
         let grid = [dims.ny().div_ceil(32) as i32, dims.nz().div_ceil(32) as i32];
         let count = (grid[0] * grid[1]) as usize;
         let empty = Bin { offset: 0, records: 0, triangles: 0, columns: (i16::MAX, i16::MIN) };

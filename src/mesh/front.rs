@@ -19,6 +19,7 @@ use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions, too_small};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, Reservation};
 use crate::builder::{BuildError, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims};
+use crate::facts::SourceFault;
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
@@ -78,7 +79,7 @@ impl Front<'_> {
 
     fn unusable(&self, fault: MeshFault) -> SourceError {
         let path = self.inputs.first().cloned().unwrap_or_default();
-        SourceError::Unusable { path, fault: Fault::MeshFile(fault) }
+        SourceError::from(SourceFault::Unusable { path, fault: Fault::MeshFile(fault) })
     }
 
     /// The solid that is built, and the channels that it has of those that are asked for.
@@ -237,7 +238,7 @@ impl Front<'_> {
     fn notes(&self, files: &[MeshFile]) -> Vec<MeshNote> {
         let of = |(file, path): (&MeshFile, &PathBuf)| {
             let mesh = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let note = |name: &String| MeshNote::NoColors { mesh: mesh.clone(), name: name.clone() };
+            let note = |name: &String| MeshNote { mesh: mesh.clone(), name: name.clone() };
             file.summary.missing.iter().map(note).collect::<Vec<_>>()
         };
         files.iter().zip(self.inputs).flat_map(of).collect()
@@ -278,10 +279,10 @@ impl Front<'_> {
 
     fn of_paint(&self, fault: paint::Fault, file: usize) -> SourceError {
         match fault {
-            paint::Fault::Mesh(fault) => SourceError::Unusable {
+            paint::Fault::Mesh(fault) => SourceError::from(SourceFault::Unusable {
                 path: self.inputs.get(file).cloned().unwrap_or_default(),
                 fault: Fault::MeshFile(fault),
-            },
+            }),
             paint::Fault::Source(error) => error,
         }
     }

@@ -56,8 +56,9 @@ use std::path::{Path, PathBuf};
 
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
-use crate::builder::{BuildError, BuildOptions, BuildReport, CellEdges, Progress, Tile};
-use crate::facts::{Fill, MeshFacts, MeshNote, SourceError};
+use crate::builder::{BuildError, BuildFault, BuildOptions, BuildReport, CellEdges, Progress, Tile};
+use crate::facts::SourceError;
+pub use crate::facts::{Boundary, Fill, MeshFacts, MeshNote};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
 use bins::{BINNING_BYTES, Bins};
@@ -193,7 +194,7 @@ pub(crate) fn too_small(name: String, memory: MemoryCap, bytes: u64) -> BuildErr
     let _most = dry.reserve(bytes);
     let limit_bytes = memory.bytes();
     let minimum_bytes = dry.smallest_limit(1).max(limit_bytes + 1);
-    BuildError::BudgetTooSmall { name, limit_bytes, minimum_bytes }
+    BuildError::from(BuildFault::BudgetTooSmall { name, limit_bytes, minimum_bytes })
 }
 
 /// The bounds of a mesh at another place.

@@ -33,7 +33,7 @@ use crate::builder::{
     SolidWorker, Tile, VoxelBox,
 };
 use crate::cpu::{Isa, Kernel, dispatch};
-use crate::facts::{Fault, SourceError};
+use crate::facts::{Fault, SourceError, SourceFault};
 use crate::format::{Channel, Metadata, SourceMeta, normal};
 use crate::geom::Dims;
 use crate::identity::file_identity;
@@ -108,7 +108,9 @@ impl Solid for MeshSolid {
     /// Files are gone through several times, and what one pass found is taken for true in the next.
     fn check_unchanged(&self) -> Result<(), SourceError> {
         match self.inputs.iter().find(|(path, then)| file_identity(path) != *then) {
-            Some((path, _)) => Err(SourceError::Unusable { path: path.clone(), fault: Fault::ChangedInUse }),
+            Some((path, _)) => {
+                Err(SourceFault::Unusable { path: path.clone(), fault: Fault::ChangedInUse }.into())
+            }
             None => Ok(()),
         }
     }

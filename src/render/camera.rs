@@ -152,7 +152,7 @@ impl Camera {
     /// model's extent: the greatest `direction . p` over its points.
     ///
     /// # Errors
-    /// [`RenderError::Camera`] for coordinates that are not finite, an eye in the point looked at, an `up`
+    /// [`RenderError`] for coordinates that are not finite, an eye in the point looked at, an `up`
     /// along the line of sight, or a field of view out of range.
     pub fn new(
         point: ViewPoint,

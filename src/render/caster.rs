@@ -14,6 +14,7 @@ use super::traverse::Hit;
 use super::{GridSpace, RenderError};
 use crate::geom::VoxelIndex;
 use crate::load::{Model, ModelView, NodeView};
+use crate::render::RenderFault;
 
 /// Rays that are made before they are traced: 140 KiB with their hits.
 const AT_ONCE: usize = 1024;
@@ -126,7 +127,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// Prepares rays through a model.
     ///
     /// # Errors
-    /// [`RenderError::SingularAffine`] for a model whose axes span no volume.
+    /// [`RenderError`] for a model whose axes span no volume.
     pub fn new(model: P) -> Result<Self, RenderError> {
         let space = GridSpace::new(model.dims(), &model.affine())?;
         Ok(Self { model, space })
@@ -136,7 +137,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// starts in a skin voxel meets that one.
     ///
     /// # Errors
-    /// [`RenderError::Ray`] for a ray that is not finite or has no direction.
+    /// [`RenderError`] for a ray that is not finite or has no direction.
     pub fn first_hit(
         &self,
         origin_mm: [f64; 3],
@@ -175,7 +176,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// ```
     ///
     /// # Errors
-    /// [`RenderError::RayAt`] for the first ray that is not finite or has no direction, and [`RenderError::RayCount`]
+    /// [`RenderError`] for the first ray that is not finite or has no direction, and [`RenderError`]
     /// unless there are as many directions as origins; `hits` is empty then.
     pub fn first_hits(
         &self,
@@ -210,7 +211,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// less. Otherwise as [`RayCaster::first_hits`].
     ///
     /// # Errors
-    /// As [`RayCaster::first_hits`]; [`RenderError::RayCount`] also unless there are as many answers as rays. What is in
+    /// As [`RayCaster::first_hits`]; [`RenderError`] also unless there are as many answers as rays. What is in
     /// `met` then means nothing.
     pub fn any_hit(
         &self,
@@ -220,7 +221,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         met: &mut [bool],
     ) -> Result<(), RenderError> {
         if met.len() != origins_mm.len() {
-            return Err(RenderError::RayCount { rays: origins_mm.len(), others: met.len() });
+            return Err(RenderFault::RayCount { rays: origins_mm.len(), others: met.len() }.into());
         }
         met.fill(false);
         let view = self.model.view();
@@ -252,11 +253,11 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         trace: &mut dyn FnMut(&[usize], &[Ray]),
     ) -> Result<(), RenderError> {
         if origins_mm.len() != directions.len() {
-            return Err(RenderError::RayCount { rays: origins_mm.len(), others: directions.len() });
+            return Err(RenderFault::RayCount { rays: origins_mm.len(), others: directions.len() }.into());
         }
         let (mut numbers, mut rays) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
         for (index, (origin, direction)) in origins_mm.iter().zip(directions).enumerate() {
-            let at = |fault: BadRay| RenderError::RayAt { index, fault };
+            let at = |fault: BadRay| RenderError::from(RenderFault::RayAt { index, fault });
             if let Some(ray) = self.space.ray(*origin, *direction).map_err(at)? {
                 numbers.push(index);
                 rays.push(ray);

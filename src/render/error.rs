@@ -1,27 +1,29 @@
 //! Why a picture cannot be made, as a value with its sentence.
 
-#![expect(missing_docs, reason = "the sentence of each variant says it")]
-
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use super::ray::BadRay;
 use crate::budget::{ExactSize, SizeArgument};
-use crate::exit::ExitKind;
+use crate::exit::{ExitKind, opaque_error};
 use crate::text::names::{EYE, LOOK_AT, MEMORY, SURFACE, TRAVERSAL, UP};
 use crate::text::{shown, writing};
 
-/// A picture that cannot be made or written.
-#[non_exhaustive]
+opaque_error! {
+    /// A picture that cannot be made or written.
+    RenderError(RenderFault)
+}
+
+/// Why, with its sentence.
 #[derive(Debug, Error)]
-pub enum RenderError {
+pub(crate) enum RenderFault {
     #[error(transparent)]
-    Camera(#[from] CameraFault),
+    Camera(CameraFault),
     #[error(transparent)]
-    Ray(#[from] BadRay),
+    Ray(BadRay),
     #[error("ray {index} (from 0): {fault}")]
     RayAt { index: usize, fault: BadRay },
     #[error("{rays} origins and {others} directions or answers; give as many of each")]
@@ -63,7 +65,7 @@ pub enum RenderError {
 /// A fault of a camera.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum CameraFault {
+pub(crate) enum CameraFault {
     #[error("the field of view is {degrees} degrees; choose {least} to {most}")]
     FieldOfView { degrees: f64, least: f64, most: f64 },
     #[error("a camera coordinate is not a finite number")]
@@ -82,7 +84,7 @@ pub enum CameraFault {
 
 /// A layer of a picture besides its colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layer {
+pub(crate) enum Layer {
     /// Depth.
     Depth,
     /// World normals.
@@ -101,9 +103,8 @@ impl fmt::Display for Layer {
     }
 }
 
-impl RenderError {
-    /// Exit kind.
-    pub fn kind(&self) -> ExitKind {
+impl RenderFault {
+    fn kind(&self) -> ExitKind {
         match self {
             Self::Camera(_)
             | Self::Ray(_)
@@ -118,5 +119,34 @@ impl RenderError {
             Self::Memory { .. } => ExitKind::Budget,
             Self::Write { .. } => ExitKind::Io,
         }
+    }
+
+    fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Write { path, .. } => Some(path),
+            _ => None,
+        }
+    }
+}
+
+impl RenderError {
+    /// The smallest cap that works, in bytes, if the memory was too small.
+    pub fn minimum_bytes(&self) -> Option<u64> {
+        match self.fault() {
+            RenderFault::Memory { minimum_bytes, .. } => Some(*minimum_bytes),
+            _ => None,
+        }
+    }
+}
+
+impl From<CameraFault> for RenderError {
+    fn from(fault: CameraFault) -> Self {
+        RenderFault::Camera(fault).into()
+    }
+}
+
+impl From<BadRay> for RenderError {
+    fn from(fault: BadRay) -> Self {
+        RenderFault::Ray(fault).into()
     }
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::{Layer, RenderError};
 use crate::atomic::AtomicFile;
 use crate::mark::{KEYWORD, PROGRAM};
+use crate::render::RenderFault;
 
 /// Pictures of more pixels than thumbnails have are compressed fast: a quarter to a third larger, in a twentieth to
 /// a fortieth of the time, which was longer than that of tracing them. Every row by the same filter: choosing the best
@@ -42,7 +43,7 @@ impl Image {
     /// The file appears whole or not at all: it is written next to its place and renamed.
     ///
     /// # Errors
-    /// [`RenderError::Write`] when the folder is missing or the disk refuses.
+    /// [`RenderError`] when the folder is missing or the disk refuses.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Color)
     }
@@ -75,7 +76,7 @@ impl Image {
     /// Writes the depth as a 16-bit grey PNG.
     ///
     /// # Errors
-    /// [`RenderError::NoLayer`] when the picture was made without depth; else as [`Image::write_png`].
+    /// [`RenderError`] when the picture was made without depth; else as [`Image::write_png`].
     pub fn write_depth_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Depth)
     }
@@ -83,7 +84,7 @@ impl Image {
     /// Writes the normals as an RGB PNG.
     ///
     /// # Errors
-    /// [`RenderError::NoLayer`] when the picture was made without normals; else as [`Image::write_png`].
+    /// [`RenderError`] when the picture was made without normals; else as [`Image::write_png`].
     pub fn write_normals_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Normals)
     }
@@ -91,7 +92,7 @@ impl Image {
     /// Writes the numbers of boxes as a 16-bit RGB PNG.
     ///
     /// # Errors
-    /// [`RenderError::NoLayer`] when the picture was made without them; else as [`Image::write_png`].
+    /// [`RenderError`] when the picture was made without them; else as [`Image::write_png`].
     pub fn write_ids_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Ids)
     }
@@ -217,7 +218,7 @@ impl PngRows {
     /// Begins a picture of this size.
     ///
     /// # Errors
-    /// [`RenderError::Write`] when the disk refuses.
+    /// [`RenderError`] when the disk refuses.
     pub(crate) fn begin(file: ImageFile, layer: PngLayer, size: [u32; 2]) -> Result<Self, RenderError> {
         let ImageFile { path, file } = file;
         let begin = || -> io::Result<png::StreamWriter<'static, File>> {
@@ -226,14 +227,14 @@ impl PngRows {
         };
         match begin() {
             Ok(writer) => Ok(Self { layer, writer, path, file }),
-            Err(cause) => Err(RenderError::Write { path, cause }),
+            Err(cause) => Err(RenderFault::Write { path, cause }.into()),
         }
     }
 
     /// Adds the rows of a part of the picture.
     ///
     /// # Errors
-    /// [`RenderError::NoLayer`] when the part is without this layer; else as [`PngRows::begin`].
+    /// [`RenderError`] when the part is without this layer; else as [`PngRows::begin`].
     pub(crate) fn put(&mut self, part: &Image) -> Result<(), RenderError> {
         let words = |writer: &mut png::StreamWriter<'_, File>, words: &[u16]| {
             words.chunks(CHUNK / 2).try_for_each(|words| {
@@ -246,18 +247,18 @@ impl PngRows {
             (PngLayer::Depth, Image { depth: Some(depth), .. }) => words(&mut self.writer, depth),
             (PngLayer::Normals, Image { normals: Some(normals), .. }) => self.writer.write_all(normals),
             (PngLayer::Ids, Image { ids: Some(ids), .. }) => words(&mut self.writer, ids),
-            (PngLayer::Depth, _) => return Err(RenderError::NoLayer(Layer::Depth)),
-            (PngLayer::Normals, _) => return Err(RenderError::NoLayer(Layer::Normals)),
-            (PngLayer::Ids, _) => return Err(RenderError::NoLayer(Layer::Ids)),
+            (PngLayer::Depth, _) => return Err(RenderFault::NoLayer(Layer::Depth).into()),
+            (PngLayer::Normals, _) => return Err(RenderFault::NoLayer(Layer::Normals).into()),
+            (PngLayer::Ids, _) => return Err(RenderFault::NoLayer(Layer::Ids).into()),
         };
-        written.map_err(|cause| RenderError::Write { path: self.path.clone(), cause })
+        written.map_err(|cause| RenderError::from(RenderFault::Write { path: self.path.clone(), cause }))
     }
 
     /// Puts the file in its place, which all rows have been given to.
     pub(crate) fn finish(self) -> Result<(), RenderError> {
         let Self { writer, path, file, .. } = self;
         let written = writer.finish().map_err(io::Error::from).and_then(|()| file.commit());
-        written.map_err(|cause| RenderError::Write { path, cause })
+        written.map_err(|cause| RenderError::from(RenderFault::Write { path, cause }))
     }
 }
 
@@ -272,11 +273,11 @@ impl ImageFile {
     /// Begins the file that will be at `path`; dropped, it leaves nothing.
     ///
     /// # Errors
-    /// [`RenderError::Write`] when the folder is missing or cannot be written, or `path` is a folder or a device.
+    /// [`RenderError`] when the folder is missing or cannot be written, or `path` is a folder or a device.
     pub(crate) fn create(path: &Path) -> Result<Self, RenderError> {
         match AtomicFile::create(path) {
             Ok(file) => Ok(Self { path: path.to_path_buf(), file }),
-            Err(cause) => Err(RenderError::Write { path: path.to_path_buf(), cause }),
+            Err(cause) => Err(RenderFault::Write { path: path.to_path_buf(), cause }.into()),
         }
     }
 
@@ -290,7 +291,7 @@ impl ImageFile {
             drop(out);
             file.commit()
         };
-        write().map_err(|cause| RenderError::Write { path, cause })
+        write().map_err(|cause| RenderError::from(RenderFault::Write { path, cause }))
     }
 }
 

@@ -69,6 +69,7 @@ pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};
 pub use caster::{Hits, RayCaster, SurfacePoint};
-pub use error::{CameraFault, Layer, RenderError};
+pub use error::RenderError;
+pub(crate) use error::{CameraFault, Layer, RenderFault};
 pub use image::Image;
 pub use space::GridSpace;

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use crate::load::{ModelView, NodeView};
+use crate::render::RenderFault;
 
 use super::cells::Cells;
 use super::discrete::DiscreteRays;
@@ -133,11 +134,11 @@ impl Counts {
 /// Checks a picture's size.
 ///
 /// # Errors
-/// [`RenderError::Size`] for no pixels or too many.
+/// [`RenderError`] for no pixels or too many.
 pub fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
     let pixels = u64::from(width) * u64::from(height);
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
-        return Err(RenderError::Size { width, height, most_side: MAX_SIDE, most_pixels: MAX_PIXELS });
+        return Err(RenderFault::Size { width, height, most_side: MAX_SIDE, most_pixels: MAX_PIXELS }.into());
     }
     Ok(())
 }
@@ -145,13 +146,15 @@ pub fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
 /// A private pool of this many workers with small stacks; the process-wide pool is never used.
 ///
 /// # Errors
-/// [`RenderError::Threads`] when the system does not start that many.
+/// [`RenderError`] when the system does not start that many.
 pub fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.max(1))
         .stack_size(WORKER_STACK_BYTES)
         .build()
-        .map_err(|cause| RenderError::Threads { threads, cause: std::io::Error::other(cause) })
+        .map_err(|cause| {
+            RenderError::from(RenderFault::Threads { threads, cause: std::io::Error::other(cause) })
+        })
 }
 
 /// Grey of a depth in a depth image of this range.
@@ -243,8 +246,8 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
 /// byte a pixel.
 ///
 /// # Errors
-/// [`RenderError::Size`] when the size is not possible, [`RenderError::Threads`] when the threads do not start,
-/// [`RenderError::DiscreteCells`] for discrete rays in a model of cells.
+/// [`RenderError`] when the size is not possible, [`RenderError`] when the threads do not start,
+/// [`RenderError`] for discrete rays in a model of cells.
 pub fn paint(
     view: &ModelView<'_>,
     space: &GridSpace,
@@ -361,7 +364,7 @@ fn with_painter<J: Job + Send>(
     let discrete = (canvas.traversal == Traversal::Discrete)
         .then(|| DiscreteRays::new(sight, canvas.width, canvas.height));
     if discrete.is_some() && cells.is_some() {
-        return Err(RenderError::DiscreteCells);
+        return Err(RenderFault::DiscreteCells.into());
     }
     let pool = pool(canvas.threads)?;
     let painter = Painter {

@@ -2,6 +2,7 @@
 
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant, dot};
 use crate::load::{ModelView, NodeView};
+use crate::render::RenderFault;
 
 use super::RenderError;
 use super::ray::{BadRay, Ray};
@@ -27,7 +28,7 @@ impl GridSpace {
     /// Places a volume by its affine (voxel index to LPS mm).
     ///
     /// # Errors
-    /// [`RenderError::SingularAffine`] when the axes are parallel, nearly so, or not finite.
+    /// [`RenderError`] when the axes are parallel, nearly so, or not finite.
     pub fn new(dims: Dims, affine: &Affine) -> Result<Self, RenderError> {
         Self::of(dims, affine, affine.spacing_mm())
     }
@@ -43,7 +44,7 @@ impl GridSpace {
 
     fn of(dims: Dims, affine: &Affine, frame_mm: [f64; 3]) -> Result<Self, RenderError> {
         let spacing_mm = affine.spacing_mm();
-        let mut world_to_grid = affine.inverse().ok_or(RenderError::SingularAffine)?;
+        let mut world_to_grid = affine.inverse().ok_or(RenderError::from(RenderFault::SingularAffine))?;
         // A voxel's centre is an integer index and the middle of its grid cell.
         for row in &mut world_to_grid.rows {
             row[3] += 0.5;
@@ -53,7 +54,8 @@ impl GridSpace {
         for (row, corner) in grid_to_world.rows.iter_mut().zip(corner) {
             row[3] = corner;
         }
-        let normal_rows = affine.normal_rows(frame_mm).ok_or(RenderError::SingularAffine)?;
+        let normal_rows =
+            affine.normal_rows(frame_mm).ok_or(RenderError::from(RenderFault::SingularAffine))?;
         Ok(Self { dims, grid_to_world, world_to_grid, normal_rows, spacing_mm, frame_mm })
     }
 
@@ -222,6 +224,7 @@ mod tests {
     fn singular_affines_are_refused() {
         let dims = Dims::new(2, 2, 2).unwrap();
         let flat = Affine { rows: [[1.0, 1.0, 0.0, 0.0], [0.0, 1e-12, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
-        assert!(matches!(GridSpace::new(dims, &flat), Err(RenderError::SingularAffine)));
+        let refused = GridSpace::new(dims, &flat).unwrap_err();
+        assert!(matches!(refused.fault(), RenderFault::SingularAffine), "{refused}");
     }
 }

@@ -54,7 +54,7 @@ impl<'a> Part<'a> {
     /// Instances of a file share their `view`, and have the same number of a `file`.
     ///
     /// # Errors
-    /// [`RenderError::SingularAffine`] where that leaves it without a volume.
+    /// [`RenderError`] where that leaves it without a volume.
     pub fn new(
         (view, file): (&'a ModelView<'a>, usize),
         dims: Dims,

@@ -1,9 +1,7 @@
 //! Errors in the text of a scene, as values with their sentences.
 
-#![expect(missing_docs, reason = "the sentence of each variant says it")]
-
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -17,21 +15,26 @@ use crate::text::{Short, shown};
 #[error("{}: {fault}", shown(.path))]
 pub struct SceneError {
     /// The text's file.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// The fault.
-    pub fault: SceneFault,
+    pub(crate) fault: SceneFault,
 }
 
 impl SceneError {
-    /// Exit kind.
+    /// Who has to act on it, hence the exit code.
     pub fn kind(&self) -> ExitKind {
         ExitKind::Input
+    }
+
+    /// The text's file.
+    pub fn path(&self) -> Option<&Path> {
+        Some(&self.path)
     }
 }
 
 /// A table of the text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Table {
+pub(crate) enum Table {
     /// None of them: the text's own keys.
     Top,
     Camera,
@@ -60,7 +63,7 @@ impl fmt::Display for Table {
 
 /// A key of the text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Key {
+pub(crate) struct Key {
     /// The table that it stands in.
     pub table: Table,
     /// Its name.
@@ -76,7 +79,7 @@ impl fmt::Display for Key {
 /// A fault of the text of a scene.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum SceneFault {
+pub(crate) enum SceneFault {
     #[error("{bytes} bytes are too long for a scene; write at most {most}")]
     TooLong { bytes: u64, most: u64 },
     #[error("is not text; a scene is a TOML file in UTF-8")]

@@ -38,11 +38,13 @@ mod world;
 
 pub use body::Part;
 pub use clip::{Clip, CutPlane};
-pub use fault::{Key, SceneError, SceneFault, Table};
+pub use fault::SceneError;
+pub(crate) use fault::{Key, SceneFault, Table};
 pub use light::{Ambient, Light, LightKind};
 pub use material::{Coloring, Colors, Material, PRESETS};
 pub use paint::{Look, paint};
 pub use place::Placement;
 pub use rays::Rays;
-pub use read::{MAX_BYTES, MAX_LIGHTS, MAX_MODELS, read};
+pub(crate) use read::read;
+pub use read::{MAX_BYTES, MAX_LIGHTS, MAX_MODELS};
 pub use spec::{Place, Scene, SceneCamera, SceneModel};

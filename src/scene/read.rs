@@ -39,7 +39,7 @@ type Substance = (Material, Coloring);
 ///
 /// # Errors
 /// The first thing that is wrong with it.
-pub fn read(text: &str) -> Result<Scene, SceneFault> {
+pub(crate) fn read(text: &str) -> Result<Scene, SceneFault> {
     let description: Description = toml::from_str(text).map_err(|fault| SceneFault::Toml {
         line: fault.span().map(|span| 1 + text.bytes().take(span.start).filter(|b| *b == b'\n').count()),
         parser: fault.message().to_owned(),

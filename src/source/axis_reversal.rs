@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
+use crate::facts::SourceFault;
 use crate::facts::samples::ReadFault;
 use crate::geom::Dims;
 use crate::volume::Spool;
@@ -106,10 +107,12 @@ impl VolumeSource for AxisReversal {
     }
 
     fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
-        let failed = |cause| SourceError::ReadFailed {
-            path: self.info.description.name.clone().into(),
-            slice: z,
-            cause,
+        let failed = |cause| {
+            SourceError::from(SourceFault::ReadFailed {
+                path: self.info.description.name.clone().into(),
+                slice: z,
+                cause,
+            })
         };
         check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
         let spool = self.spool.as_ref().ok_or_else(|| failed(ReadFault::NotUnrolled.into()))?;
@@ -155,7 +158,10 @@ mod tests {
                 assert!(source.preparation().memory_bytes <= most, "{}", source.preparation().memory_bytes);
                 if fortran == "True" {
                     let little = Workspace { memory: Budget::new(16), ..workspace.clone() };
-                    assert!(matches!(source.prepare(&little), Err(SourceError::Memory { .. })));
+                    assert!(matches!(
+                        source.prepare(&little).unwrap_err().fault(),
+                        SourceFault::Memory { .. }
+                    ));
                 }
                 source.prepare(&workspace).unwrap();
                 files.push(source);

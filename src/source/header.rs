@@ -6,8 +6,8 @@ use std::path::{Component, Path, PathBuf};
 
 use super::files::FileList;
 use super::stored::{Section, section};
-use crate::facts::Fault;
 use crate::facts::header::HeaderFault;
+use crate::facts::{Fault, SourceFault};
 use crate::volume::{Result, SourceError};
 
 /// Longest line: far more than any real one, so that binary data is not taken for a line.
@@ -92,13 +92,13 @@ pub(super) fn unreadable(path: &Path, cause: io::Error) -> SourceError {
     match cause.downcast::<Fault>() {
         Ok(fault) => unusable(path, fault),
         Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => unusable(path, Fault::EndsEarly),
-        Err(cause) => SourceError::Unreadable { path: path.to_path_buf(), cause },
+        Err(cause) => SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
     }
 }
 
 /// A file is damaged, or of a kind that is not read.
 pub(super) fn unusable(path: &Path, fault: impl Into<Fault>) -> SourceError {
-    SourceError::Unusable { path: path.to_path_buf(), fault: fault.into() }
+    SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault: fault.into() })
 }
 
 /// An empty list of files that lie in the folder of a header.

@@ -10,7 +10,7 @@ use super::files::{FileList, FileSet, base_name};
 use super::known::{HEAD_BYTES, known};
 use super::stored::{DirectSamples, Samples, SliceOffsets};
 use crate::facts::samples::{RawFault, RawLayout};
-use crate::facts::{Fault, Instead, Known, Misuse};
+use crate::facts::{Fault, Instead, Known, Misuse, SourceFault};
 use crate::geom::{Dims, Orientation};
 use crate::mark::is_own_picture;
 use crate::volume::{
@@ -48,46 +48,46 @@ impl RawVolume {
     /// files in natural order of their names (hidden files and subfolders are left out).
     ///
     /// # Errors
-    /// [`SourceError::SizeMismatch`] when a file is not exactly `skip` plus its share of the dims;
-    /// [`SourceError::Unusable`] when the number of files is not the number of slices;
-    /// [`SourceError::NoVolume`] for an empty folder; [`SourceError::Usage`] for impossible options;
-    /// [`SourceError::Unreadable`] when the system refuses.
+    /// [`SourceError`] when a file is not exactly `skip` plus its share of the dims;
+    /// [`SourceError`] when the number of files is not the number of slices;
+    /// [`SourceError`] for an empty folder; [`SourceError`] for impossible options;
+    /// [`SourceError`] when the system refuses.
     pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self> {
         let (list, name) = list_files(inputs)?;
         let first = || inputs.first().cloned().unwrap_or_default();
         let affine = options.orientation.affine(options.spacing_mm);
         if !options.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) || affine.inverse().is_none() {
             let misuse = Misuse::Raw(RawFault::Spacing);
-            return Err(SourceError::Usage { path: first(), misuse });
+            return Err(SourceFault::Usage { path: first(), misuse }.into());
         }
         let dims = options.dims;
         let is_folder = list.len() != 1 || inputs.first().is_some_and(|p| p.is_dir());
         let slices_per_file = if is_folder { 1 } else { dims.nz() };
         if u64::from(dims.nz()) != list.len() as u64 * u64::from(slices_per_file) {
             let fault = Fault::Raw(RawFault::Files { files: list.len(), dims });
-            return Err(SourceError::Unusable { path: first(), fault });
+            return Err(SourceFault::Unusable { path: first(), fault }.into());
         }
         let voxel_bytes = options.scalar.bytes() as u64;
         let share = u64::from(dims.nx()) * u64::from(dims.ny()) * u64::from(slices_per_file) * voxel_bytes;
         let Some(expected) = share.checked_add(options.skip) else {
-            return Err(SourceError::Usage { path: first(), misuse: Misuse::Raw(RawFault::Length) });
+            return Err(SourceFault::Usage { path: first(), misuse: Misuse::Raw(RawFault::Length) }.into());
         };
         for index in 0..list.len() {
             let path = list.path(index);
             let got = match fs::metadata(&path) {
                 Ok(meta) => meta.len(),
-                Err(cause) => return Err(SourceError::Unreadable { path, cause }),
+                Err(cause) => return Err(SourceFault::Unreadable { path, cause }.into()),
             };
             if got != expected {
                 let layout = Box::new(layout_of(options, index, list.len()));
-                return Err(SourceError::SizeMismatch { path, expected, got, layout });
+                return Err(SourceFault::SizeMismatch { path, expected, got, layout }.into());
             }
         }
         // Opened now, so that a missing permission shows before a long build and not in it.
         let files = FileSet::new(list);
-        files
-            .with(0, |_| Ok(()))
-            .map_err(|cause| SourceError::Unreadable { path: files.list().path(0), cause })?;
+        files.with(0, |_| Ok(())).map_err(|cause| {
+            SourceError::from(SourceFault::Unreadable { path: files.list().path(0), cause })
+        })?;
         let info = VolumeInfo {
             dims,
             scalar: options.scalar,
@@ -150,11 +150,11 @@ fn layout_of(options: &RawOptions, index: usize, files: usize) -> RawLayout {
 /// The files to read, in slice order, and the base name to remember.
 fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     let Some(first) = inputs.first() else {
-        return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
+        return Err(SourceFault::Usage { path: PathBuf::new(), misuse: Misuse::NoInput }.into());
     };
     let is_dir = |path: &Path| match fs::metadata(path) {
         Ok(meta) => Ok(meta.is_dir()),
-        Err(cause) => Err(SourceError::Unreadable { path: path.to_path_buf(), cause }),
+        Err(cause) => Err(SourceError::unreadable(path, cause)),
     };
     if inputs.len() == 1 && is_dir(first)? {
         return Ok((list_folder(first)?, base_name(first)));
@@ -162,7 +162,7 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     let mut list = FileList::new(Path::new(""));
     for path in inputs {
         if is_dir(path)? {
-            return Err(SourceError::Usage { path: path.clone(), misuse: Misuse::FolderAmongFiles });
+            return Err(SourceFault::Usage { path: path.clone(), misuse: Misuse::FolderAmongFiles }.into());
         }
         list.push(path);
     }
@@ -179,7 +179,7 @@ fn is_made_of_slices(path: &Path) -> bool {
 
 /// Regular files of a folder in natural order; hidden ones, models, their pictures and subfolders are left out.
 fn list_folder(folder: &Path) -> Result<FileList> {
-    let unreadable = |cause| SourceError::Unreadable { path: folder.to_path_buf(), cause };
+    let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: folder.to_path_buf(), cause });
     let mut list = FileList::new(folder);
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();
@@ -192,7 +192,7 @@ fn list_folder(folder: &Path) -> Result<FileList> {
         }
     }
     if list.len() == 0 {
-        return Err(SourceError::NoVolume { path: folder.to_path_buf(), found: Instead::NoSlices });
+        return Err(SourceFault::NoVolume { path: folder.to_path_buf(), found: Instead::NoSlices }.into());
     }
     let order = list.natural_order();
     Ok(list.select(order.into_iter()))

@@ -59,7 +59,7 @@ pub use head::SyntheticHead;
 pub use spec::Sampling;
 pub use volume::AnalyticVolume;
 
-use crate::facts::{Misuse, SyntheticFault};
+use crate::facts::{Misuse, SourceFault, SyntheticFault};
 use crate::volume::{SourceError, VolumeSource};
 use spec::{PREFIX, Request};
 
@@ -71,7 +71,7 @@ pub fn is_synthetic(input: &Path) -> bool {
 /// The volume that an input describes: a body or the head.
 ///
 /// # Errors
-/// [`SourceError::Usage`], with what is wrong and what there is.
+/// [`SourceError`], with what is wrong and what there is.
 pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
     let wrong = |fault| usage(input, fault);
     let given = input.to_string_lossy();
@@ -87,7 +87,7 @@ pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
 /// The body that a text such as `synthetic:torus@128` describes, with its true surface.
 ///
 /// # Errors
-/// [`SourceError::Usage`], as [`open`]; also for the head, whose surface is not known in closed form.
+/// [`SourceError`], as [`open`]; also for the head, whose surface is not known in closed form.
 pub fn analytic(text: &str) -> Result<AnalyticVolume, SourceError> {
     let wrong = |fault| usage(Path::new(text), fault);
     match parse(text).map_err(wrong)? {
@@ -100,7 +100,7 @@ pub fn analytic(text: &str) -> Result<AnalyticVolume, SourceError> {
 
 /// The error for a synthetic input.
 pub(crate) fn usage(input: &Path, fault: SyntheticFault) -> SourceError {
-    SourceError::Usage { path: input.to_path_buf(), misuse: Misuse::Synthetic(fault) }
+    SourceError::from(SourceFault::Usage { path: input.to_path_buf(), misuse: Misuse::Synthetic(fault) })
 }
 
 fn parse(text: &str) -> Result<Request, SyntheticFault> {

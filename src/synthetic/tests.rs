@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::*;
 use crate::exit::ExitKind;
-use crate::facts::SyntheticValue;
+use crate::facts::{SourceFault, SyntheticValue};
 use crate::volume::ScalarType;
 
 fn densities(volume: &AnalyticVolume) -> Vec<f64> {
@@ -28,8 +28,8 @@ fn densities(volume: &AnalyticVolume) -> Vec<f64> {
 }
 
 fn fault(text: &str) -> SyntheticFault {
-    match open(Path::new(text)) {
-        Err(SourceError::Usage { misuse: Misuse::Synthetic(fault), .. }) => fault,
+    match open(Path::new(text)).unwrap_err().fault() {
+        SourceFault::Usage { misuse: Misuse::Synthetic(fault), .. } => fault.clone(),
         other => panic!("{text}: {other:?}"),
     }
 }

@@ -4,8 +4,8 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use super::wrapper::owns_source_and_info;
-use super::{Result, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
-use crate::facts::Misuse;
+use super::{Result, Treatment, VolumeInfo, VolumeSource, Wrapper};
+use crate::facts::{Misuse, SourceFault};
 use crate::geom::Dims;
 
 /// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its
@@ -20,14 +20,14 @@ impl<'a> Crop<'a> {
     /// The voxels with indices in `roi` (along x, y, z; the ends are not included).
     ///
     /// # Errors
-    /// [`SourceError::Usage`] when the box is empty or not within the volume.
+    /// [`SourceError`] when the box is empty or not within the volume.
     pub fn new(source: Box<dyn VolumeSource + 'a>, roi: [Range<u32>; 3]) -> Result<Self> {
         let mut info = source.info().clone();
         let size = roi.clone().map(|r| r.end.saturating_sub(r.start));
         let fits = roi.iter().zip(info.dims.to_array()).all(|(r, n)| r.end <= n);
         let Some(dims) = Dims::new(size[0], size[1], size[2]).filter(|_| fits) else {
             let path = PathBuf::from(&info.description.name);
-            return Err(SourceError::Usage { path, misuse: Misuse::Roi { roi, dims: info.dims } });
+            return Err(SourceFault::Usage { path, misuse: Misuse::Roi { roi, dims: info.dims } }.into());
         };
         let corner = roi.clone().map(|r| f64::from(r.start));
         let origin = info.affine.apply(corner);

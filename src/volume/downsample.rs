@@ -4,8 +4,8 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use super::wrapper::owns_source_and_info;
-use super::{Result, Scalar, ScalarType, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
-use crate::facts::Misuse;
+use super::{Result, Scalar, ScalarType, Treatment, VolumeInfo, VolumeSource, Wrapper};
+use crate::facts::{Misuse, SourceFault};
 use crate::geom::Dims;
 
 /// Samples of the original that are read at a time; of doubles, 32 KiB.
@@ -33,14 +33,14 @@ impl<'a> Downsample<'a> {
     /// Blocks of `factor`^3 voxels; `factor` is 2 or 4.
     ///
     /// # Errors
-    /// [`SourceError::Usage`] for other factors.
+    /// [`SourceError`] for other factors.
     pub fn new(source: Box<dyn VolumeSource + 'a>, factor: u32) -> Result<Self> {
         let mut info = source.info().clone();
         let sides = info.dims.to_array().map(|n| n.div_ceil(factor.max(1)));
         let dims = Dims::new(sides[0], sides[1], sides[2]);
         let (Some(dims), 2 | 4) = (dims, factor) else {
             let path = PathBuf::from(&info.description.name);
-            return Err(SourceError::Usage { path, misuse: Misuse::Downsample { factor } });
+            return Err(SourceFault::Usage { path, misuse: Misuse::Downsample { factor } }.into());
         };
         let wide = f64::from(factor);
         let origin = info.affine.apply([0.5 * (wide - 1.0); 3]);

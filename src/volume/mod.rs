@@ -27,7 +27,8 @@ mod voxels;
 mod watch;
 mod wrapper;
 
-pub use crate::facts::{Note, SourceError};
+pub(crate) use crate::facts::{Note, SourceFault};
+pub use crate::facts::{SourceError, sentences};
 pub(crate) use blend::{blend_rows, neighbour_bytes};
 pub(crate) use block::{check_request, read_block};
 pub use crop::Crop;
@@ -144,19 +145,21 @@ impl Workspace<'_> {
     /// Takes the memory for unrolling the file that `path` names.
     ///
     /// # Errors
-    /// [`SourceError::Memory`].
+    /// [`SourceError`].
     pub(crate) fn reserve(&self, bytes: u64, path: impl FnOnce() -> PathBuf) -> Result<Reservation> {
-        self.memory.reserve(bytes).map_err(|refused| SourceError::Memory {
-            path: path(),
-            needed_bytes: refused.needed_bytes,
-            allowed_bytes: refused.left_bytes,
+        self.memory.reserve(bytes).map_err(|refused| {
+            SourceError::from(SourceFault::Memory {
+                path: path(),
+                needed_bytes: refused.needed_bytes,
+                allowed_bytes: refused.left_bytes,
+            })
         })
     }
 }
 
 impl From<Stopped> for SourceError {
     fn from(_: Stopped) -> Self {
-        Self::Stopped
+        SourceFault::Stopped.into()
     }
 }
 

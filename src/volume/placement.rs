@@ -3,8 +3,8 @@
 //! Pictures and arrays state neither, and some headers state less than they could. A format
 //! states its assumptions in notes; such a note goes when the caller states what was missing.
 
-use super::{InfoOverride, Note, Result, SourceError, Treatment, VolumeInfo, VolumeSource};
-use crate::facts::{Misuse, StatedBy};
+use super::{InfoOverride, Note, Result, Treatment, VolumeInfo, VolumeSource};
+use crate::facts::{Misuse, SourceFault, StatedBy};
 use crate::geom::Orientation;
 
 /// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
@@ -41,7 +41,7 @@ impl Placement {
 /// file that are replaced are reported in a note, and recorded among the treatments.
 ///
 /// # Errors
-/// [`SourceError::Usage`] for a spacing that makes no sound affine, such as 1e-300 mm.
+/// [`SourceError`] for a spacing that makes no sound affine, such as 1e-300 mm.
 pub(crate) fn place(
     source: Box<dyn VolumeSource>,
     asked: Placement,
@@ -58,10 +58,11 @@ pub(crate) fn place(
         turn(&mut info, orientation, by);
     }
     if info.affine.inverse().is_none() {
-        return Err(SourceError::Usage {
+        return Err(SourceFault::Usage {
             path: info.description.name.into(),
             misuse: Misuse::Spacing { by },
-        });
+        }
+        .into());
     }
     Ok(InfoOverride::boxed(source, info))
 }
@@ -234,7 +235,10 @@ mod tests {
         let text = placed.info().notes[0].to_string();
         assert!(text.contains("1.2 mm"), "{text}");
         let refused = place(with(stated, &[]), spacing([1e-300, 1e-300, 1.0]), WHO).err().unwrap();
-        assert!(matches!(refused, SourceError::Usage { .. }) && refused.to_string().contains("out of range"));
+        assert!(
+            matches!(refused.fault(), SourceFault::Usage { .. })
+                && refused.to_string().contains("out of range")
+        );
         assert!(place(with(stated, &[]), Placement::default(), WHO).unwrap().info().notes.is_empty());
     }
 }

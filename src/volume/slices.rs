@@ -8,6 +8,7 @@ use super::{
     Preparation, Rescale, Result, Scalar, SourceError, Spool, VolumeInfo, VolumeSource, Workspace,
     check_request,
 };
+use crate::facts::SourceFault;
 use crate::facts::samples::ReadFault;
 use crate::geom::{Affine, Dims};
 
@@ -72,7 +73,11 @@ impl<'a, T: Scalar> Slices<'a, T> {
     }
 
     fn failed(&self, z: u32, cause: io::Error) -> SourceError {
-        SourceError::ReadFailed { path: (&self.info.description.name).into(), slice: z, cause }
+        SourceError::from(SourceFault::ReadFailed {
+            path: (&self.info.description.name).into(),
+            slice: z,
+            cause,
+        })
     }
 }
 

@@ -9,6 +9,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::{Result, ScalarType, SourceError};
+use crate::facts::SourceFault;
 use crate::geom::Dims;
 use crate::platform::FileExt;
 use crate::scratch::unnamed_for;
@@ -27,10 +28,10 @@ impl Spool {
     /// An empty spool (all zero) for a volume of `dims`, in `folder`.
     ///
     /// # Errors
-    /// [`SourceError::Scratch`] where there is no room for it.
+    /// [`SourceError`] where there is no room for it.
     pub(crate) fn create(folder: &Path, dims: Dims, scalar: ScalarType) -> Result<Self> {
         let bytes = dims.voxels() * scalar.bytes() as u64;
-        let failed = |cause| SourceError::Scratch { path: folder.to_path_buf(), cause };
+        let failed = |cause| SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause });
         let file = unnamed_for(folder, bytes).map_err(failed)?;
         file.set_len(bytes).map_err(failed)?;
         Ok(Self { file, folder: folder.to_path_buf(), dims, scalar })
@@ -50,11 +51,11 @@ impl Spool {
     /// Writes samples (native order) at a byte offset.
     ///
     /// # Errors
-    /// [`SourceError::Scratch`].
+    /// [`SourceError`].
     pub(crate) fn write(&self, samples: &[u8], offset: u64) -> Result {
         self.file
             .write_all_at(samples, offset)
-            .map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })
+            .map_err(|cause| SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause }))
     }
 
     /// As [`super::VolumeSource::read_rows`], of the stored samples; the request has been checked.
@@ -84,9 +85,7 @@ mod tests {
         let mut out = [0; 8];
         spool.read_rows(1, &(0..2), &(1..3), &mut out).unwrap();
         assert_eq!(out, [0, 0, 0, 0, 3, 4, 5, 6]);
-        assert!(matches!(
-            Spool::create(Path::new("missing/folder"), dims, ScalarType::U8),
-            Err(SourceError::Scratch { .. })
-        ));
+        let refused = Spool::create(Path::new("missing/folder"), dims, ScalarType::U8).err().unwrap();
+        assert!(matches!(refused.fault(), SourceFault::Scratch { .. }), "{refused}");
     }
 }

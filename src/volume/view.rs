@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use super::{Rescale, Result, Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, check_request};
+use crate::facts::SourceFault;
 use crate::geom::{Affine, Dims};
 
 /// Borrowed samples, read where they are: an array of any strides is a volume without a copy.
@@ -124,10 +125,12 @@ impl<'a> Block<'a> {
         // Padding between rows is not part of the request.
         let is_as_long = row_bytes == 0 || out.len() == wanted;
         let asked = if is_as_long { rows.len() * row_bytes } else { usize::MAX };
-        check_request(info, z, &rows, &cols, asked).map_err(|cause| SourceError::ReadFailed {
-            path: PathBuf::from(&info.description.name),
-            slice: z,
-            cause,
+        check_request(info, z, &rows, &cols, asked).map_err(|cause| {
+            SourceError::from(SourceFault::ReadFailed {
+                path: PathBuf::from(&info.description.name),
+                slice: z,
+                cause,
+            })
         })?;
         if rows.is_empty() || row_bytes == 0 {
             return Ok(());

@@ -4,8 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::wrapper::pass_on;
-use super::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace};
-use crate::facts::Fault;
+use super::{Preparation, Result, VolumeInfo, VolumeSource, Workspace};
+use crate::facts::{Fault, SourceFault};
 use crate::identity::file_identity;
 
 /// A volume that reports when one of its files differs from when it was opened.
@@ -62,7 +62,7 @@ impl VolumeSource for FileWatch {
                 }
             });
         }
-        changed.map_or(Ok(()), |path| Err(SourceError::Unusable { path, fault: Fault::ChangedInUse }))
+        changed.map_or(Ok(()), |path| Err(SourceFault::Unusable { path, fault: Fault::ChangedInUse }.into()))
     }
 }
 
@@ -123,7 +123,7 @@ mod tests {
                 change(&at(name));
                 let error = volume.check_unchanged().unwrap_err();
                 assert!(
-                    matches!(&error, SourceError::Unusable { path, fault: Fault::ChangedInUse } if *path == at(name)),
+                    matches!(error.fault(), SourceFault::Unusable { path, fault: Fault::ChangedInUse } if *path == at(name)),
                     "{how}: {error:?}"
                 );
             }

@@ -204,11 +204,11 @@ mod tests {
     use super::super::{Crop, Downsample, GapFill};
     use super::*;
     use crate::budget::Budget;
-    use crate::facts::Fault;
+    use crate::facts::{Fault, SourceFault};
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
-    use crate::volume::{Endian, ScalarType, SourceError};
+    use crate::volume::{Endian, ScalarType};
 
     const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6 };
 
@@ -226,7 +226,7 @@ mod tests {
             each(Path::new("a"));
         }
         fn check_unchanged(&self) -> Result {
-            Err(SourceError::Unusable { path: "a".into(), fault: Fault::ChangedInUse })
+            Err(SourceFault::Unusable { path: "a".into(), fault: Fault::ChangedInUse }.into())
         }
         fn preparation(&self) -> Preparation {
             NEEDS
@@ -237,11 +237,12 @@ mod tests {
             Ok(())
         }
         fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result {
-            Err(SourceError::ReadFailed {
+            Err(SourceFault::ReadFailed {
                 path: "a".into(),
                 slice: z,
                 cause: std::io::ErrorKind::Other.into(),
-            })
+            }
+            .into())
         }
         fn resident_bytes(&self) -> u64 {
             7
@@ -281,10 +282,8 @@ mod tests {
             assert!(outer.check_unchanged().is_err());
             let workspace =
                 |bytes| Workspace { scratch: folder.path(), memory: Budget::new(bytes), progress: &Silent };
-            assert!(matches!(
-                outer.prepare(&workspace(1)),
-                Err(SourceError::Memory { allowed_bytes: 1, .. })
-            ));
+            let refused = outer.prepare(&workspace(1)).unwrap_err();
+            assert!(matches!(refused.fault(), SourceFault::Memory { allowed_bytes: 1, .. }), "{refused}");
             outer.prepare(&workspace(6)).unwrap();
             let notes = &outer.info().notes;
             assert!(notes.ends_with(&[Note::WhiteIsZero]), "{notes:?}");
@@ -292,7 +291,8 @@ mod tests {
             for read in
                 [outer.read_rows(0, 0..1, 0..1, &mut out), outer.read_pitched(0, 0..1, 0..1, 4, &mut out)]
             {
-                assert!(matches!(read, Err(SourceError::ReadFailed { slice: 0, .. })));
+                let refused = read.unwrap_err();
+                assert!(matches!(refused.fault(), SourceFault::ReadFailed { slice: 0, .. }), "{refused}");
             }
         }
     }

@@ -3,6 +3,7 @@
 //! Bytes are taken for the content of a file, but for those of a codec, which are taken for the pixels of a DICOM
 //! image of fitting size; and models get right checksums first, as a fuzzer does not guess them.
 
+use std::error::Error as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -334,10 +335,10 @@ fn archive(bytes: &[u8]) -> bool {
             }
             Err(refused) => {
                 told(&refused.to_string());
-                let infobyte::Error::Load(infobyte::load::LoadError::Format { cause, .. }) = refused else {
+                let cause = refused.source().and_then(|cause| cause.downcast_ref::<FormatError>());
+                let Some(&FormatError::SectionChecksum { kind, stated, found, .. }) = cause else {
                     return false;
                 };
-                let FormatError::SectionChecksum { kind, stated, found, .. } = cause else { return false };
                 let Ok(frame) = Frame::read(bytes.as_slice()) else { return false };
                 let Some(at) = frame.sections.iter().position(|entry| entry.kind == kind) else {
                     return false;

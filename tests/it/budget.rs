@@ -3,9 +3,8 @@
 //! same number. If this fails, a buffer was made that the budget does not know of, and the cap is kept by luck.
 
 use crate::prelude::*;
-use infobyte::budget::costs;
+use infobyte::budget::{Bytes, ExactSize, costs};
 use infobyte::builder::{build_volume as build, smallest_share};
-use infobyte::clean::CleanError;
 use infobyte::discovery;
 
 /// Half of the voxels inside, in no order: all of them skin, the most records there can be.
@@ -63,7 +62,8 @@ fn a_build_allocates_no_more_than_it_has_reserved() {
                         models.push(fs::read(&output).unwrap());
                     }
                     // A range that needs a wider ring than the kindest one.
-                    Err(BuildError::BudgetTooSmall { minimum_bytes, .. }) => {
+                    Err(error) if error.minimum_bytes().is_some() => {
+                        let minimum_bytes = error.minimum_bytes().unwrap();
                         assert!(minimum_bytes >= kindest && minimum_bytes > share, "{name}: {minimum_bytes}");
                         assert!(built(&source, threshold, minimum_bytes, &output).0.is_ok(), "{name}");
                     }
@@ -87,10 +87,10 @@ fn the_smallest_share_works_and_one_step_less_is_refused_with_it() {
         assert!(smallest.is_multiple_of(costs::STATED_STEP));
         assert!(built(&source, threshold, smallest, &output).0.is_ok());
         let less = built(&source, threshold, smallest - costs::STATED_STEP, &output).0;
-        let Err(BuildError::BudgetTooSmall { limit_bytes, minimum_bytes, .. }) = less else {
-            panic!("one step less is enough: {less:?}")
-        };
-        assert_eq!((limit_bytes, minimum_bytes), (smallest - costs::STATED_STEP, smallest));
+        let refused = less.expect_err("one step less is not enough");
+        assert_eq!(refused.minimum_bytes(), Some(smallest));
+        let limit = format!("{} is too small", ExactSize(smallest - costs::STATED_STEP));
+        assert!(refused.to_string().contains(&limit), "{refused}");
     }
 }
 
@@ -120,10 +120,7 @@ fn cleaning_allocates_no_more_than_it_has_reserved() {
         }
         let options = options(threshold, MemoryCap::Share(smallest - costs::STATED_STEP));
         match clean.clean(&source, &options, &output, &Silent) {
-            Err(CleanError::Build(BuildError::BudgetTooSmall { minimum_bytes, .. })) => {
-                assert_eq!(minimum_bytes, smallest);
-            }
-            Err(e) => panic!("{e:?}"),
+            Err(error) => assert_eq!(error.minimum_bytes(), Some(smallest), "{error}"),
             Ok(_) => panic!("{:?}: one step less is enough", clean.operations()),
         }
     }
@@ -149,12 +146,10 @@ fn unrolling_allocates_no_more_than_is_stated_and_one_byte_less_is_refused() {
         assert!(needed > 0, "{name} is read in place");
         let workspace =
             |bytes| Workspace { scratch: folder.path(), memory: Budget::new(bytes), progress: &Silent };
-        let Err(SourceError::Memory { needed_bytes, allowed_bytes, .. }) =
-            source.prepare(&workspace(needed - 1))
-        else {
-            panic!("{name}: one byte less is enough")
-        };
-        assert_eq!((needed_bytes, allowed_bytes), (needed, needed - 1), "{name}");
+        let refused = source.prepare(&workspace(needed - 1)).expect_err("one byte less is not enough");
+        assert_eq!(refused.minimum_bytes(), Some(needed), "{name}");
+        let allowed = format!("leaves {} for that", Bytes(needed - 1));
+        assert!(refused.to_string().contains(&allowed), "{name}: {refused}");
         let (done, Taken { peak, .. }) = measured(|| source.prepare(&workspace(needed)));
         done.unwrap();
         println!("{name}: {peak} of {needed}");

@@ -31,7 +31,6 @@ pub(crate) use infobyte::clean::SizeLimit;
 pub(crate) use infobyte::csg::{CsgInput, CsgOptions, NodeId, Operation, Shape, Tree, build_csg, parse_tree};
 pub(crate) use infobyte::discovery::Catalogue;
 pub(crate) use infobyte::export::ExportForm;
-pub(crate) use infobyte::facts::{CsgFault, Fault, MeshFault, sentences};
 pub(crate) use infobyte::format::assemble::{AssembledVoxel, OptionalSections, assemble};
 pub(crate) use infobyte::format::{
     ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Header, Metadata, SectionKind, SurfaceKind, normal,
@@ -58,7 +57,7 @@ pub(crate) use infobyte::source::dicom::{
 };
 pub(crate) use infobyte::source::{Finding, GapPolicy, RawOptions, RawVolume};
 pub(crate) use infobyte::synthetic::analytic;
-pub(crate) use infobyte::volume::{Endian, SourceError, Workspace};
+pub(crate) use infobyte::volume::{Endian, SourceError, Workspace, sentences};
 pub(crate) use infobyte::{
     Affine, BuildOptions, BuildReport, Channel, Channels, CleanOptions, Connectivity, Dims, ExitKind,
     MemoryCap, Model, NamedView, OpenOptions, Progress, Projection, RayCaster, RenderRequest, Rescale,

@@ -407,8 +407,5 @@ fn voxels_that_lie_outside_are_not_made_cells() {
     let mesh = MeshOptions { keep_thin: true, ..on_grid(grid(32)) };
     let refused =
         build_mesh(&[file], &mesh, &options(16, 1, SurfaceKind::Cells), &path, &Silent).unwrap_err();
-    let BuildError::Source(SourceError::Unusable { fault: Fault::MeshFile(fault), .. }) = refused else {
-        panic!("{refused:?}")
-    };
-    assert_eq!(fault, MeshFault::ThinCells);
+    assert!(refused.to_string().contains("which add voxels that lie outside"), "{refused}");
 }

@@ -422,11 +422,11 @@ fn smallest_models_and_senseless_requests() {
     for (width, height) in [(0, 5), (5, 0), (u32::MAX, 1), (32_768, 32_768)] {
         let asked = RenderRequest { width, height, ..RenderRequest::default() };
         let refused = render(&one.tree.view(), one.dims, &unit_affine(), &asked);
-        assert!(matches!(refused, Err(RenderError::Size { .. })));
+        assert!(refused.unwrap_err().to_string().contains("is not possible"));
     }
     let flat = Affine::from_spacing([1.0, 0.0, 1.0]);
     let refused = render(&one.tree.view(), one.dims, &flat, &RenderRequest::default());
-    assert!(matches!(refused, Err(RenderError::SingularAffine)));
+    assert!(refused.unwrap_err().to_string().contains("axes are (nearly) parallel"));
 }
 
 #[test]

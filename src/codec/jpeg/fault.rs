@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Damage in a JPEG image.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Damage {
+pub(crate) enum Damage {
     #[error("a marker segment claims a length of {length} bytes")]
     ShortLength { length: u16 },
     #[error("a marker segment is shorter than its contents")]
@@ -93,7 +93,7 @@ pub enum Damage {
 /// Features of JPEG images that are not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Feature {
+pub(crate) enum Feature {
     #[error("JPEG with {bits} bits in a sample")]
     Precision { bits: u8 },
     #[error("a JPEG height given only after the pixels (DNL)")]

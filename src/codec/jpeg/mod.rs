@@ -39,7 +39,7 @@ use std::io::Read;
 
 use super::{CodecError, RowSink};
 use bytes::Bytes;
-pub use fault::{Damage, Feature};
+pub(crate) use fault::Damage;
 use markers::{Event, Process, Tables};
 use memory::reserve;
 

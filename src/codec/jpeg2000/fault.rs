@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Damage in a JPEG 2000 image.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Damage {
+pub(crate) enum Damage {
     #[error("a code-block without bit planes has passes")]
     PassesWithoutPlanes,
     #[error("a code-block has more passes than bit planes")]
@@ -87,7 +87,7 @@ pub enum Damage {
 /// Features of JPEG 2000 images that are not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Feature {
+pub(crate) enum Feature {
     #[error("that many coding passes of a code-block")]
     CodingPasses,
     #[error("a palette")]

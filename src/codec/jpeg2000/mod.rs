@@ -45,7 +45,7 @@ mod vectors;
 mod wavelet;
 
 use allowance::Allowance;
-pub use fault::{Damage, Feature};
+pub(crate) use fault::{Damage, Feature};
 use geometry::TileLayout;
 use header::{ImageSize, Parameters, TileParts};
 use limits::MAX_PLANES;

@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Damage in a JPEG-LS image.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Damage {
+pub(crate) enum Damage {
     #[error("it does not begin as a JPEG image")]
     NoStart,
     #[error("its scan has no frame header")]
@@ -59,7 +59,7 @@ pub enum Damage {
 /// Features of JPEG-LS images that are not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Feature {
+pub(crate) enum Feature {
     #[error("lines of {columns} samples")]
     LineSamples { columns: u32 },
     #[error("a number of lines after the first scan")]
@@ -85,7 +85,7 @@ pub enum Feature {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum SegmentKind {
+pub(crate) enum SegmentKind {
     #[error("the frame")]
     Frame,
     #[error("the scan")]
@@ -103,7 +103,7 @@ pub enum SegmentKind {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Parameter {
+pub(crate) enum Parameter {
     #[error("the largest sample")]
     LargestSample,
     #[error("the error bound")]

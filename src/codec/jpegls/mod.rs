@@ -26,7 +26,7 @@ mod vectors;
 use std::io::Read;
 
 use super::{CodecError, FrameFormat, RowSink};
-pub use fault::{Damage, Feature, Parameter, SegmentKind};
+pub(crate) use fault::{Damage, Feature};
 use frame::{Frame, Header, Interleave, SOI, Scan};
 use parameters::Parameters;
 use scan::{Coder, Lines, line_bytes};

@@ -5,7 +5,7 @@ use thiserror::Error;
 /// Damage in an RLE frame.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Damage {
+pub(crate) enum Damage {
     #[error("{bytes} bytes are too few for an RLE header")]
     ShortHeader { bytes: u64 },
     #[error("its RLE header has {count} segments, where the pixels need {wanted}")]
@@ -19,7 +19,7 @@ pub enum Damage {
 /// Features of RLE frames that are not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Feature {
+pub(crate) enum Feature {
     #[error("RLE samples of {bytes} bytes")]
     SampleBytes { bytes: u8 },
     #[error("RLE pixels of {bytes} bytes")]

@@ -16,7 +16,7 @@ const LEAVE_OUT: &str = "; copy the file again, or leave it out";
 /// Why a DICOM file or series cannot be used.
 #[non_exhaustive]
 #[derive(Debug, Error)]
-pub enum DicomFault {
+pub(crate) enum DicomFault {
     #[error("{0}")]
     Header(ScanError),
     #[error("{0}; was it changed while the folders were searched?")]
@@ -48,7 +48,7 @@ pub enum DicomFault {
 impl DicomFault {
     /// Is the input broken, rather than of a kind that is not used? Another volume is not taken in its stead
     /// in silence.
-    pub fn is_damage(&self) -> bool {
+    pub(crate) fn is_damage(&self) -> bool {
         match self {
             Self::Image(fault) => fault.is_cut_short(),
             Self::EveryImage { .. } | Self::Series(_) => false,

@@ -11,7 +11,7 @@ use super::syntax::TransferSyntax;
 /// Why an image cannot be a slice of a volume.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum ImageFault {
+pub(crate) enum ImageFault {
     #[error("{0}")]
     Pixels(Obstacle),
     #[error("{0}")]
@@ -34,12 +34,13 @@ pub enum ImageFault {
 
 impl ImageFault {
     /// Does a part of the pixels lack? Such a file was whole once.
-    pub fn is_cut_short(&self) -> bool {
+    pub(crate) fn is_cut_short(&self) -> bool {
         matches!(self, Self::Pixels(Obstacle::Truncated { .. }))
     }
 }
 
 /// Why the pixels of an object cannot be used.
+#[expect(missing_docs, reason = "the sentence of each variant says it")]
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Obstacle {
@@ -119,7 +120,7 @@ impl Display for Required {
 /// Why the slices in a Siemens mosaic cannot be found.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum MosaicFault {
+pub(crate) enum MosaicFault {
     /// It has several frames.
     SeveralFrames,
     /// Two private elements state different numbers of slices.

@@ -18,10 +18,12 @@ mod scan;
 mod series;
 mod syntax;
 
-pub use attribute::Attribute;
-pub use fault::DicomFault;
-pub use image::{Combination, CsaCount, CsaFault, ImageFault, MosaicFault, Obstacle, Required};
-pub use note::{DicomNote, FilledGaps, Hole, SliceOrder};
-pub use scan::{Damage, DeflateFault, ReadFault, ScanError};
-pub use series::{ImageName, MissingSlices, SeriesFault, SetApart, UnevenGaps};
+pub(crate) use attribute::Attribute;
+pub(crate) use fault::DicomFault;
+pub use image::Obstacle;
+pub(crate) use image::{Combination, CsaCount, CsaFault, ImageFault, MosaicFault, Required};
+pub(crate) use note::{DicomNote, FilledGaps, Hole, SliceOrder};
+pub use scan::ScanError;
+pub(crate) use scan::{Damage, DeflateFault, ReadFault};
+pub(crate) use series::{ImageName, MissingSlices, SeriesFault, SetApart, UnevenGaps};
 pub use syntax::TransferSyntax;

@@ -54,6 +54,7 @@ impl From<DeflateFault> for io::Error {
 }
 
 /// Why a file yields no header.
+#[expect(missing_docs, reason = "the sentence of each variant says it")]
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ScanError {
     #[error("cannot be read ({0})")]

@@ -31,7 +31,7 @@ impl Display for ImageName {
 /// Why images form no volume.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum SeriesFault {
+pub(crate) enum SeriesFault {
     #[error("no image")]
     NoImage,
     #[error(
@@ -76,7 +76,7 @@ pub enum SeriesFault {
 
 /// Distances of slices that differ too much.
 #[derive(Clone, Debug, PartialEq)]
-pub struct UnevenGaps {
+pub(crate) struct UnevenGaps {
     /// How many gaps there are.
     pub gaps: usize,
     /// Their lengths in mm along the normal, the most frequent first, each with how often it occurs.
@@ -117,7 +117,7 @@ impl Display for UnevenGaps {
 
 /// Slices that seem to be missing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MissingSlices {
+pub(crate) struct MissingSlices {
     /// How many; may be past any whole number.
     pub slices: f64,
     /// In how many gaps.
@@ -126,7 +126,7 @@ pub struct MissingSlices {
 
 /// Images of a series that are no part of a volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SetApart {
+pub(crate) struct SetApart {
     /// How many.
     pub images: usize,
     /// What they were told apart by.

@@ -3,6 +3,7 @@
 use std::fmt;
 
 /// Encoding of a file's elements and pixels.
+#[expect(missing_docs, reason = "the sentence of each variant says it")]
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum TransferSyntax {
     /// DICOM's default: no VR in the file.

@@ -109,10 +109,7 @@ mod tests {
             burned_in: None,
             at: 0,
             more: 0,
-            subject: Err(crate::volume::SourceError::Usage {
-                path: "x".into(),
-                misuse: crate::facts::Misuse::NoInput,
-            }),
+            subject: Err(crate::volume::SourceError::unreadable("x", std::io::ErrorKind::NotFound.into())),
         }
     }
 

@@ -45,11 +45,11 @@ use super::build::{BuildJob, BuildSummary, GridOptions};
 use super::picture::thumbnail_file;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, peak_rss_bytes};
-use crate::builder::{BuildError, BuildOptions};
-use crate::clean::{CleanError, CleanOptions};
+use crate::builder::{BuildError, BuildFault, BuildOptions};
+use crate::clean::CleanOptions;
 use crate::discovery::Catalogue;
 use crate::error::Error;
-use crate::facts::{CsgFault, Fault, Fill, Instead, Note, sentences};
+use crate::facts::{CsgFault, Fault, Fill, Instead, Note, SourceFault, sentences};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::mesh::usual_channels;
 use crate::platform::give_back;
@@ -170,7 +170,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
         let path = request.inputs.first().cloned().unwrap_or_default();
-        return Err(SourceError::NoVolume { path, found: Instead::Nothing }.into());
+        return Err(SourceError::from(SourceFault::NoVolume { path, found: Instead::Nothing }).into());
     }
 
     let cap = request.build.memory;
@@ -186,11 +186,11 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let Some((jobs, _watching)) = (1..=most_jobs).rev().find_map(reserve) else {
         let dry = Budget::dry(cap);
         drop(reserve_jobs(&dry, &catalogue, USUAL_OPENING, 1));
-        return Err(Error::Build(BuildError::BudgetTooSmall {
+        return Err(Error::Build(BuildError::from(BuildFault::BudgetTooSmall {
             name: data(&request.out),
             limit_bytes: limit,
             minimum_bytes: dry.smallest_limit(1),
-        }));
+        })));
     };
     let builds = budget.reserve_rest().into_budget();
     let with_all_jobs = Budget::dry(cap);
@@ -525,8 +525,8 @@ impl Run<'_> {
             Err(e) => {
                 item.cause = Some(match &e {
                     Error::Internal => Cause::Defect,
-                    Error::Build(BuildError::EmptyResult { .. } | BuildError::NoNumbers { .. })
-                    | Error::Clean(CleanError::NothingKept { .. }) => Cause::Empty,
+                    Error::Build(e) if e.is_empty() => Cause::Empty,
+                    Error::Clean(e) if e.is_empty() => Cause::Empty,
                     e => Cause::of(e.kind()),
                 });
                 item.reason = Some(e.to_string());
@@ -656,17 +656,13 @@ impl Run<'_> {
             let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
             match (built, &tree) {
                 // The grid that is asked for is for those that have none of their own.
-                (Err(Error::Build(BuildError::Source(error))), Some(path))
-                    if grid.grid.is_some() && has_own_grid(&error) =>
-                {
+                (Err(Error::Build(error)), Some(path)) if grid.grid.is_some() && has_own_grid(&error) => {
                     grid = &own;
                     subject = Subject::Tree(path.clone());
                 }
                 // What a tree takes shows when its leaves are placed.
-                (Err(Error::Build(BuildError::BudgetTooSmall { minimum_bytes, .. })), Some(path))
-                    if minimum_bytes > granted =>
-                {
-                    least = minimum_bytes;
+                (Err(Error::Build(error)), Some(path)) if error.minimum_bytes() > Some(granted) => {
+                    least = error.minimum_bytes().unwrap_or(least);
                     subject = Subject::Tree(path.clone());
                 }
                 (built, _) => return Ok((built?, granted, prepared)),
@@ -725,11 +721,11 @@ impl Run<'_> {
     fn grant(&self, name: &str, least: u64) -> Result<Reservation, Error> {
         let needed = least.max(self.share);
         self.builds.wait_for(needed.min(self.builds.limit_bytes()).max(least)).map_err(|_| {
-            Error::Build(BuildError::BudgetTooSmall {
+            Error::Build(BuildError::from(BuildFault::BudgetTooSmall {
                 name: name.to_owned(),
                 limit_bytes: self.request.build.memory.bytes(),
                 minimum_bytes: self.with_all_jobs.smallest_limit_with(least),
-            })
+            }))
         })
     }
 
@@ -752,8 +748,9 @@ pub(super) fn numbered(n: u32) -> String {
 }
 
 /// Is a tree refused only since a grid is chosen, and it has that of a volume?
-fn has_own_grid(error: &SourceError) -> bool {
-    matches!(error, SourceError::Unusable { fault: Fault::Csg(CsgFault::GridOfVolume), .. })
+fn has_own_grid(error: &BuildError) -> bool {
+    let BuildFault::Source(error) = error.fault() else { return false };
+    matches!(error.fault(), SourceFault::Unusable { fault: Fault::Csg(CsgFault::GridOfVolume), .. })
 }
 
 /// A volume on its way.

@@ -23,7 +23,7 @@ use super::info::ratio;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
-use crate::load::{Fault, Frame, LoadError, ReadAt, open_regular};
+use crate::load::{Fault, Frame, LoadError, LoadFault, ReadAt, open_regular};
 use crate::platform::give_back;
 use crate::progress::{Progress, Silent, Stopped};
 use crate::text::{data, shown};
@@ -131,7 +131,7 @@ fn convert(
     work: impl FnOnce(&Stoppable<'_>, &File) -> Result<Frame, StripStop>,
 ) -> Result<PackReport, Error> {
     let start = Instant::now();
-    let unreadable = |cause| LoadError::Unreadable { path: input.to_path_buf(), cause };
+    let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: input.to_path_buf(), cause });
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let source = open_regular(input).map_err(unreadable)?;
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())

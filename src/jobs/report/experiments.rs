@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::rays::{self, Line, Met};
 use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row};
 use crate::budget::{Bytes, MemoryCap};
-use crate::builder::{BuildError, BuildOptions, BuildReport, Gradient, Silent, Threshold, build_volume};
+use crate::builder::{BuildOptions, BuildReport, Gradient, Silent, Threshold, build_volume};
 use crate::error::Error;
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::load::{Model, NodeView};
@@ -301,7 +301,7 @@ impl Bench<'_> {
             let memory = MemoryCap::Share(mib << 20);
             let built = match self.build(source, &BuildOptions { memory, ..options.clone() }) {
                 Ok(built) => built,
-                Err(Error::Build(BuildError::BudgetTooSmall { .. })) => continue,
+                Err(Error::Build(error)) if error.minimum_bytes().is_some() => continue,
                 Err(error) => return Err(error),
             };
             let errors =

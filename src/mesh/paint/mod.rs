@@ -33,7 +33,7 @@ use std::path::{Path, PathBuf};
 use super::lattice::{HALF, STEPS, Triangle, edges, first_centre, last_centre, span};
 use super::read::{Look, Material, NO_MATERIAL};
 use crate::builder::SkinSlice;
-use crate::facts::SourceError;
+use crate::facts::{SourceError, SourceFault};
 use crate::format::normal;
 use crate::geom::{Dims, cross};
 use near::{Near, Numbered, SORTING_BYTES, Sorter};
@@ -177,7 +177,7 @@ impl Collector {
 }
 
 fn scratch(folder: &Path, cause: std::io::Error) -> SourceError {
-    SourceError::Scratch { path: folder.to_path_buf(), cause }
+    SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause })
 }
 
 /// The best triangle of a voxel so far.

@@ -10,7 +10,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::super::read::{Image, Texture as FileTexture, Wrap, linear};
 use super::image::{Rows, Stop, read};
-use crate::facts::{MeshFault, SourceError};
+use crate::facts::{MeshFault, SourceError, SourceFault};
 use crate::platform::FileExt;
 
 /// Bytes of a texel: three parts of 16 bits.
@@ -143,7 +143,9 @@ impl Rows for Halver {
 
 impl Levels {
     fn read(image: &Image, number: u32, folder: &Path) -> Result<Self, Fault> {
-        let scratch = |cause| Fault::Source(SourceError::Scratch { path: folder.to_path_buf(), cause });
+        let scratch = |cause| {
+            Fault::Source(SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause }))
+        };
         let file = crate::scratch::unnamed(folder).map_err(scratch)?;
         let mut halver = Halver { file, levels: Vec::new(), seen: Vec::new() };
         match read(image, &mut halver) {

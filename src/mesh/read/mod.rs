@@ -36,7 +36,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::corner::{Corner, EachCorners, PlaceVertex};
-use crate::facts::{Fault, MeshFault, SourceError};
+use crate::facts::{Fault, MeshFault, SourceError, SourceFault};
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 pub(super) use stop::Stop;
 use stop::{Each, EachLook};
@@ -298,11 +298,14 @@ impl MeshFile {
 
 fn error_of(path: &Path, scratch: &Path, stop: Stop) -> SourceError {
     match stop {
-        Stop::Mesh(fault) => {
-            SourceError::Unusable { path: path.to_path_buf(), fault: Fault::MeshFile(fault) }
+        Stop::Mesh(fault) => SourceError::from(SourceFault::Unusable {
+            path: path.to_path_buf(),
+            fault: Fault::MeshFile(fault),
+        }),
+        Stop::Read(cause) => SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
+        Stop::Scratch(cause) => {
+            SourceError::from(SourceFault::Scratch { path: scratch.to_path_buf(), cause })
         }
-        Stop::Read(cause) => SourceError::Unreadable { path: path.to_path_buf(), cause },
-        Stop::Scratch(cause) => SourceError::Scratch { path: scratch.to_path_buf(), cause },
         Stop::Caller(error) => error,
     }
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::Samples;
+use crate::facts::SourceFault;
 use crate::platform::read_parts;
 use crate::source::files::FileSet;
 use crate::volume::{Endian, Result, SourceError, VolumeInfo};
@@ -77,7 +78,9 @@ impl DirectSamples {
                 let stored = out.get_mut(tail..).unwrap_or_default();
                 self.files.with(file, |f| read_block(f, base, info.dims.nx(), width, &rows, &cols, stored))
             })
-            .map_err(|cause| SourceError::ReadFailed { path: self.path(info, z), slice: z, cause })?;
+            .map_err(|cause| {
+                SourceError::from(SourceFault::ReadFailed { path: self.path(info, z), slice: z, cause })
+            })?;
         self.samples.deliver(self.endian, out);
         Ok(())
     }

@@ -8,7 +8,7 @@ use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
 use crate::facts::samples::{Damage, StoredFault};
-use crate::facts::{Note, Packing};
+use crate::facts::{Note, Packing, SourceFault};
 use crate::platform::FileExt;
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
@@ -235,7 +235,9 @@ impl Unroll for Linear {
                         self.unroll_file(file, index, [z, within, count], slice_bytes, target, &mut buffer);
                     Ok(())
                 })
-                .map_err(|cause| SourceError::Unreadable { path: self.files.list().path(index), cause })?;
+                .map_err(|cause| {
+                    SourceError::from(SourceFault::Unreadable { path: self.files.list().path(index), cause })
+                })?;
             notes.extend(result?.filter(|note| notes.last() != Some(note)));
             z += count;
         }

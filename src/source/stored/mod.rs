@@ -27,8 +27,8 @@ pub(super) use open::{Skip, StoredLayout, regular};
 pub(super) use samples::Samples;
 
 use super::files::FileList;
-use crate::facts::Note;
 use crate::facts::samples::ReadFault;
+use crate::facts::{Note, SourceFault};
 use crate::progress::Progress;
 use crate::volume::Spool;
 use crate::volume::check_request;
@@ -152,7 +152,9 @@ impl VolumeSource for StoredVolume {
                     Some(spool) => spool.read_rows(z, &rows, &cols, out),
                     None => Err(ReadFault::NotUnrolled.into()),
                 })
-                .map_err(|cause| SourceError::ReadFailed { path: recipe.path(), slice: z, cause }),
+                .map_err(|cause| {
+                    SourceError::from(SourceFault::ReadFailed { path: recipe.path(), slice: z, cause })
+                }),
         }
     }
 

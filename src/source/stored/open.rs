@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{DirectSamples, Encoding, Linear, Samples, SliceOffsets, StoredVolume};
-use crate::facts::Note;
 use crate::facts::samples::StoredFault;
+use crate::facts::{Note, SourceFault};
 use crate::geom::{Affine, Dims};
 use crate::source::files::base_name;
 use crate::source::files::{FileList, FileSet};
@@ -60,8 +60,8 @@ impl StoredLayout {
     /// The volumes; nothing is read of the samples yet.
     ///
     /// # Errors
-    /// [`SourceError::Unusable`] where the header contradicts itself or the files;
-    /// [`SourceError::Unreadable`] where the system refuses.
+    /// [`SourceError`] where the header contradicts itself or the files;
+    /// [`SourceError`] where the system refuses.
     pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>> {
         let wrong = |fault: StoredFault| Err(unusable(&self.header, fault));
         let sides = self.size.map(|n| u32::try_from(n).unwrap_or(0));
@@ -90,9 +90,9 @@ impl StoredLayout {
         self.notes.extend(self.samples.note());
         let files = Arc::new(FileSet::new(std::mem::take(&mut self.files)));
         // Opened now, so that a missing permission shows before a long build and not in it.
-        files
-            .with(0, |_| Ok(()))
-            .map_err(|cause| SourceError::Unreadable { path: files.list().path(0), cause })?;
+        files.with(0, |_| Ok(())).map_err(|cause| {
+            SourceError::from(SourceFault::Unreadable { path: files.list().path(0), cause })
+        })?;
         let name = base_name(&self.header);
         let volume = |index: u64| -> Box<dyn VolumeSource> {
             let mut notes = self.notes.clone();
@@ -180,8 +180,8 @@ impl StoredLayout {
 
 /// Length of a regular file: no device, pipe or folder is opened because a header names it.
 pub(in crate::source) fn regular(path: &Path) -> Result<u64> {
-    let meta =
-        fs::metadata(path).map_err(|cause| SourceError::Unreadable { path: path.to_path_buf(), cause })?;
+    let meta = fs::metadata(path)
+        .map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }))?;
     if !meta.is_file() {
         return Err(unusable(path, StoredFault::NotRegular));
     }

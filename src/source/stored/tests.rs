@@ -4,7 +4,7 @@ use std::path::Path;
 use super::*;
 use crate::budget::Budget;
 use crate::compress::gzip;
-use crate::facts::Packing;
+use crate::facts::{Packing, SourceFault};
 use crate::progress::Silent;
 use crate::source::{OpenOptions, nrrd};
 
@@ -60,9 +60,9 @@ fn too_little_memory_no_scratch_and_reading_too_early_are_refused() {
     assert_eq!(needs.scratch_bytes, 24);
     assert!(needs.memory_bytes <= 160 << 10, "{needs:?}");
     let little = Workspace { memory: Budget::new(needs.memory_bytes - 1), ..workspace(folder.path()) };
-    assert!(matches!(volume.prepare(&little), Err(SourceError::Memory { .. })));
+    assert!(matches!(volume.prepare(&little).unwrap_err().fault(), SourceFault::Memory { .. }));
     let nowhere = Workspace { scratch: Path::new("missing/folder"), ..workspace(folder.path()) };
-    assert!(matches!(volume.prepare(&nowhere), Err(SourceError::Scratch { .. })));
+    assert!(matches!(volume.prepare(&nowhere).unwrap_err().fault(), SourceFault::Scratch { .. }));
     let early = volume.read_rows(0, 0..1, 0..4, &mut [0; 4]).unwrap_err();
     assert!(early.to_string().contains("not been unrolled"), "{early}");
     let enough = Workspace { memory: Budget::new(needs.memory_bytes), ..workspace(folder.path()) };

@@ -44,13 +44,13 @@ fn whatever_is_cut_or_changed_is_refused_or_read() {
     assert!(read > 50 && built > 5, "{read} read, {built} built");
 }
 
-fn refused(text: &str) -> CsgFault {
+fn refused(text: &str) -> String {
     match parse_tree(text.as_bytes(), Path::new("")) {
-        Err(fault) => fault,
+        Err(fault) => fault.to_string(),
         Ok(tree) => {
             let folder = tempfile::tempdir().unwrap();
             match build_to(tree, &exact([8, 8, 8]), &options(16, 1), &folder.path().join("a.oct")) {
-                Err(BuildError::Source(SourceError::Unusable { fault: Fault::Csg(fault), .. })) => fault,
+                Err(refused) => refused.to_string(),
                 other => panic!("{text}: {other:?}"),
             }
         }
@@ -61,17 +61,18 @@ fn refused(text: &str) -> CsgFault {
 fn what_is_not_supported_is_named_with_its_line() {
     for module in "hull minkowski projection text surface rotate_extrude offset resize roof x".split(' ') {
         let fault = refused(&format!("group() {{\n\n\t{module}(a = 1) {{ cube(); }}\n}}"));
-        assert_eq!(fault, CsgFault::Unsupported { line: 3, module: module.to_owned() });
+        assert!(fault.starts_with(&format!("line 3: {module} is not supported")), "{fault}");
     }
-    assert!(matches!(refused("circle(r = 1);"), CsgFault::Flat { line: 1, .. }));
-    assert!(matches!(refused("linear_extrude(height = 2) { cube(); }"), CsgFault::NotFlat { .. }));
-    assert!(matches!(
-        refused("\nlinear_extrude(height = 2, twist = 5) { circle(); }"),
-        CsgFault::Twisted { line: 2 }
-    ));
-    assert!(matches!(refused("sphere($fn = 5000, r = 1);"), CsgFault::Facets { .. }));
+    assert!(refused("circle(r = 1);").starts_with("line 1: circle is flat"));
+    assert!(refused("linear_extrude(height = 2) { cube(); }").contains("is not flat and cannot be extruded"));
+    let twisted = refused("\nlinear_extrude(height = 2, twist = 5) { circle(); }");
+    assert!(twisted.starts_with("line 2: linear_extrude with twist"), "{twisted}");
+    assert!(refused("sphere($fn = 5000, r = 1);").contains("$fn is more than"));
     for name in ["/etc/passwd", "../a.stl", "a/../../b.stl", ""] {
-        assert!(matches!(refused(&format!("mesh(\"{name}\");")), CsgFault::Outside { .. }), "{name}");
+        assert!(
+            refused(&format!("mesh(\"{name}\");")).contains("which lies outside of its folder"),
+            "{name}"
+        );
     }
 }
 
@@ -85,12 +86,12 @@ fn arguments_that_a_module_does_not_take_are_refused() {
         ("group(1) { cube(); }", None),
         ("torus(9, 2, 1);", None),
     ] {
-        match refused(text) {
-            CsgFault::Surplus { line: 1, of } => assert_eq!(of.argument.as_deref(), name, "{text}"),
-            other => panic!("{text}: {other:?}"),
-        }
+        let told = refused(text);
+        let expected =
+            name.map_or(" has more values than it takes".into(), |name| format!(" does not take {name}"));
+        assert!(told.starts_with("line 1: ") && told.contains(&expected), "{text}: {told}");
     }
-    let told = refused("cube(centre = true);").to_string();
+    let told = refused("cube(centre = true);");
     assert!(told.contains("cube does not take centre; it takes size, center"), "{told}");
     // As OpenSCAD writes them.
     for text in [
@@ -117,7 +118,7 @@ fn numbers_that_make_no_sense_are_refused() {
         "halfspace([0, 0, 0]);",
         "halfspace([0, 0, 1], inf);",
     ] {
-        assert!(matches!(refused(text), CsgFault::Size { .. }), "{text}: {:?}", refused(text));
+        assert!(refused(text).contains("a size is below 0, not a number"), "{text}: {}", refused(text));
     }
     let placed = |matrix: &str| format!("multmatrix({matrix}) {{ sphere(r = 1); }}");
     for matrix in [
@@ -126,20 +127,19 @@ fn numbers_that_make_no_sense_are_refused() {
         "[[1,0,0,0],[0,1,0,0],[0,0,inf,0],[0,0,0,1]]",
         "[[1,0,0,nan],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
     ] {
-        assert!(matches!(refused(&placed(matrix)), CsgFault::Singular { .. }), "{matrix}");
+        assert!(refused(&placed(matrix)).contains("a matrix makes its solid flat or infinite"), "{matrix}");
     }
-    assert!(matches!(refused("sphere(r = 1e12);"), CsgFault::TooFar { line: 1, .. }));
-    assert!(matches!(
-        refused(&placed("[[1,0,0,1e300],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")),
-        CsgFault::TooFar { .. }
-    ));
+    let far = ["sphere(r = 1e12);".into(), placed("[[1,0,0,1e300],[0,1,0,0],[0,0,1,0],[0,0,0,1]]")];
+    for (text, line) in far.iter().zip(["line 1: reaches more than", "reaches more than"]) {
+        assert!(refused(text).contains(line), "{text}: {}", refused(text));
+    }
     for text in
         ["multmatrix([[1,0],[0,1]]) { cube(); }", "polyhedron(points = [[0,0,0]], faces = [[0,1,2]]);"]
     {
-        assert!(matches!(refused(text), CsgFault::Argument { .. }), "{text}");
+        assert!(refused(text).contains("is missing or makes no sense"), "{text}");
     }
     let open = "polyhedron(points = [[0,0,0],[5,0,0],[0,5,0],[0,0,5]], faces = [[0,1,2],[0,1,3],[1,2,3]]);";
-    assert!(matches!(refused(open), CsgFault::Open { line: 1 }));
+    assert!(refused(open).starts_with("line 1: the faces of the polyhedron leave holes"));
     for text in [
         "cube(",
         "cube)",
@@ -152,6 +152,6 @@ fn numbers_that_make_no_sense_are_refused() {
         "cube(size = [1, 2);",
         "!cube();",
     ] {
-        assert!(matches!(refused(text), CsgFault::Expected { line: 1, .. }), "{text}");
+        assert!(refused(text).starts_with("line 1: expected "), "{text}");
     }
 }

@@ -4,7 +4,6 @@
 use crate::prelude::*;
 use std::io::Write as _;
 
-use infobyte::facts::Instead;
 use infobyte::source::dicom::Image;
 
 use crate::common::frames::{ENCAPSULATED, deflated_parts, pixel_items};
@@ -318,7 +317,7 @@ impl FrameSink for Limited {
         self.left = self
             .left
             .checked_sub(samples.len())
-            .ok_or_else(|| SourceError::NoVolume { path: "x".into(), found: Instead::Nothing })?;
+            .ok_or_else(|| SourceError::unreadable("x", std::io::ErrorKind::StorageFull.into()))?;
         Ok(())
     }
 }

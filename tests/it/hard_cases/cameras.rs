@@ -2,7 +2,6 @@
 
 use crate::prelude::*;
 use infobyte::RenderReport;
-use infobyte::render::CameraFault;
 
 use super::{Built, build, hard_cases};
 
@@ -49,7 +48,7 @@ hard_cases! {
         }
         let up = Some([0.0, 0.0, 2.0]);
         let refused = look(&model, [15.5, 15.5, 90.0], [15.5; 3], up);
-        assert!(matches!(refused, Err(RenderError::Camera(_))), "{refused:?}");
+        assert!(refused.unwrap_err().to_string().contains("the up direction is along the line of sight"));
         // A hair beside it is a camera like others.
         assert!(look(&model, [15.5, 15.6, 90.0], [15.5; 3], up).unwrap().hits > 100);
     }
@@ -58,7 +57,7 @@ hard_cases! {
         "A sight of length 0 is divided by its length.",
         "ifc-lite #2450 (a view matrix of NaN)" => {
         let refused = look(&hollow(), [3.0; 3], [3.0; 3], None);
-        assert!(matches!(refused, Err(RenderError::Camera(CameraFault::EyeInTarget))), "{refused:?}");
+        assert!(refused.unwrap_err().to_string().contains("the eye is in the point that it looks at"));
     }
 
     cameras_that_are_no_numbers:
@@ -76,7 +75,8 @@ hard_cases! {
         }
         for (width, height) in [(0, 10), (10, 0), (u32::MAX, u32::MAX)] {
             let request = RenderRequest { width, height, ..RenderRequest::default() };
-            assert!(matches!(picture(&model, &request), Err(RenderError::Size { .. })), "{width}x{height}");
+            let refused = picture(&model, &request).unwrap_err().to_string();
+            assert!(refused.contains(&format!("a picture of {width}x{height} is not possible")), "{refused}");
         }
     }
 

@@ -132,7 +132,7 @@ hard_cases! {
         for (flat, height) in [(true, 0.0), (true, 1e-12), (false, 1e-6)] {
             let affine = of_columns([[1.0, 0.0, 0.0], [1.0, height, 0.0], [0.0, 0.0, 1.0]], [0.0; 3]);
             let space = GridSpace::new(dims, &affine);
-            assert_eq!(matches!(space, Err(RenderError::SingularAffine)), flat, "{height}");
+            assert_eq!(space.is_err_and(|error| error.to_string().contains("axes are (nearly) parallel")), flat, "{height}");
             let ball = Voxels::from_fn(dims, |_| 1_u8).placed(affine);
             if flat {
                 // Built or refused, never a panic; and what was built says so when it is shown.
@@ -155,7 +155,7 @@ hard_cases! {
                 let mut affine = Affine::from_spacing([1.0; 3]);
                 affine.rows[row][column] = bad;
                 let space = GridSpace::new(dims, &affine);
-                assert!(matches!(space, Err(RenderError::SingularAffine)), "{bad} at {row} {column}: {space:?}");
+                assert!(space.is_err_and(|error| error.to_string().contains("axes are (nearly) parallel")), "{bad} at {row} {column}");
             }
         }
         let mut affine = Affine::from_spacing([1.0; 3]);

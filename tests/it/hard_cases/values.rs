@@ -113,10 +113,10 @@ hard_cases! {
             build(&volume(|_| 7_u16), Threshold::Otsu).err(),
             build(&volume(|_| 7.5_f64), Threshold::Otsu).err(),
         ] {
-            assert!(matches!(error, Some(BuildError::EmptyResult { .. })), "{error:?}");
+            assert!(error.is_some_and(|error| error.value_range().is_some()));
         }
         let nothing = build(&volume(|_| f32::NAN), Threshold::Otsu).err();
-        assert!(matches!(nothing, Some(BuildError::NoNumbers { .. })), "{nothing:?}");
+        assert!(nothing.is_some_and(|error| error.to_string().contains("holds no finite value")));
     }
 
     otsu_of_two_values_splits_them:
@@ -188,18 +188,17 @@ hard_cases! {
         "ooc_svo_builder 1.6.4 (an empty octree, exit code 0), SimVascular #746 (a message that names no numbers)" => {
         let field = volume(|at| ramp(at) as f32);
         let empty = build(&field, Threshold::Range(100.0, 200.0)).err();
-        assert!(
-            matches!(empty, Some(BuildError::EmptyResult { min, max, .. }) if min < -7.0 && max > 7.0),
-            "{empty:?}"
-        );
+        let values = empty.and_then(|error| error.value_range());
+        assert!(values.is_some_and(|[min, max]| min < -7.0 && max > 7.0), "{values:?}");
+        let empty_range = |error: Option<BuildError>| error.unwrap().to_string().contains("the range is empty");
         for (lo, hi) in [(3.0, 2.0), (f64::NAN, 1.0), (0.0, f64::NAN), (f64::INFINITY, f64::NEG_INFINITY)] {
             let inverted = build(&field, Threshold::Range(lo, hi)).err();
-            assert!(matches!(inverted, Some(BuildError::EmptyRange { .. })), "{lo}..{hi}: {inverted:?}");
+            assert!(empty_range(inverted), "{lo}..{hi}");
         }
-        assert!(matches!(build(&field, Threshold::Iso(f64::NAN)).err(), Some(BuildError::EmptyRange { .. })));
+        assert!(empty_range(build(&field, Threshold::Iso(f64::NAN)).err()));
         // Between two whole numbers there is none.
         let between = build(&volume(|at| at[0] as u8), Threshold::Range(3.2, 3.8)).err();
-        assert!(matches!(between, Some(BuildError::EmptyResult { .. })), "{between:?}");
+        assert!(between.is_some_and(|error| error.value_range().is_some()));
     }
 
     limits_beyond_the_type_are_clipped_not_cast:

@@ -88,10 +88,9 @@ fn sizes_that_disagree_are_refused_by_name() {
         fs::write(&path, vec![0; usize::try_from(got).unwrap()]).unwrap();
         let error = RawVolume::open(std::slice::from_ref(&path), &options).unwrap_err();
         assert!(
-            matches!(error, SourceError::SizeMismatch { expected: 48, got: g, .. } if g == got),
+            error.to_string().contains(&format!("has {got} bytes, but 48 are needed for 4x3x2 u16")),
             "{error}"
         );
-        assert!(error.to_string().contains("4x3x2 u16"), "{error}");
         assert_eq!(error.kind(), ExitKind::Input);
     }
     let huge = RawOptions { skip: u64::MAX, ..options.clone() };
@@ -105,7 +104,7 @@ fn sizes_that_disagree_are_refused_by_name() {
     fs::write(&b, [0; 23]).unwrap();
     let error = RawVolume::open(&[a.clone(), b.clone()], &options).unwrap_err();
     assert!(
-        matches!(&error, SourceError::SizeMismatch { path, expected: 24, got: 23, .. } if *path == b),
+        error.path() == Some(&b) && error.to_string().contains("has 23 bytes, but 24 are needed"),
         "{error}"
     );
     let error = RawVolume::open(&[a.clone(), a.clone(), a.clone()], &options).unwrap_err();
@@ -117,9 +116,9 @@ fn missing_files_empty_folders_and_mixtures_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let options = options(Dims::new(2, 2, 2).unwrap(), ScalarType::U8, Endian::Little);
     let error = RawVolume::open(&[folder.path().join("nothing")], &options).unwrap_err();
-    assert!(matches!(error, SourceError::Unreadable { .. }), "{error}");
+    assert!(error.to_string().contains("cannot be read"), "{error}");
     let error = RawVolume::open(&[folder.path().to_path_buf()], &options).unwrap_err();
-    assert!(matches!(error, SourceError::NoVolume { .. }), "{error}");
+    assert!(error.to_string().contains("the folder holds no file"), "{error}");
     let error = RawVolume::open(&[], &options).unwrap_err();
     assert_eq!(error.kind(), ExitKind::Usage);
     let file = folder.path().join("f");
@@ -144,7 +143,7 @@ fn a_file_that_shrinks_and_a_request_outside_fail_without_a_panic() {
     source.read_rows(0, 0..2, 1..1, &mut []).unwrap();
     fs::File::options().write(true).open(&path).unwrap().set_len(7).unwrap();
     let error = source.read_rows(1, 0..2, 0..2, &mut [0; 4]).unwrap_err();
-    assert!(matches!(error, SourceError::ReadFailed { slice: 1, .. }), "{error}");
+    assert!(error.to_string().contains("while slice 1 was read"), "{error}");
 }
 
 #[test]

@@ -13,6 +13,7 @@ use super::pixels::Padding;
 use crate::budget::{Budget, Reservation, TooSmall};
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, Mismatch, RowSink, jpeg, jpeg2000, jpegls, rle};
+use crate::facts::SourceFault;
 use crate::facts::dicom::{DeflateFault, DicomFault, ScanError, TransferSyntax};
 use crate::source::dicom::parse::deflated::InflateReader;
 use crate::source::dicom::parse::header::DicomHeader;
@@ -139,25 +140,25 @@ impl Failure {
         let fault = match self {
             Self::Sink(error) => return error,
             Self::Scan(ScanError::Io(fault)) => {
-                return SourceError::Unreadable { path, cause: fault.into() };
+                return SourceError::from(SourceFault::Unreadable { path, cause: fault.into() });
             }
             Self::Scan(error) => DicomFault::Elements(error),
             Self::Read(slice, cause) | Self::Codec(slice, CodecError::Io(cause)) => {
                 match DeflateFault::inside(&cause) {
                     Some(fault) => DicomFault::Deflate(fault),
-                    None => return SourceError::ReadFailed { path, slice, cause },
+                    None => return SourceError::from(SourceFault::ReadFailed { path, slice, cause }),
                 }
             }
             Self::Codec(_, CodecError::Memory { needed_bytes, allowed_bytes })
             | Self::Memory { needed_bytes, allowed_bytes } => {
-                return SourceError::Memory { path, needed_bytes, allowed_bytes };
+                return SourceError::from(SourceFault::Memory { path, needed_bytes, allowed_bytes });
             }
             Self::Codec(frame, error) => {
                 DicomFault::Frame { frame: Some(frame).filter(|_| frames > 1), error }
             }
             Self::Cut { needed, got } => DicomFault::PixelsCut { needed, got },
         };
-        SourceError::Dicom { path, fault }
+        SourceError::from(SourceFault::Dicom { path, fault })
     }
 }
 

@@ -9,6 +9,7 @@ use super::layer::Stack;
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
+use crate::facts::SourceFault;
 use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageFault, ImageName, SeriesFault, SetApart};
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
@@ -51,7 +52,9 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             burned_in: None,
             at: 0,
             more: 0,
-            subject: Err(SourceError::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }),
+            subject: Err(
+                SourceFault::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }.into()
+            ),
         });
     }
     findings
@@ -119,8 +122,9 @@ fn finding(
     };
     let id = id(shared, &part.label);
     let volume = open(series, group, part, &path, options).and_then(|stack| {
-        DicomVolume::build(series, group, stack, &id, &part.label, notes)
-            .map_err(|fault| SourceError::Dicom { path: path.clone(), fault: DicomFault::Series(fault) })
+        DicomVolume::build(series, group, stack, &id, &part.label, notes).map_err(|fault| {
+            SourceError::from(SourceFault::Dicom { path: path.clone(), fault: DicomFault::Series(fault) })
+        })
     });
     let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
     let each = shared.mosaic.map_or(1, |mosaic| mosaic.slices);
@@ -143,7 +147,7 @@ fn finding(
 /// Orders the images of a part, unless one of them stands in the way.
 fn open(series: &Series, group: &Group, part: &Part, path: &Path, options: &OpenOptions) -> Result<Stack> {
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
-    let refuse = |path: &Path, fault| Err(SourceError::Dicom { path: path.to_path_buf(), fault });
+    let refuse = |path: &Path, fault| Err(SourceFault::Dicom { path: path.to_path_buf(), fault }.into());
     let images = slices.len();
     let bad: Vec<&&Slice> = slices.iter().filter(|s| s.obstacle != NO_OBSTACLE).collect();
     if let Some(first) = bad.first() {

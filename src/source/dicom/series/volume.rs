@@ -7,8 +7,8 @@ use std::path::Path;
 
 use super::group::{Group, Series, Slice};
 use super::layer::{Layer, Stack};
-use crate::facts::Note;
 use crate::facts::dicom::{DicomFault, DicomNote, ImageFault, SeriesFault};
+use crate::facts::{Note, SourceFault};
 use crate::geom::Dims;
 use crate::progress::Progress;
 use crate::source::dicom::image::describe::Image;
@@ -395,9 +395,9 @@ impl VolumeSource for DicomVolume {
         for of_file in wanted.chunk_by(|a, b| a.0 == b.0) {
             let Some((file, ..)) = of_file.first() else { continue };
             let path = self.files.list().path(*file as usize);
-            let unusable = |fault| SourceError::Dicom { path: path.clone(), fault };
-            let input =
-                File::open(&path).map_err(|cause| SourceError::Unreadable { path: path.clone(), cause })?;
+            let unusable = |fault| SourceError::from(SourceFault::Dicom { path: path.clone(), fault });
+            let input = File::open(&path)
+                .map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.clone(), cause }))?;
             let header = scan(&input).map_err(|error| unusable(DicomFault::Header(error)))?;
             let image = Image::of(&header)
                 .map_err(|obstacle| unusable(DicomFault::Image(ImageFault::Pixels(obstacle))))?;
@@ -421,10 +421,12 @@ impl VolumeSource for DicomVolume {
     }
 
     fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
-        let failed = |cause| SourceError::ReadFailed {
-            path: self.files.list().path(self.file_of(z)),
-            slice: z,
-            cause,
+        let failed = |cause| {
+            SourceError::from(SourceFault::ReadFailed {
+                path: self.files.list().path(self.file_of(z)),
+                slice: z,
+                cause,
+            })
         };
         check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
         match self.layer(z) {
