@@ -25,7 +25,7 @@ pub(crate) use crate::common::volume::{MemoryVolume, write_raw};
 pub(crate) use crate::common::{
     FULL, NORMALS, bodies, command, containers, data, dicom, formats, long, meshes, metadata, scenes, volume,
 };
-pub(crate) use infobyte::budget::{Budget, current_rss_bytes, peak_rss_bytes};
+pub(crate) use infobyte::budget::{Budget, peak_rss_bytes};
 pub(crate) use infobyte::builder::{BuildError, ViewedFrom};
 pub(crate) use infobyte::clean::SizeLimit;
 pub(crate) use infobyte::csg::{CsgInput, CsgOptions, NodeId, Operation, Shape, Tree, build_csg, parse_tree};

@@ -3,6 +3,7 @@
 //! whole batch.
 
 use crate::prelude::*;
+use infobyte::budget::current_rss_bytes;
 use infobyte::discovery::open_unprepared as open;
 
 use crate::common::formats::bzip2;

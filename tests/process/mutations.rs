@@ -5,6 +5,7 @@
 //! many; `INFOBYTE_MUTATE` names a folder whose files (those up to 2 MiB) are used instead.
 
 use crate::prelude::*;
+use infobyte::budget::current_rss_bytes;
 use infobyte::source::Subject;
 
 const CAP: u64 = 16 << 20;
