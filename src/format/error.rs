@@ -394,7 +394,7 @@ pub enum FormatError {
     AlreadyMapped,
     /// Not to be packed: a section of unknown kind stands between nodes and rank directory.
     RankApart,
-    /// Not to be packed: a minor version that unpacking could not tell.
+    /// SPEC I19: a minor version that is not the lowest that suffices.
     MinorApart {
         /// The version.
         minor: u16,
