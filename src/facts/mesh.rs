@@ -125,6 +125,11 @@ pub enum MeshFault {
     },
     /// Cells are asked for, together with voxels that its centre lines cross.
     ThinCells,
+    /// It is so small, or so large, that no picture can be taken of it.
+    Extent {
+        /// The longest side of its grid in mm.
+        mm: f64,
+    },
     /// The grid would have this many voxels along a side.
     GridSize {
         /// Along the longest side.

@@ -446,6 +446,23 @@ fn a_solid_less_itself_is_refused() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
+/// No picture could be taken of them, nor a mesh be written.
+#[test]
+fn solids_that_are_far_too_small_or_large_are_refused_with_their_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let csg = CsgOptions { grid: Some(GridChoice::Side { voxels: 32, margin: 1 }), unit_mm: 1.0 };
+    for (size, refused) in [("1e-20", true), ("1e20", true), ("1e-12", false), ("1e12", false)] {
+        let tree = parsed(&format!("cube({size});"));
+        match build_to(tree, &csg, &options(16, 1), &folder.path().join("a.oct")) {
+            Err(error) => {
+                let text = error.to_string();
+                assert!(refused && text.contains("mm long") && text.contains("1.06667e"), "{size}: {text}");
+            }
+            Ok(_) => assert!(!refused, "{size}"),
+        }
+    }
+}
+
 #[test]
 fn boxes_that_share_a_face_are_one() {
     let halves = "cube(size = [11, 20, 30]); multmatrix([[1,0,0,11],[0,1,0,0],[0,0,1,0],[0,0,0,1]]) {

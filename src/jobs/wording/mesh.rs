@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::Short;
 use super::foreign::shown;
 use crate::budget::Bytes;
 use crate::facts::{Boundary, Feature, Fill, ImageFault, MeshFacts, MeshFault, MeshNote, Part};
@@ -91,6 +92,11 @@ impl fmt::Display for MeshFault {
             }
             Self::ThinCells => f.write_str(
                 "cannot be built as cells with --keep-thin or --fill surface, which add voxels that lie outside; leave one of them out",
+            ),
+            Self::Extent { mm } => write!(
+                f,
+                "is {} mm long with its grid; voxels are 1e-15 to 1e15 mm long: scale it, or give the unit of its numbers",
+                Short(*mm)
             ),
             Self::GridSize { side } => {
                 write!(f, "its grid would be {side} voxels long; choose 1 to 16384 with --grid or --voxel")
