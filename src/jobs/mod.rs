@@ -23,6 +23,7 @@ pub mod scan;
 pub mod scene;
 pub mod shots;
 pub mod verify;
+mod within;
 pub mod wording;
 
 pub use crate::resident::{give_back, map_large_buffers};

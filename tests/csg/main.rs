@@ -6,6 +6,7 @@
 
 mod faces;
 mod files;
+mod measures;
 #[path = "../support/random.rs"]
 mod random;
 mod text;
