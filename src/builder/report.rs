@@ -41,8 +41,18 @@ impl BuildReport {
 
 /// Something that whoever chose a threshold should know.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BuildNote {
+    /// The values are labels; all of them are inside.
+    Labels {
+        /// How many there are, 0 apart.
+        count: usize,
+    },
+    /// A value outside the circle that slices have room for was left out when a threshold was looked for.
+    Padding {
+        /// The value.
+        value: f64,
+    },
     /// Some samples are NaN, and so outside.
     NotNumbers,
     /// Every voxel is inside: the model is the box of the volume.

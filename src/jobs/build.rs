@@ -215,6 +215,7 @@ pub fn convert_reshaped(
     let wall_s = started.elapsed().as_secs_f64();
     let mut warnings = told(&*source, &report);
     warnings.extend(doubt.map(|doubt| doubt.to_string()));
+    warnings.extend(cleaned.as_ref().and_then(|cleaned| cleaned.report.note).map(|note| note.to_string()));
     let hints = hints(&*source, threshold, options.surface, &report);
     Ok(BuildSummary {
         input,

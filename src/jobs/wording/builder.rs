@@ -103,6 +103,15 @@ impl fmt::Display for BuildNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),
+            Self::Labels { count } => write!(
+                f,
+                "its values are taken for labels, {count} of them, and everything above 0 is inside; `--range 5..5` takes the label 5 alone, `--iso V` labels of V and more"
+            ),
+            Self::Padding { value } => write!(
+                f,
+                "{} lies outside the circle that its slices have room for, and hardly anywhere else: taken for padding, and left out when the threshold was looked for",
+                Short(*value)
+            ),
             Self::AllInside { voxels } => write!(
                 f,
                 "all {voxels} voxels are inside, so that the model is the box of the volume; choose another --iso or --range"
