@@ -60,9 +60,9 @@ fn true_measures_lie_within_the_errors() {
                 *count += u32::from((value - truth).abs() <= error);
             }
             let (value, error) = found.volume_mm3.unwrap();
-            // Half a percent at 128 voxels; bodies of 96 have more surface to their volume.
+            // Half a percent at 128 voxels, but for thin bodies; those of 96 have more surface to their volume.
             if surface == SurfaceKind::Cells && side == 96 {
-                assert!(error <= 0.008 * value, "{text}: {value} {error}");
+                assert!(error <= 0.012 * value, "{text}: {value} {error}");
             }
         }
     }
