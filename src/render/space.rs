@@ -295,7 +295,7 @@ mod tests {
             }
         };
         // A plate with holes and a slope, each at an odd height.
-        let holes = |x: u32, y: u32| (x * 7 + y * 3) % 11 > 0;
+        let holes = |x: u32, y: u32| !(x * 7 + y * 3).is_multiple_of(11);
         let plate = |x: u32, y: u32| Some(if holes(x, y) { 101_u32 } else { 98 });
         let slope = |x: u32, y: u32| Some(1 + (x + 3 * y) / 64);
         for height in [&plate as &dyn Fn(u32, u32) -> Option<u32>, &slope] {
