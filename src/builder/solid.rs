@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use super::error::BuildError;
 use super::item::ItemForm;
+use super::report::BuildNote;
 use super::skin::{BitRows, Exposed, corner_samples, exposed};
 use crate::format::{Channel, Channels, Metadata, SurfaceKind};
 use crate::geom::Dims;
@@ -138,6 +139,11 @@ pub trait Solid: Sync {
     /// What was changed meanwhile.
     fn check_unchanged(&self) -> Result<(), SourceError> {
         Ok(())
+    }
+
+    /// What is odd about the choice of what is inside.
+    fn note(&self) -> Option<BuildNote> {
+        None
     }
 
     /// Why no voxel is inside, for the user.

@@ -41,7 +41,7 @@ use std::time::Instant;
 
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall, costs};
 use crate::builder::{
-    self, BuildError, BuildOptions, Progress, choose_selection, for_each_block, range_test,
+    self, BuildError, BuildNote, BuildOptions, Progress, choose_noted, for_each_block, range_test,
 };
 use crate::format::Selection;
 use crate::geom::Dims;
@@ -297,6 +297,8 @@ pub struct CleanReport {
     pub scratch_bytes: u64,
     /// Wall time.
     pub seconds: f64,
+    /// What is odd about the volume, or its threshold.
+    pub note: Option<BuildNote>,
 }
 
 /// A volume with a cleaned occupancy.
@@ -343,7 +345,7 @@ impl<'a> CleanJob<'_, 'a> {
         self.check_budget()?;
         let info = self.source.info();
         let BuildOptions { threshold, memory, threads, .. } = *self.options;
-        let selection = choose_selection(self.source, threshold, memory, threads, self.progress)?;
+        let (selection, note) = choose_noted(self.source, threshold, memory, threads, self.progress)?;
         let Some(test) = range_test(info.scalar, &selection, info.rescale) else {
             return Err(CleanError::NoSample { selection });
         };
@@ -356,6 +358,7 @@ impl<'a> CleanJob<'_, 'a> {
             kept: 0,
             scratch_bytes: 0,
             seconds: 0.0,
+            note,
         };
         let mut bits = BitVolume::create(&self.scratch, info.dims)?;
         report.scratch_bytes = bits.bytes();

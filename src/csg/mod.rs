@@ -5,7 +5,8 @@
 //! ```
 //!
 //! A voxel is inside a leaf if its middle is, decided in whole numbers for the leaf as it is placed: corners, middles
-//! and axes are rounded once to 2^-12 voxel. So the bytes depend neither on memory or threads nor on boxes. Cost
+//! and axes are rounded once to 2^-12 voxel. A middle that lies on a surface counts as moved by (-e, e^2, e^3), whatever
+//! the leaf: of two that share a face it lies in one. So the bytes depend neither on memory or threads nor on boxes. Cost
 //! follows the surface: leaves that are all in or all out in a box take no part in it.
 //!
 //! | part | what it holds |

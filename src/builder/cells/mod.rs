@@ -32,6 +32,7 @@ mod window;
 use super::error::BuildError;
 use super::gradient::SLICE_VOXELS;
 use super::item::ItemForm;
+use super::report::BuildNote;
 use super::ring::{RingForm, border_unit};
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
@@ -140,6 +141,10 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
             offsets: Vec::with_capacity(SLICE_VOXELS),
             corners: Vec::with_capacity(CORNERS * SLICE_VOXELS),
         })
+    }
+
+    fn note(&self) -> Option<BuildNote> {
+        self.volume.note()
     }
 
     fn nothing_inside(&self) -> BuildError {

@@ -6,8 +6,10 @@
 //! | `formats_hostile` | no bytes make a reader panic, loop, or allocate much |
 //! | `headerless` | raw files, whole or one for each slice |
 //! | `placement` | spacing and directions, stated by the file, beside it, or by the caller |
+//! | `thresholds` | labels are all inside, padding is left out, and all else is as Otsu has it |
 
 mod formats_hostile;
 mod formats_read;
 mod headerless;
 mod placement;
+mod thresholds;
