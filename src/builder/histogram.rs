@@ -159,7 +159,9 @@ pub(super) fn otsu<T: Ordered>(
     let evidence = evidence.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     let value = |bin: usize| low + bin as f64 * width;
     let mut kind = Kind::Values;
-    if let Some(count) = evidence.labels(&counts) {
+    // A picture that a device has taken holds no labels, however few its greys are.
+    let may_be_map = source.modality().is_none_or(|modality| modality == "SEG");
+    if let Some(count) = evidence.labels(&counts).filter(|_| may_be_map) {
         kind = Kind::Labels { count, first: evidence.first };
     } else if let Some(bin) = evidence.padding(&counts, &value) {
         kind = Kind::Padded { value: value(bin) };

@@ -1,7 +1,10 @@
-//! Thresholds that nobody chose: of labels, of padded slices, and of all else Otsu's.
+//! Thresholds that the program chooses: of labels, of padded slices, and else by Otsu's method.
+
+use std::ops::Range;
 
 use infobyte::builder::{BuildNote, BuildReport, Silent, build_volume, choose_selection};
 use infobyte::format::{Selection, SelectionKind};
+use infobyte::volume::{SourceError, VolumeInfo};
 use infobyte::{BuildOptions, Dims, MemoryCap, Threshold, VolumeSource, Voxels};
 
 use crate::common::random::Random;
@@ -75,7 +78,7 @@ fn head(p: [u32; 3], noise: f64) -> f64 {
 
 /// Pictures in few greys have as wide regions as labels, but one after the other.
 #[test]
-fn pictures_in_few_greys_are_no_labels() {
+fn pictures_in_few_greys_are_not_taken_for_labels() {
     for (levels, noise) in [(4.0, 0.0), (8.0, 0.0), (16.0, 0.0), (16.0, 100.0), (64.0, 30.0), (256.0, 5.0)] {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
         let grey = |p: [u32; 3]| {
@@ -113,4 +116,38 @@ fn padding_is_left_out() {
     // What is as air does no harm, and a body that was cut out of its picture stays as it is.
     let cut = Voxels::from_fn(dims(), |p| if away(p) < 0.65 { head(p, 60.0) } else { -3024.0 });
     assert!(report(&of(Some(-1024))).notes.is_empty() && report(&cut).notes.is_empty());
+}
+
+/// A picture that a device has taken, in a few flat greys.
+struct Taken(Voxels<u8>, &'static str);
+
+impl VolumeSource for Taken {
+    fn info(&self) -> &VolumeInfo {
+        self.0.info()
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        self.0.read_rows(z, rows, cols, out)
+    }
+
+    fn modality(&self) -> Option<&str> {
+        Some(self.1)
+    }
+}
+
+#[test]
+fn pictures_of_a_device_are_not_taken_for_labels() {
+    let labels: Vec<u8> = (1..=40).map(|n| n * 3).collect();
+    for (modality, kind) in
+        [("US", SelectionKind::Otsu), ("CT", SelectionKind::Otsu), ("SEG", SelectionKind::Iso)]
+    {
+        let volume = Taken(Voxels::from_fn(dims(), |p| label(p, &labels)), modality);
+        assert_eq!(chosen(&volume).kind, kind, "{modality}");
+    }
 }
