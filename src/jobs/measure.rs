@@ -302,7 +302,7 @@ impl Bends {
 
 /// Boxes of the surface that face one way.
 ///
-/// Whether a voxel is inside is told by its middle, so a flat face seems to lie up to half a voxel off its place, all of
+/// The middle of a voxel says whether it is inside, so a flat face seems to lie up to half a voxel off its place, all of
 /// it to the same side; faces of different directions are off by themselves.
 struct Facets([u64; 6 * Facets::ACROSS * Facets::ACROSS]);
 

@@ -20,7 +20,7 @@ use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Sil
 use infobyte::csg::{CsgInput, CsgOptions, Faces, NodeId, Operation, Shape, Tree, build_csg, parse_tree};
 use infobyte::facts::{CsgFault, Fault, OffsetFault, SourceError};
 use infobyte::format::{Channel, normal};
-use infobyte::geom::Affine;
+use infobyte::geom::{Affine, Dims};
 use infobyte::load::{Model, verify};
 use infobyte::mesh::GridChoice;
 use random::Random;
